@@ -1,0 +1,1 @@
+"""cutjoint: a model compiler for multibody dynamics."""

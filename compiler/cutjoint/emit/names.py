@@ -1,0 +1,49 @@
+"""C++ names for the program's scalars: those of the formulation's blocks where there is one."""
+
+from __future__ import annotations
+
+from cutjoint.program.records import Program
+from cutjoint.program.scalars import Graph
+
+_AXES = {3: ("x", "y", "z"), 6: ("vx", "vy", "vz", "wx", "wy", "wz")}
+
+
+def name_scalars(program: Program) -> dict[int, str]:
+    """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_0``."""
+    names: dict[int, str] = {}
+    taken: set[str] = set()
+    for block, label in sorted(program.labels.items(), key=lambda item: item[0].number):
+        if block not in program.elements:
+            continue
+        for i, row in enumerate(program.elements[block]):
+            for j, scalar in enumerate(row):
+                bare = _signless(program.graph, scalar)
+                if bare not in names and program.graph.nodes[bare].op not in ("const", "symbol"):
+                    sign = "" if bare == scalar else "_negated"
+                    names[bare] = _unique(label + _suffix(block.shape, i, j) + sign, taken)
+    return names
+
+
+def _signless(graph: Graph, n: int) -> int:
+    node = graph.nodes[n]
+    return node.args[0] if node.op == "neg" else n
+
+
+def _suffix(shape: tuple[int, int], i: int, j: int) -> str:
+    rows, columns = shape
+    if shape == (1, 1):
+        return ""
+    row = _AXES.get(rows, [str(n) for n in range(rows)])[i]
+    if columns == 1:
+        return f"_{row}"
+    column = _AXES.get(columns, [str(n) for n in range(columns)])[j]
+    separator = "" if len(row) == len(column) == 1 and rows == columns == 3 else "_"
+    return f"_{row}{separator}{column}"
+
+
+def _unique(name: str, taken: set[str]) -> str:
+    candidate, n = name, 2
+    while candidate in taken:
+        candidate, n = f"{name}_{n}", n + 1
+    taken.add(candidate)
+    return candidate

@@ -1,0 +1,129 @@
+"""Scalars -> C++ expressions and statements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from cutjoint.program.scalars import Graph
+
+#: Functions of namespace std that keep their name.
+_STD = frozenset({"sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "abs", "pow"})
+_SUM, _PRODUCT, _UNARY, _ATOM = 1, 2, 3, 4
+
+#: An expression longer than this gets a name of its own.
+LONGEST = 180
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statement:
+    """``const type name = expression;`` in one section; conditions have type bool."""
+
+    type: str
+    name: str
+    expression: str
+    section: int
+
+
+@dataclass(kw_only=True)
+class Printer:
+    """Prints the statements of one function.
+
+    ``names`` are the identifiers of scalars; ``known`` the expressions of those that exist before the function's own statements.
+    ``prefixes`` begin the names of a section's shared scalars, ``taken`` are names that they must not take.
+    """
+
+    graph: Graph
+    names: Mapping[int, str]
+    known: Mapping[int, str]
+    prefixes: Sequence[str]
+    taken: frozenset[str]
+    _texts: dict[int, tuple[str, int]] = field(default_factory=dict)
+    _counters: dict[str, int] = field(default_factory=dict)
+
+    def statements(self, nodes: Sequence[int], results: Sequence[int]) -> list[Statement]:
+        """One statement for every named or repeatedly used scalar, the others inside them."""
+        uses = self._uses(nodes, results)
+        printed: list[Statement] = []
+        for n in nodes:
+            node = self.graph.nodes[n]
+            if n in self.known:
+                continue
+            text, level = self._expression(n)
+            if node.op == "neg" or (n not in self.names and uses[n] < 2 and len(text) < LONGEST):
+                self._texts[n] = (text, level)
+                continue
+            name = self.names.get(n) or self._auxiliary(node.section)
+            printed.append(Statement(type="bool" if node.op in _LOGICAL else "Real", name=name, expression=text, section=node.section))
+            self._texts[n] = (name, _ATOM)
+        return printed
+
+    def _uses(self, nodes: Sequence[int], results: Sequence[int]) -> dict[int, int]:
+        uses = dict.fromkeys(nodes, 0)
+        for n in nodes:
+            for a in self.graph.nodes[n].args:
+                if a in uses:
+                    uses[a] += 1
+        for n in results:
+            if n in uses:
+                uses[n] += 1
+        for n in reversed(nodes):  # a negation is printed wherever it is used
+            node = self.graph.nodes[n]
+            if node.op == "neg" and node.args[0] in uses:
+                uses[node.args[0]] += uses[n] - 1
+        return uses
+
+    def _auxiliary(self, section: int) -> str:
+        """A name for a shared scalar that the formulation has none for."""
+        prefix = self.prefixes[section]
+        taken = True
+        while taken:
+            self._counters[prefix] = self._counters.get(prefix, 0) + 1
+            name = f"{prefix}_{self._counters[prefix]}"
+            taken = name in self.taken
+        return name
+
+    def text(self, n: int, level: int = 0) -> str:
+        """A scalar as an operand that binds at least as tightly as ``level``."""
+        text, own = self._atom(n)
+        return f"({text})" if own < level else text
+
+    def _atom(self, n: int) -> tuple[str, int]:
+        if n in self._texts:
+            return self._texts[n]
+        if n in self.known:
+            return self.known[n], _ATOM
+        node = self.graph.nodes[n]
+        if node.op == "const":
+            return f"Real({node.data!r})", _ATOM
+        return self._expression(n)
+
+    def _expression(self, n: int) -> tuple[str, int]:
+        node = self.graph.nodes[n]
+        a = node.args
+        match node.op:
+            case "neg":
+                return f"-{self.text(a[0], _UNARY)}", _UNARY
+            case "add":
+                return f"{self.text(a[0], _SUM)} + {self.text(a[1], _PRODUCT)}", _SUM
+            case "sub":
+                return f"{self.text(a[0], _SUM)} - {self.text(a[1], _PRODUCT)}", _SUM
+            case "mul":
+                return f"{self.text(a[0], _PRODUCT)}*{self.text(a[1], _UNARY)}", _PRODUCT
+            case "div":
+                return f"{self.text(a[0], _PRODUCT)}/{self.text(a[1], _UNARY)}", _PRODUCT
+        arguments = ", ".join(self.text(x) for x in a)
+        if node.op in ("road_height", "road_slope"):
+            return f"roads_[road_{str(node.data).replace('.', '_')}].{node.op.removeprefix('road_')}({arguments})", _ATOM
+        if node.op in _CONDITIONS:
+            return f"({_CONDITIONS[node.op].join(self.text(x, _SUM) for x in a)})", _ATOM
+        if node.op == "not":
+            return f"!{self.text(a[0], _ATOM)}", _UNARY
+        if node.op == "where":
+            return f"where({arguments})", _ATOM
+        assert node.op in _STD, node.op
+        return f"{node.op}({arguments})", _ATOM
+
+
+_CONDITIONS = {"lt": " < ", "le": " <= ", "and": " && ", "or": " || "}
+_LOGICAL = frozenset({*_CONDITIONS, "not"})

@@ -1,0 +1,213 @@
+"""Program -> views: what the templates print, decided here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from cutjoint.emit.names import name_scalars
+from cutjoint.emit.printer import Printer, Statement
+from cutjoint.formulate.records import Equations
+from cutjoint.program.blocks import BindingTime, Section
+from cutjoint.program.records import LoweredFunction, Program, Result
+
+
+@dataclass(frozen=True, kw_only=True)
+class SectionView:
+    """One body, joint, cut joint or force of a generated function."""
+
+    title: str
+    notes: tuple[str, ...]
+    statements: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionView:
+    """A generated function.  ``signature`` names all arguments, ``instance`` is the same for double."""
+
+    signature: str
+    instance: str
+    unused: tuple[str, ...]
+    sections: tuple[SectionView, ...]
+    results: tuple[str, ...]
+
+
+#: Arguments of the generated functions: the symbols that they carry, and the C++ declaration.
+_SIGNATURES: Mapping[str, tuple[str, ...]] = {
+    "evaluate": ("const Real* q", "const Real* v", "const Real* lambda", "Real* vdot", "Real* correction"),
+    "close": ("const Real* q", "const Real* v", "Real* residual", "Real* rate"),
+    "report": ("const Real* q", "const Real* v", "const Real* vdot", "const Real* lambda", "Real* column"),
+}
+
+
+class Viewer:
+    """Makes the views of one program."""
+
+    def __init__(self, program: Program, equations: Equations) -> None:
+        self._program = program
+        self._equations = equations
+        self._names = name_scalars(program)
+        self._offsets = _offsets(equations)
+        self._locals = self._local_names()
+        self._inputs = self._input_names()
+        self._kept = self._kept_names()
+
+    def _input_names(self) -> dict[int, str]:
+        """Expressions of the input symbols."""
+        names = {}
+        for n, node in enumerate(self._program.graph.nodes):
+            if node.op == "symbol":
+                assert isinstance(node.data, tuple)
+                symbol, index = node.data
+                kind, _, _ = symbol.partition(":")
+                names[n] = self._input(symbol, kind, index)
+        return names
+
+    def _local_names(self) -> dict[int, str]:
+        """Readable names for the elements of q, v, vdot and lambda."""
+        charts = {c.joint: c for c in self._equations.charts}
+        closures = {c.joint: c for c in self._equations.closures}
+        names = {}
+        for n, node in enumerate(self._program.graph.nodes):
+            if node.op != "symbol" or not isinstance(node.data, tuple) or ":" not in node.data[0]:
+                continue
+            kind, _, joint = node.data[0].partition(":")
+            if kind == "lambda":
+                parts = closures[joint].names
+            else:
+                parts = charts[joint].coordinate_names if kind == "q" else charts[joint].speed_names
+            names[n] = f"{kind}_{joint.replace('.', '_')}_{parts[node.data[1]]}"
+        return names
+
+    def _input(self, symbol: str, kind: str, index: int) -> str:
+        if symbol in ("t", "motion"):
+            return str(symbol)
+        if symbol == "numerics":
+            return f"stabilisation.{('penalty', 'damping_ratio', 'frequency')[index]}"
+        if symbol == "parameters":
+            return f"parameters[{index}]"
+        return f"{kind}[{self._offsets[symbol] + index}]"
+
+    def _kept_names(self) -> dict[int, str]:
+        """Members that hold the values of earlier stages."""
+        kept: dict[int, str] = {}
+        for n in sorted(self._program.kept):
+            kept[n] = self._names.get(n) or self._parameter_name(n) or f"value_{len(kept) + 1}"
+        return kept
+
+    def _parameter_name(self, n: int) -> str:
+        node = self._program.graph.nodes[n]
+        if node.op != "symbol":
+            return ""
+        assert isinstance(node.data, tuple)
+        symbol, index = node.data
+        if symbol == "numerics":
+            return ("penalty", "damping_ratio", "frequency")[index]
+        return f"p_{self._equations.parameters[index].name}" if symbol == "parameters" else f"{symbol}_now"
+
+    def members(self, binding: BindingTime) -> tuple[str, ...]:
+        """The kept values of one stage."""
+        nodes = self._program.graph.nodes
+        return tuple(name for n, name in self._kept.items() if nodes[n].binding is binding)
+
+    def _member(self, n: int) -> str:
+        loaded = self._program.graph.nodes[n].binding is BindingTime.PARAM
+        return f"{'loaded' if loaded else 'step'}_.{self._kept[n]}"
+
+    def load(self) -> FunctionView:
+        """The stage of parameters."""
+        arguments = ("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads")
+        known = dict(self._inputs)
+        return self._early("load", arguments, self._program.loaded, BindingTime.PARAM, known, ("roads_ = roads;",))
+
+    def begin_step(self) -> FunctionView:
+        """The stage of time."""
+        known = {**self._inputs, **self._known(BindingTime.PARAM)}
+        return self._early("begin_step", ("Real t", "Real motion"), self._program.stepped, BindingTime.STEP, known, ())
+
+    def _known(self, latest: BindingTime) -> dict[int, str]:
+        nodes = self._program.graph.nodes
+        return {n: self._member(n) for n in self._kept if nodes[n].binding <= latest}
+
+    def _early(
+        self, name: str, arguments: tuple[str, ...], nodes: Sequence[int], binding: BindingTime, known: Mapping[int, str],
+        extra: tuple[str, ...],
+    ) -> FunctionView:  # fmt: skip
+        kept = [n for n in self._kept if self._program.graph.nodes[n].binding is binding]
+        printer = self._printer(known)
+        statements = printer.statements(nodes, kept)
+        results = [f"{self._member(n)} = {printer.text(n)};" for n in kept]
+        return self._view(name, arguments, statements, [*results, *extra])
+
+    def function(self, name: str) -> FunctionView:
+        """One of the functions that a step calls."""
+        function = self._program.function(name)
+        used = [n for n in function.statements if n in self._locals]
+        inputs = [Statement(type="Real", name=self._locals[n], expression=self._inputs[n], section=0) for n in used]
+        printer = self._printer({**self._locals, **self._known(BindingTime.STEP)})
+        results = [r.scalar for r in function.results]
+        statements = printer.statements(function.statements, results)
+        return self._view(name, _SIGNATURES[name], [*inputs, *statements], self._results(function, printer))
+
+    def _printer(self, known: Mapping[int, str]) -> Printer:
+        prefixes = [_identifier(s) for s in self._program.sections]
+        taken = frozenset(self._names.values()) | frozenset(self._locals.values())
+        return Printer(graph=self._program.graph, names=self._names, known=known, prefixes=prefixes, taken=taken)
+
+    def _results(self, function: LoweredFunction, printer: Printer) -> list[str]:
+        return [f"{self._target(r)} = {printer.text(r.scalar)};" for r in function.results]
+
+    def _target(self, result: Result) -> str:
+        kind = result.target.partition(":")[0]
+        return f"{kind}[{self._offsets[result.target] + result.index}]"
+
+    def _view(
+        self, name: str, arguments: tuple[str, ...], statements: Sequence[Statement], results: Sequence[str]
+    ) -> FunctionView:
+        text = "\n".join([*(s.expression for s in statements), *results])
+        names = [a.rpartition(" ")[2] for a in arguments]
+        const = "" if name in ("load", "begin_step") else " const"
+        return FunctionView(
+            signature=f"{name}({', '.join(arguments)}){const}",
+            instance=f"{name}({', '.join(a.replace('Real', 'double') for a in arguments)}){const}",
+            unused=tuple(n for n in names if not _mentions(text, n)),
+            sections=tuple(self._sections(statements)), results=tuple(results),
+        )  # fmt: skip
+
+    def _sections(self, statements: Sequence[Statement]) -> list[SectionView]:
+        views = []
+        for index, group in groupby(statements, key=lambda s: s.section):
+            section = self._program.sections[index]
+            notes = tuple(x for x in (section.equation, section.source) if x)
+            views.append(SectionView(title=section.title, notes=notes, statements=tuple(group)))
+        return views
+
+
+def _offsets(equations: Equations) -> dict[str, int]:
+    """Where the element of each input symbol and result target starts in its array."""
+    offsets: dict[str, int] = {}
+    for chart in equations.charts:
+        offsets[f"q:{chart.joint}"] = chart.q
+        offsets[f"v:{chart.joint}"] = offsets[f"vdot:{chart.joint}"] = chart.v
+    for closure in equations.closures:
+        for kind in ("lambda", "correction", "residual", "rate"):
+            offsets[f"{kind}:{closure.joint}"] = closure.first
+    for i, column in enumerate(equations.columns):
+        offsets[f"column:{column.name}"] = i
+    return offsets
+
+
+def _identifier(section: Section) -> str:
+    return (section.element or section.stage).replace(".", "_")
+
+
+def _mentions(text: str, name: str) -> bool:
+    padded = f" {text} "
+    start = padded.find(name)
+    while start != -1:
+        before, after = padded[start - 1], padded[start + len(name)]
+        if not (before.isalnum() or before in "_.") and not (after.isalnum() or after == "_"):
+            return True
+        start = padded.find(name, start + 1)
+    return False

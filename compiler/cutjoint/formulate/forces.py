@@ -1,0 +1,180 @@
+"""Body matrices, inertia forces and applied forces, as contributions to the body system (Cuadrado et al. 2000, eqs. 24-25).
+
+Each element also yields its reported quantities, so that results and equilibrium tables name what the equations used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import sympy
+
+from cutjoint.formulate.kinematics import Kinematics, halves
+from cutjoint.formulate.recursion import BodySystem
+from cutjoint.formulate.tyre import tyre_force
+from cutjoint.model.records import AxialForce, Body, BodyLoad, Force, JointForce, Model, PointSpring, Scalar, Scene, Tyre
+from cutjoint.program.blocks import Block
+
+_LENGTH, _RATE = sympy.Symbol("length", real=True), sympy.Symbol("rate", real=True)
+_TRAVEL, _POSITION = sympy.Symbol("travel", real=True), sympy.Symbol("position", real=True)
+_PLACE = sympy.symbols("x y z vx vy vz", real=True)
+
+
+@dataclass(kw_only=True)
+class Forces:
+    """Reported quantities by element and name."""
+
+    quantities: dict[str, dict[str, Block]] = field(default_factory=dict)
+
+
+def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
+    """M_i and the weight and inertia forces of every body."""
+    b = k.builder
+    gravity = k.vector(model.gravity)
+    by_name = {body.name: body for body in model.bodies}
+    for name in k.motions:
+        body = by_name[name]
+        equation = "M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)"
+        with b.section("body", name, equation, body.span.place):
+            system.M[name], system.Q[name] = _body(k, body, gravity)
+
+
+def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
+    b = k.builder
+    if body.mass == 0:
+        return b.zero(6, 6), b.zero(6)
+    cpp = body.name.replace(".", "_")
+    mass = k.translator.scalar(body.mass)
+    c = b.label(k.point(body.name, body.centre_of_mass), f"c_{cpp}")
+    xx, yy, zz, xy, xz, yz = (k.translator.scalar(x) for x in body.inertia)
+    own = b.mirror(b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    J = b.label(b.sandwich(k.frames[body.name].R, own), f"J_{cpp}")
+    moment = b.scale(mass, c)
+    corner = b.neg(b.skew(moment))
+    M = b.stack([
+        [b.scale(mass, b.identity(3)), corner],
+        [b.transpose(corner), b.mirror(b.sub(J, b.mul(b.skew(moment), b.skew(c))))],
+    ])  # fmt: skip
+    _, w = halves(b, k.frames[body.name].Z)
+    pull = b.scale(mass, b.sub(gravity, b.cross(w, k.velocity(body.name, c))))
+    torque = b.sub(b.cross(c, pull), b.cross(w, b.mul(J, w)))
+    return b.mirror(M), b.stack([[pull], [torque]])
+
+
+def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> Forces:
+    """The force elements that the scene has switched on."""
+    forces = Forces()
+    rules: Mapping[type, Callable[..., dict[str, Block]]] = {
+        PointSpring: _point_spring, AxialForce: _axial_force, BodyLoad: _load, JointForce: _joint_force, Tyre: _tyre,
+    }  # fmt: skip
+    for force in model.forces:
+        if is_active(force, scene):
+            with k.builder.section("force", force.name, _EQUATIONS[type(force)], force.span.place):
+                forces.quantities[force.name] = rules[type(force)](system, k, force)
+                for quantity, block in forces.quantities[force.name].items():
+                    k.builder.label(block, f"{quantity}_{force.name.replace('.', '_')}")
+    return forces
+
+
+_EQUATIONS: Mapping[type, str] = {
+    PointSpring: "n = (p_end - p_start)/length,  follower gets -law(length, rate) n",
+    AxialForce: "travel = e . (p - p_origin),  follower gets law(travel, rate) e",
+    BodyLoad: "the force given by its components at its point",
+    JointForce: "tau = law(position, rate)",
+    Tyre: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
+}
+
+
+def is_active(force: Force, scene: Scene) -> bool:
+    """Whether the scene has the force switched on."""
+    return scene.switches.get(force.name, force.active)
+
+
+def push(system: BodySystem, k: Kinematics, body: str, point: Block, force: Block) -> Block:
+    """A force at a point: its wrench [f; p x f] joins Q and is returned."""
+    b = k.builder
+    wrench = b.stack([[force], [b.cross(point, force)]])
+    system.add_force(body, wrench)
+    return wrench
+
+
+def _push_pair(system: BodySystem, k: Kinematics, force: PointSpring | AxialForce, point: Block, pull: Block) -> None:
+    """A force on the follower at a point, its reaction on the base on the same line."""
+    b = k.builder
+    wrench = push(system, k, force.follower, point, pull)
+    step = k.pole_step(force.base, force.follower)
+    if k.frames[force.base].root == k.frames[force.follower].root:
+        system.add_force(force.base, b.neg(wrench))
+    else:
+        push(system, k, force.base, b.add(point, step), b.neg(pull))
+
+
+def _law(k: Kinematics, law: Scalar, values: Mapping[Scalar, Block], position: Scalar) -> dict[str, Block]:
+    """A law's value and its partial derivatives by position and rate."""
+    translator = k.translator.with_values(values)
+    return {
+        "force": translator.scalar(law),
+        "stiffness": translator.scalar(sympy.diff(law, position)),
+        "damping": translator.scalar(sympy.diff(law, _RATE)),
+    }
+
+
+def _point_spring(system: BodySystem, k: Kinematics, force: PointSpring) -> dict[str, Block]:
+    b = k.builder
+    end, start = k.point(force.follower, force.end), k.point(force.base, force.start)
+    way = k.between(force.follower, end, force.base, start)
+    length = b.call("sqrt", b.dot(way, way))
+    n = b.scale(b.call("div", b.number(1.0), length), way)
+    rate = b.dot(n, b.sub(k.velocity(force.follower, end), k.velocity(force.base, start)))
+    law = _law(k, force.law, {_LENGTH: length, _RATE: rate}, _LENGTH)
+    _push_pair(system, k, force, end, b.neg(b.scale(law["force"], n)))
+    return {**law, "length": length, "rate": rate}
+
+
+def _axial_force(system: BodySystem, k: Kinematics, force: AxialForce) -> dict[str, Block]:
+    b = k.builder
+    axis, point = k.direction(force.base, force.axis), k.point(force.follower, force.point)
+    way = k.between(force.follower, point, force.base, k.point(force.base, force.origin))
+    travel = b.dot(axis, way)
+    on_base = b.add(point, k.pole_step(force.base, force.follower))
+    rate = b.dot(axis, b.sub(k.velocity(force.follower, point), k.velocity(force.base, on_base)))
+    law = _law(k, force.law, {_TRAVEL: travel, _RATE: rate}, _TRAVEL)
+    _push_pair(system, k, force, point, b.scale(law["force"], axis))
+    return {**law, "travel": travel, "rate": rate}
+
+
+def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block]:
+    b, frame = k.builder, k.frames[force.body]
+    point = k.point(force.body, force.point) if force.point is not None else frame.r
+    place, speed = k.absolute(force.body, point), k.velocity(force.body, point)
+    if force.axes == "body":
+        speed = b.mul(b.transpose(frame.R), speed)
+    values = dict(zip(_PLACE, [b.element(x, i) for x in (place, speed) for i in range(3)], strict=True))
+    translator = k.translator.with_values(values)
+    components = b.column([translator.scalar(c) for c in force.components])
+    vector = b.mul(frame.R, components) if force.axes == "body" else components
+    if force.point is None:
+        system.add_force(force.body, b.stack([[b.zero(3)], [vector]]))
+    else:
+        push(system, k, force.body, point, vector)
+    names = ("Mx", "My", "Mz") if force.point is None else ("Fx", "Fy", "Fz")
+    return {name: b.element(components, i) for i, name in enumerate(names)}
+
+
+def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[str, Block]:
+    body = next(name for name, m in k.motions.items() if m.tree_joint.joint.name == force.joint)
+    motion = k.motions[body]
+    law = _law(k, force.law, {_POSITION: motion.position[0], _RATE: motion.rate[0]}, _POSITION)
+    before = system.joint_forces.get(body)
+    system.joint_forces[body] = law["force"] if before is None else k.builder.add(before, law["force"])
+    return law
+
+
+def _tyre(system: BodySystem, k: Kinematics, force: Tyre) -> dict[str, Block]:
+    b = k.builder
+    contact = tyre_force(k, force)
+    torque = b.add(b.cross(contact.point, contact.force), contact.moment)
+    system.add_force(force.body, b.stack([[contact.force], [torque]]))
+    return contact.quantities
+

@@ -1,0 +1,106 @@
+"""The inputs of the program: parameters, time, inputs as functions of time, coordinates and speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy
+
+from cutjoint.formulate.records import Chart
+from cutjoint.formulate.translate import Translator
+from cutjoint.model.records import COORDINATES, SPEEDS, Binding, Joint, JointKind, Model, Parameter, Scalar, Scene
+from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.topology.records import Topology
+
+TIME = sympy.Symbol("t", real=True)
+
+#: Joint kinds whose motion has a ball.
+BALLS = frozenset({JointKind.SPHERICAL, JointKind.POINT_ON_LINE, JointKind.DISTANCE, JointKind.FREE})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numbers:
+    """Blocks of the numerical parameters of the cut joints."""
+
+    penalty: Block
+    damping_ratio: Block
+    frequency: Block
+
+
+def open_parameters(model: Model) -> tuple[Parameter, ...]:
+    """The parameters that the binary loads."""
+    return tuple(p for p in model.parameters if p.binding is Binding.PARAM)
+
+
+def make_translator(builder: Builder, model: Model, scene: Scene) -> Translator:
+    """A translator that knows time, parameters, and inputs as the scene's functions of time."""
+    column = open_parameters(model)
+    values: dict[Scalar, Block] = {TIME: builder.symbol("t", 1, BindingTime.STEP)}
+    if column:
+        loaded = builder.symbol("parameters", len(column), BindingTime.PARAM)
+        for i, parameter in enumerate(column):
+            values[parameter.symbol] = builder.label(builder.element(loaded, i), parameter.name)
+    for parameter in model.parameters:
+        if parameter.binding is Binding.CONST:
+            values[parameter.symbol] = builder.number(parameter.value)
+    translator = Translator(builder, values)
+    inputs = {symbol: translator.scalar(e) for symbol, e in input_functions(model, scene).items()}
+    return translator.with_values(inputs)
+
+
+def input_functions(model: Model, scene: Scene) -> Mapping[Scalar, Scalar]:
+    """Each input's symbol and its function of time in the scene; constant where the scene does not say."""
+    return {
+        p.symbol: scene.inputs.get(p.name, sympy.Float(p.value)) for p in model.parameters if p.binding is Binding.INPUT
+    }
+
+
+def guide_rates(guide: Scalar, model: Model, scene: Scene) -> tuple[Scalar, Scalar, Scalar]:
+    """A guide's position, rate and acceleration as expressions of time and parameters."""
+    position = guide.subs(input_functions(model, scene))
+    rate = sympy.diff(position, TIME)
+    return position, rate, sympy.diff(rate, TIME)
+
+
+def make_numbers(builder: Builder) -> Numbers:
+    """The numerical parameters."""
+    column = builder.symbol("numerics", 3, BindingTime.PARAM)
+    names = ("penalty", "damping_ratio", "frequency")
+    penalty, ratio, frequency = (builder.label(builder.element(column, i), n) for i, n in enumerate(names))
+    return Numbers(penalty=penalty, damping_ratio=ratio, frequency=frequency)
+
+
+def make_charts(topology: Topology) -> tuple[Chart, ...]:
+    """Where each tree joint's coordinates and speeds stand in q and v; guided and fixed joints have none."""
+    charts: list[Chart] = []
+    q = v = 0
+    for t in topology.tree:
+        kind = t.joint.kind
+        if t.joint.guide is not None or not SPEEDS[kind]:
+            continue
+        scalars, ball = len(COORDINATES[kind]), kind in BALLS
+        charts.append(
+            Chart(
+                joint=t.joint.name, q=q, v=v, scalars=scalars, ball=ball,
+                coordinate_names=COORDINATES[kind] + (("e0", "e1", "e2", "e3") if ball else ()), speed_names=SPEEDS[kind],
+            )
+        )  # fmt: skip
+        q, v = q + scalars + 4 * ball, v + len(SPEEDS[kind])
+    return tuple(charts)
+
+
+def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
+    """The outer body's point of a tree joint in the design position: the origin of the outer body's frame."""
+    if joint.kind is not JointKind.DISTANCE or is_reversed:
+        return joint.at
+    assert joint.to is not None
+    return joint.to
+
+
+def inner_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
+    """The inner body's point of a tree joint in the design position."""
+    if joint.kind is not JointKind.DISTANCE or not is_reversed:
+        return joint.at
+    assert joint.to is not None
+    return joint.to

@@ -1,0 +1,234 @@
+"""Positions, velocities and motion subspaces of all bodies, from the ground outwards.
+
+The motion of a body is Z = [v0; w], the velocity of its point at the pole and its angular velocity, in global axes
+(Cuadrado et al. 2000, eqs. 23, 26, 27).  The pole of a branch that stands free is its root body's origin at this instant; that of a
+branch on the ground is its first joint.  Bodies of one branch share the pole, so that Z_i = Z_p + b_i zd_i without frame transforms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import sympy
+
+from cutjoint.formulate.inputs import guide_rates, inner_point, reference_point
+from cutjoint.formulate.joints import QUATERNION, JointKernel, derive_joint
+from cutjoint.formulate.records import Chart
+from cutjoint.formulate.translate import Translator
+from cutjoint.model.records import GROUND, JointKind, Model, Scene, Vector
+from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
+from cutjoint.topology.records import Topology, TreeJoint
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """Where a body is and how it moves.
+
+    ``R`` (3, 3) body to global axes; ``r`` (3, 1) its origin from the pole; ``origin`` that point in the design position; ``Z`` (6, 1);
+    ``pole`` (3, 1) the pole from the world's origin, ``root`` the body that names the branch.
+    """
+
+    R: Block
+    r: Block
+    origin: Vector
+    Z: Block
+    pole: Block
+    root: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointMotion:
+    """What a joint adds: ``b`` (6, k) motion subspace, ``d`` (6, 1) so that Zdd_i = Zdd_p + b zdd + d, ``chart`` of its k unknowns.
+
+    ``centre`` is the pole-to-centre vector of a spherical joint, which is eliminated in global axes about that point.
+    ``position``, ``rate`` hold the coordinates and speeds, ``acceleration`` the guide's if the joint is guided.
+    """
+
+    tree_joint: TreeJoint
+    b: Block | None
+    d: Block
+    chart: Chart | None
+    centre: Block | None
+    position: tuple[Block, ...]
+    rate: tuple[Block, ...]
+    acceleration: tuple[Block, ...]
+
+
+@dataclass(kw_only=True)
+class Kinematics:
+    """All frames and joint motions, and the geometry that forces and closures ask for."""
+
+    builder: Builder
+    translator: Translator
+    frames: dict[str, Frame] = field(default_factory=dict)
+    motions: dict[str, JointMotion] = field(default_factory=dict)
+
+    def vector(self, vector: Vector) -> Block:
+        """A design vector as a column."""
+        return self.builder.column([self.translator.scalar(x) for x in vector])
+
+    def direction(self, body: str, direction: Vector) -> Block:
+        """A body-fixed direction in global axes."""
+        return self.builder.mul(self.frames[body].R, self.vector(direction))
+
+    def point(self, body: str, point: Vector) -> Block:
+        """A body-fixed point from its branch's pole, in global axes."""
+        frame = self.frames[body]
+        arm = tuple(p - o for p, o in zip(point, frame.origin, strict=True))
+        return self.builder.add(frame.r, self.direction(body, arm))
+
+    def absolute(self, body: str, point: Block) -> Block:
+        """A point given from the pole, from the world's origin."""
+        return self.builder.add(point, self.frames[body].pole)
+
+    def velocity(self, body: str, point: Block) -> Block:
+        """The velocity of the body's point that stands at ``point`` from the pole: v0 + w x p."""
+        b, (v0, w) = self.builder, halves(self.builder, self.frames[body].Z)
+        return b.add(v0, b.cross(w, point))
+
+    def between(self, body: str, point: Block, other: str, other_point: Block) -> Block:
+        """The way from ``other_point`` of ``other`` to ``point`` of ``body``."""
+        b = self.builder
+        return b.add(b.sub(point, other_point), self.pole_step(other, body))
+
+    def pole_step(self, start: str, end: str) -> Block:
+        """The way from the pole of ``start`` to the pole of ``end``; zero when they share it."""
+        first, second = self.frames[start], self.frames[end]
+        return self.builder.zero(3) if first.root == second.root else self.builder.sub(second.pole, first.pole)
+
+    def twist_at(self, twist: Block, step: Block) -> Block:
+        """A twist with its linear part taken at a pole that stands ``step`` further: [v0 + w x s; w]."""
+        b = self.builder
+        if is_zero(step):
+            return twist
+        v0, w = halves(b, twist)
+        return b.stack([[b.add(v0, b.cross(w, step))], [w]])
+
+
+def halves(builder: Builder, column: Block) -> tuple[Block, Block]:
+    """The linear and the angular part of a 6-column."""
+    return builder.take(column, (0, 3)), builder.take(column, (3, 6))
+
+
+def motion_cross(builder: Builder, twist: Block, motion: Block) -> Block:
+    """The rate of a motion vector carried by a twist: [w x m_v + v x m_w; w x m_w] (Featherstone 2008, eq. 2.31)."""
+    b = builder
+    (v, w), (mv, mw) = halves(b, twist), halves(b, motion)
+    return b.stack([[b.add(b.cross(w, mv), b.cross(v, mw))], [b.cross(w, mw)]])
+
+
+def derive_kinematics(
+    builder: Builder, translator: Translator, topology: Topology, scene: Scene, charts: Mapping[str, Chart]
+) -> Kinematics:
+    """The frames and motions of all bodies."""
+    b = builder
+    k = Kinematics(builder=b, translator=translator)
+    zero, still = b.zero(3), b.zero(6)
+    origin = (sympy.Integer(0),) * 3
+    k.frames[GROUND] = Frame(R=b.identity(3), r=zero, origin=origin, Z=still, pole=zero, root=GROUND)
+    for t in topology.tree:
+        equation = "R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)"
+        with b.section("kinematics", t.joint.name, equation, t.joint.span.place):
+            _add_joint(k, t, topology.model, scene, charts.get(t.joint.name))
+    return k
+
+
+def _add_joint(k: Kinematics, t: TreeJoint, model: Model, scene: Scene, chart: Chart | None) -> None:
+    b, name = k.builder, _name(t.child)
+    kernel = derive_joint(t)
+    position, quaternion, rate, acceleration = _coordinates(k, t, kernel, model, scene, chart)
+    local = k.translator.with_values(dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False)))
+    local = local.with_values(dict(zip(kernel.u, rate, strict=True)))
+    turn = b.label(local.matrix(kernel.rotation), f"R_{_name(t.joint.name)}")
+    shift = local.matrix(kernel.displacement)
+    if t.parent == GROUND:
+        frame, motion = _add_root(k, t, kernel, local, turn, shift, rate)
+    else:
+        frame, motion = _add_branch(k, t, kernel, local, turn, shift, rate)
+    for block, symbol in ((frame.R, "R"), (frame.r, "r"), (frame.Z, "Z"), (motion[0], "b"), (motion[1], "d")):
+        if block is not None:
+            b.label(block, f"{symbol}_{name}")
+    subspace, drift, centre = motion
+    if t.joint.guide is not None and subspace is not None:
+        drift, subspace = b.add(drift, b.mul(subspace, b.column(acceleration))), None
+    k.frames[t.child] = frame
+    k.motions[t.child] = JointMotion(
+        tree_joint=t, b=subspace if chart else None, d=drift, chart=chart, centre=centre if chart else None,
+        position=position, rate=rate, acceleration=acceleration,
+    )  # fmt: skip
+
+
+def _coordinates(
+    k: Kinematics, t: TreeJoint, kernel: JointKernel, model: Model, scene: Scene, chart: Chart | None
+) -> tuple[tuple[Block, ...], tuple[Block, ...], tuple[Block, ...], tuple[Block, ...]]:
+    """Scalar coordinates, quaternion, speeds, and (of a guided joint) accelerations."""
+    b, name = k.builder, _name(t.joint.name)
+    if t.joint.guide is not None:
+        motion = b.symbol("motion", 1, BindingTime.STEP)  # 0 where the mechanism is held at rest
+        place, *rates = (k.translator.scalar(e) for e in guide_rates(t.joint.guide, model, scene))
+        values = [place, *(b.mul(motion, rate) for rate in rates)]
+        for block, symbol in zip(values, ("q", "v", "vdot"), strict=True):
+            b.label(block, f"{symbol}_{name}")
+        return (values[0],), (), (values[1],), (values[2],)
+    if chart is None:
+        return (), (), (), ()
+    q = b.symbol(f"q:{chart.joint}", chart.scalars + 4 * chart.ball, BindingTime.ITERATION)
+    v = b.symbol(f"v:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
+    position = tuple(b.element(q, i) for i in range(q.shape[0]))
+    rate = tuple(b.element(v, i) for i in range(v.shape[0]))
+    return position[: chart.scalars], position[chart.scalars :], rate, ()
+
+
+def _name(element: str) -> str:
+    return element.replace(".", "_")
+
+
+_Motion = tuple[Block | None, Block, Block | None]
+
+
+def _add_root(
+    k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator, turn: Block, shift: Block, rate: tuple[Block, ...]
+) -> tuple[Frame, _Motion]:
+    """A body next to the ground.  A free one carries its pole along, so that its b is the unit matrix and d = [-w x v; 0]."""
+    b = k.builder
+    inner = k.vector(inner_point(t.joint, t.reversed))
+    origin = reference_point(t.joint, t.reversed)
+    if t.joint.kind is JointKind.FREE:
+        Z = b.column(rate)
+        v, w = halves(b, Z)
+        frame = Frame(R=turn, r=b.zero(3), origin=origin, Z=Z, pole=b.add(inner, shift), root=t.child)
+        return frame, (b.identity(6), b.stack([[b.cross(v, w)], [b.zero(3)]]), None)
+    subspace = local.matrix(kernel.subspace) if kernel.u else None
+    Z = b.mul(subspace, b.column(rate)) if subspace is not None else b.zero(6)
+    frame = Frame(R=turn, r=shift, origin=origin, Z=Z, pole=inner, root=t.child)
+    centre = b.zero(3) if t.joint.kind is JointKind.SPHERICAL else None
+    return frame, (subspace, local.matrix(kernel.drift), centre)
+
+
+def _add_branch(
+    k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator, turn: Block, shift: Block, rate: tuple[Block, ...]
+) -> tuple[Frame, _Motion]:
+    """A body that another carries."""
+    b, parent = k.builder, k.frames[t.parent]
+    at = b.label(k.point(t.parent, inner_point(t.joint, t.reversed)), f"p_{_name(t.joint.name)}")
+    origin = reference_point(t.joint, t.reversed)
+    R = b.mul(parent.R, turn)
+    r = b.add(at, b.mul(parent.R, shift))
+    if not kernel.u:
+        return Frame(R=R, r=r, origin=origin, Z=parent.Z, pole=parent.pole, root=parent.root), (None, b.zero(6), None)
+    subspace = _to_pole(k, parent.R, at, local.matrix(kernel.subspace))
+    added = _to_pole(k, parent.R, at, b.mul(local.matrix(kernel.subspace), b.column(rate)))
+    b.label(added, f"bv_{_name(t.joint.name)}")
+    drift = b.add(motion_cross(b, parent.Z, added), _to_pole(k, parent.R, at, local.matrix(kernel.drift)))
+    frame = Frame(R=R, r=r, origin=origin, Z=b.add(parent.Z, added), pole=parent.pole, root=parent.root)
+    return frame, (subspace, drift, at if t.joint.kind is JointKind.SPHERICAL else None)
+
+
+def _to_pole(k: Kinematics, R: Block, at: Block, motion: Block) -> Block:
+    """Motion columns given in a body's axes at ``at``, in global axes at the pole: [R v + p x R w; R w]."""
+    b, n = k.builder, motion.shape[1]
+    if is_zero(motion):
+        return motion
+    v, w = b.mul(R, b.take(motion, (0, 3), (0, n))), b.mul(R, b.take(motion, (3, 6), (0, n)))
+    return b.stack([[b.add(v, b.mul(b.skew(at), w))], [w]])

@@ -1,0 +1,116 @@
+"""Loop closures in the body system: the penalty of every cut joint and its augmented update (Cuadrado et al. 2000, eqs. 39-42).
+
+With residual Phi, Phi' = A Z and s = gamma + 2 xi w Phi' + w^2 Phi, Z the relative twist::
+
+    M_f += A^T a A    M_b += A^T a A    C_fb -= A^T a A    Q_f -= A^T (lambda + a s)    Q_b += A^T (lambda + a s)
+    lambda <- lambda + a (A Zdd + s)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy
+
+from cutjoint.formulate import closures
+from cutjoint.formulate.closures import ClosureKernel, derive_closure
+from cutjoint.formulate.inputs import Numbers
+from cutjoint.formulate.kinematics import Kinematics, motion_cross
+from cutjoint.formulate.recursion import BodySystem
+from cutjoint.model.records import GROUND, Joint
+from cutjoint.program.blocks import BindingTime, Block, Builder
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopClosure:
+    """A cut joint's blocks: residual, its rate, the Jacobian A by the follower's twist, the stabilisation s, multipliers."""
+
+    joint: Joint
+    names: tuple[str, ...]
+    residual: Block
+    rate: Block
+    A: Block
+    s: Block
+    multipliers: Block
+
+
+def derive_loops(k: Kinematics, cuts: tuple[Joint, ...], numbers: Numbers) -> tuple[LoopClosure, ...]:
+    """The blocks of every cut joint."""
+    loops = []
+    for joint in cuts:
+        with k.builder.section("closure", joint.name, "Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi", joint.span.place):
+            loops.append(_derive(k, joint, derive_closure(joint), numbers))
+    return tuple(loops)
+
+
+def _derive(k: Kinematics, joint: Joint, kernel: ClosureKernel, numbers: Numbers) -> LoopClosure:
+    b, name = k.builder, joint.name.replace(".", "_")
+    step = k.pole_step(joint.base, joint.follower)
+    base_twist = b.label(k.twist_at(k.frames[joint.base].Z, step), f"Z_base_{name}")
+    twist = b.label(b.sub(k.frames[joint.follower].Z, base_twist), f"Z_{name}")
+    local = k.translator.with_values(_values(k, joint, kernel, twist, step))
+    residual = b.label(local.matrix(kernel.residual), f"Phi_{name}")
+    A = b.label(local.matrix(kernel.jacobian), f"A_{name}")
+    rate = b.label(b.mul(A, twist), f"Phid_{name}")
+    gamma = b.sub(local.matrix(kernel.drift), b.mul(A, motion_cross(b, base_twist, twist)))
+    doubled = b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))
+    squared = b.mul(numbers.frequency, numbers.frequency)
+    s = b.label(b.add(gamma, b.add(b.scale(doubled, rate), b.scale(squared, residual))), f"s_{name}")
+    multipliers = b.symbol(f"lambda:{joint.name}", len(kernel.names), BindingTime.ITERATION)
+    return LoopClosure(joint=joint, names=kernel.names, residual=residual, rate=rate, A=A, s=s, multipliers=multipliers)
+
+
+def _values(k: Kinematics, joint: Joint, kernel: ClosureKernel, twist: Block, step: Block) -> dict[sympy.Symbol, Block]:
+    """The blocks of the kernel's symbols; both points from the follower's pole."""
+    b = k.builder
+    follower_point = joint.to if joint.to is not None else joint.at
+    columns = [
+        (closures.P, k.point(joint.follower, follower_point)),
+        (closures.P0, b.sub(k.point(joint.base, joint.at), step)),
+        (closures.V, b.take(twist, (0, 3))),
+        (closures.W, b.take(twist, (3, 6))),
+        *((closures.B[i], k.direction(joint.base, d)) for i, d in enumerate(kernel.base_directions)),
+        *((closures.F[i], k.direction(joint.follower, d)) for i, d in enumerate(kernel.follower_directions)),
+    ]
+    return {symbol[i]: b.element(block, i) for symbol, block in columns for i in range(3)}
+
+
+def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers) -> None:
+    """Penalty masses, couplings and forces of every cut joint."""
+    b = k.builder
+    for loop in loops:
+        joint = loop.joint
+        with b.section("closure", joint.name, "M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)", joint.span.place):
+            weights = b.stack([[numbers.penalty]] * len(loop.names))
+            K = b.label(b.gram(loop.A, weights), f"K_{joint.name.replace('.', '_')}")
+            force = b.add(loop.multipliers, b.scale(numbers.penalty, loop.s))
+            wrench = b.mul(b.transpose(loop.A), force)
+            transport = _transport(b, k.pole_step(joint.base, joint.follower))
+            back = b.transpose(transport)
+            system.add_mass(joint.follower, K)
+            system.add_mass(joint.base, b.sandwich(back, K))
+            system.couple(joint.follower, joint.base, b.neg(b.mul(K, transport)))
+            system.add_force(joint.follower, b.neg(wrench))
+            system.add_force(joint.base, b.mul(back, wrench))
+
+
+def _transport(b: Builder, step: Block) -> Block:
+    """[1, -s~; 0, 1]: a twist taken at a pole that stands s further."""
+    return b.stack([[b.identity(3), b.neg(b.skew(step))], [b.zero(3, 3), b.identity(3)]])
+
+
+def correct_multipliers(
+    k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers, Zdd: dict[str, Block]
+) -> list[Block]:
+    """a (A Zdd + s) of every cut joint."""
+    b, corrections = k.builder, []
+    for loop in loops:
+        joint = loop.joint
+        with b.section("multipliers", joint.name, "lambda <- lambda + a (A Zdd + s)  (eq. 42)", joint.span.place):
+            step = k.pole_step(joint.base, joint.follower)
+            base = k.twist_at(Zdd[joint.base], step) if joint.base != GROUND else b.zero(6)
+            relative = b.sub(Zdd[joint.follower], base)
+            error = b.add(b.mul(loop.A, relative), loop.s)
+            name = f"correction_{joint.name.replace('.', '_')}"
+            corrections.append(b.label(b.scale(numbers.penalty, error), name))
+    return corrections

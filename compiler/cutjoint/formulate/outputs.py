@@ -1,0 +1,98 @@
+"""Reported quantities: motion of bodies and markers, joint coordinates, forces, reactions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutjoint.formulate.forces import Forces
+from cutjoint.formulate.kinematics import Kinematics, halves
+from cutjoint.formulate.loops import LoopClosure
+from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Vector
+from cutjoint.program.blocks import BindingTime, Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reporter:
+    """Knows every quantity of one formulation; ``Zdd`` are the bodies' accelerations from given joint accelerations."""
+
+    model: Model
+    kinematics: Kinematics
+    forces: Forces
+    loops: tuple[LoopClosure, ...]
+    Zdd: Mapping[str, Block]
+
+    def quantity(self, output: Output) -> Block:
+        """The block of one output; zero for a force that the scene has switched off."""
+        element = output.element
+        for body in self.model.bodies:
+            if body.name == element:
+                return self._motion(element, body.centre_of_mass, output.quantity)
+        for marker in self.model.markers:
+            if marker.name == element:
+                return self._motion(marker.body, marker.point, output.quantity)
+        for reaction in self.model.reactions:
+            if reaction.name == element:
+                loop = next(x for x in self.loops if x.joint.name == reaction.joint)
+                return self._reaction(loop, reaction.body, reaction.direction)
+        if any(force.name == element for force in self.model.forces):
+            return self.forces.quantities.get(element, {}).get(output.quantity, self.kinematics.builder.zero(1))
+        return self._joint(output)
+
+    def _motion(self, body: str, point: Vector, quantity: str) -> Block:
+        k, b = self.kinematics, self.kinematics.builder
+        at = k.point(body, point)
+        if quantity in _ATTITUDE:
+            return self._attitude(body, quantity)
+        axis = "xyz".index(quantity[-1])
+        match quantity[:-1]:
+            case "":
+                return b.element(k.absolute(body, at), axis)
+            case "v":
+                return b.element(k.velocity(body, at), axis)
+            case "w":
+                return b.element(k.frames[body].Z, 3 + axis)
+            case "a":
+                (a0, wd), (_, w) = halves(b, self.Zdd[body]), halves(b, k.frames[body].Z)
+                carried = b.add(b.cross(wd, at), b.cross(w, k.velocity(body, at)))
+                return b.element(b.add(a0, carried), axis)
+        raise ValueError(f"a body has no quantity {quantity}")
+
+    def _attitude(self, body: str, quantity: str) -> Block:
+        """Yaw, pitch, roll about z, y, x in turn."""
+        b, R = self.kinematics.builder, self.kinematics.frames[body].R
+        if quantity == "pitch":
+            return b.call("asin", b.neg(b.element(R, 2, 0)))
+        rows = {"yaw": ((1, 0), (0, 0)), "roll": ((2, 1), (2, 2))}[quantity]
+        return b.call("atan2", *(b.element(R, i, j) for i, j in rows))
+
+    def _reaction(self, loop: LoopClosure, body: str, direction: Vector) -> Block:
+        """The linear part of the cut joint's force on its follower, -A^T lambda, along a direction."""
+        b, k = self.kinematics.builder, self.kinematics
+        pull, _ = halves(b, b.neg(b.mul(b.transpose(loop.A), loop.multipliers)))
+        return b.dot(k.direction(body, direction), pull)
+
+    def _joint(self, output: Output) -> Block:
+        k = self.kinematics
+        motion = next(m for m in k.motions.values() if m.tree_joint.joint.name == output.element)
+        kind = motion.tree_joint.joint.kind
+        for known, blocks in ((COORDINATES[kind], motion.position), (SPEEDS[kind], motion.rate)):
+            if output.quantity in known:
+                return blocks[known.index(output.quantity)]
+        raise ValueError(f"joint '{output.element}' has no quantity '{output.quantity}'")
+
+
+_ATTITUDE = frozenset({"roll", "pitch", "yaw"})
+
+
+def given_accelerations(k: Kinematics) -> dict[str, Block]:
+    """Zdd of every body when the joints' accelerations are inputs."""
+    b = k.builder
+    Zdd = {"ground": b.zero(6)}
+    for body, motion in k.motions.items():
+        above = b.add(Zdd[motion.tree_joint.parent], motion.d)
+        if motion.b is not None and motion.chart is not None:
+            vdot = b.symbol(f"vdot:{motion.chart.joint}", len(motion.chart.speed_names), BindingTime.ITERATION)
+            above = b.add(above, b.mul(motion.b, vdot))
+        Zdd[body] = above
+    return Zdd

@@ -1,0 +1,60 @@
+"""Topology -> Equations: the fully recursive formulation with closed loops (Cuadrado et al. 2000, section 2.3)."""
+
+from __future__ import annotations
+
+from cutjoint.formulate.forces import add_bodies, add_forces
+from cutjoint.formulate.inputs import make_charts, make_numbers, make_translator, open_parameters
+from cutjoint.formulate.kinematics import derive_kinematics
+from cutjoint.formulate.loops import LoopClosure, add_loops, correct_multipliers, derive_loops
+from cutjoint.formulate.outputs import Reporter, given_accelerations
+from cutjoint.formulate.records import Closure, Column, Equations, Function
+from cutjoint.formulate.recursion import BodySystem, condense, expand
+from cutjoint.model.quantities import unit_of
+from cutjoint.model.records import Output, Scene, Tyre
+from cutjoint.program.blocks import Builder
+from cutjoint.topology.records import Topology
+
+
+def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> Equations:
+    """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
+
+    The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
+    rate; ``report``: q, v, vdot, lambda -> the outputs.
+    """
+    model, b = topology.model, Builder()
+    charts = make_charts(topology)
+    numbers = make_numbers(b)
+    k = derive_kinematics(b, make_translator(b, model, scene), topology, scene, {c.joint: c for c in charts})
+    system = BodySystem(builder=b)
+    add_bodies(system, k, model)
+    forces = add_forces(system, k, model, scene)
+    loops = derive_loops(k, topology.cuts, numbers)
+    add_loops(system, k, loops, numbers)
+    Zdd, zdd = expand(k, condense(system, k), b)
+    corrections = correct_multipliers(k, loops, numbers, Zdd)
+    by_joint = {k.motions[body].tree_joint.joint.name: block for body, block in zdd.items()}
+    reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=given_accelerations(k))
+    functions = (
+        Function(name="evaluate", results={
+            **{f"vdot:{c.joint}": by_joint[c.joint] for c in charts},
+            **{f"correction:{loop.joint.name}": block for loop, block in zip(loops, corrections, strict=True)},
+        }),
+        Function(name="close", results={
+            **{f"residual:{loop.joint.name}": loop.residual for loop in loops},
+            **{f"rate:{loop.joint.name}": loop.rate for loop in loops},
+        }),
+        Function(name="report", results={f"column:{o.column}": reporter.quantity(o) for o in outputs}),
+    )  # fmt: skip
+    return Equations(
+        topology=topology, scene=scene, builder=b, charts=charts, closures=_closures(loops),
+        parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
+        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
+    )  # fmt: skip
+
+
+def _closures(loops: tuple[LoopClosure, ...]) -> tuple[Closure, ...]:
+    first, result = 0, []
+    for loop in loops:
+        result.append(Closure(joint=loop.joint.name, first=first, names=loop.names))
+        first += len(loop.names)
+    return tuple(result)

@@ -1,0 +1,121 @@
+"""SymPy -> block IR."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import reduce
+from typing import Any
+
+import sympy
+
+from cutjoint.model.records import Scalar
+from cutjoint.program.blocks import Block, Builder, is_identity
+
+_CALLS: dict[Any, str] = {
+    sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.asin: "asin", sympy.acos: "acos", sympy.atan: "atan",
+    sympy.atan2: "atan2", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.tanh: "tanh", sympy.exp: "exp", sympy.log: "log",
+    sympy.Abs: "abs", sympy.StrictLessThan: "lt", sympy.LessThan: "le", sympy.Not: "not",
+}  # fmt: skip
+
+
+class Translator:
+    """Turns expressions into scalar blocks; ``values`` gives the block of each symbol."""
+
+    def __init__(self, builder: Builder, values: Mapping[Scalar, Block]) -> None:
+        self._b = builder
+        self._values = dict(values)
+
+    def with_values(self, values: Mapping[Scalar, Block]) -> Translator:
+        """A translator that knows further symbols."""
+        return Translator(self._b, {**self._values, **values})
+
+    def scalar(self, expression: Scalar) -> Block:
+        """One expression."""
+        return self._scalar(sympy.sympify(expression))
+
+    def matrix(self, matrix: Any) -> Block:
+        """A SymPy matrix, element by element."""
+        if matrix.is_square and matrix == sympy.eye(matrix.rows):
+            return self._b.identity(matrix.rows)
+        return self._b.stack([[self.scalar(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)])
+
+    def _scalar(self, e: Any) -> Block:
+        b = self._b
+        if e in self._values:
+            return self._values[e]
+        if e.is_number:
+            return b.number(float(e))
+        if isinstance(e, sympy.Symbol):
+            raise KeyError(f"no value for symbol {e}")
+        if isinstance(e, sympy.Add):
+            return self._polynomial(e) or b.total([self._scalar(a) for a in e.args])
+        if isinstance(e, sympy.Mul):
+            return self._product(e)
+        if isinstance(e, sympy.Pow):
+            return self._power(e)
+        if isinstance(e, sympy.Piecewise):
+            return self._piecewise(e)
+        return self._call(e)
+
+    def _polynomial(self, e: Any) -> Block | None:
+        """Horner's scheme for a polynomial with constant coefficients in one symbol."""
+        if len(e.free_symbols) != 1:
+            return None
+        (x,) = e.free_symbols
+        if not e.is_polynomial(x) or sympy.degree(e, x) < 2:
+            return None
+        at = self._scalar(x)
+        result = self._b.zero(1)
+        for coefficient in sympy.Poly(e, x).all_coeffs():
+            result = self._b.add(self._product_of(result, at), self._b.number(float(coefficient)))
+        return result
+
+    def _product_of(self, a: Block, b: Block) -> Block:
+        if is_identity(a):
+            return b
+        return a if is_identity(b) else self._b.mul(a, b)
+
+    def _product(self, e: Any) -> Block:
+        numerator, denominator = sympy.fraction(e)
+        if denominator == 1:
+            return reduce(self._product_of, [self._scalar(a) for a in e.args])
+        return self._b.call("div", self._scalar(numerator), self._scalar(denominator))
+
+    def _power(self, e: Any) -> Block:
+        base, exponent = e.args
+        if exponent.is_number and exponent.is_negative:
+            return self._b.call("div", self._b.number(1.0), self._scalar(base**-exponent))
+        if exponent == sympy.Rational(1, 2):
+            return self._b.call("sqrt", self._scalar(base))
+        return self._b.call("pow", self._scalar(base), self._scalar(exponent))
+
+    def _piecewise(self, e: Any) -> Block:
+        *cases, (last, condition) = e.args
+        result = self._scalar(last)
+        if condition != True:  # noqa: E712 - SymPy's true
+            raise ValueError(f"no case of {e} holds where none of its conditions does")
+        for value, when in reversed(cases):
+            result = self._b.call("where", self._scalar(when), self._scalar(value), result)
+        return result
+
+    def _call(self, e: Any) -> Block:
+        b = self._b
+        if e in (sympy.true, sympy.false):
+            return b.number(float(bool(e)))
+        if isinstance(e, sympy.StrictGreaterThan | sympy.GreaterThan):
+            return self._call(e.reversed)
+        if isinstance(e, sympy.And | sympy.Or):
+            name = "and" if isinstance(e, sympy.And) else "or"
+            parts = [self._scalar(a) for a in sorted(e.args, key=sympy.default_sort_key)]
+            return reduce(lambda u, v: b.call(name, u, v), parts)
+        if isinstance(e, sympy.sign):
+            return self._sign(self._scalar(e.args[0]))
+        name = _CALLS.get(e.func, "")
+        if not name:
+            raise ValueError(f"{e.func} has no counterpart in the program")
+        return b.call(name, *[self._scalar(a) for a in e.args])
+
+    def _sign(self, x: Block) -> Block:
+        b, zero = self._b, self._b.number(0.0)
+        below = b.call("where", b.call("lt", x, zero), b.number(-1.0), zero)
+        return b.call("where", b.call("lt", zero, x), b.number(1.0), below)

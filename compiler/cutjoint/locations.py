@@ -1,0 +1,24 @@
+"""Where templates/ and runtime/ are: inside the package in a wheel, beside it in a checkout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def templates_folder() -> Path:
+    """The folder of the Jinja2 templates."""
+    return _find("templates")
+
+
+def runtime_folder() -> Path:
+    """The folder of the C++ runtime."""
+    return _find("runtime")
+
+
+def _find(name: str) -> Path:
+    for candidate in (_PACKAGE / name, _PACKAGE.parent.parent / name):
+        if candidate.is_dir():
+            return candidate
+    raise FileNotFoundError(f"the folder {name}/ of cutjoint is missing; install cutjoint again")

@@ -1,0 +1,1 @@
+"""The model stage: a YAML text becomes a validated, flat :class:`Model`; nothing is derived."""

@@ -1,0 +1,77 @@
+"""Problems in a model file: collected while reading, raised together, each with its place and a way out."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from cutjoint.model.records import Span
+
+MAX_MESSAGE = 300
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One thing wrong in a model file: where, in which element, what, and what to write instead."""
+
+    span: Span
+    element: str
+    message: str
+    hint: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.span}: {self.element}: {self.message}"
+        return f"{text}; {self.hint}" if self.hint else text
+
+
+class ModelError(Exception):
+    """A model file that cannot be used.  ``problems`` is all that is wrong with it, in the file's order."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems: tuple[Problem, ...] = tuple(sorted(problems, key=lambda problem: problem.span))
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+class Problems:
+    """Collects problems.  The same message at the same place counts once, however many instances share it."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[Span, str], Problem] = {}
+
+    def add(self, span: Span, element: str, message: str, hint: str = "") -> None:
+        """Note one problem."""
+        problem = Problem(
+            span=span, element=printable(element), message=printable(message), hint=printable(hint)
+        )
+        self._found.setdefault((span, message), problem)
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def error(self) -> ModelError:
+        """All problems noted so far, to be raised."""
+        return ModelError(self._found.values())
+
+
+def worded(field: str, message: str) -> str:
+    """A message about a field: "mass needs kg", or "mass: unknown symbol 'm'"."""
+    if not field:
+        return message
+    return f"{field} {message}" if message.startswith(("needs ", "has ")) else f"{field}: {message}"
+
+
+def printable(text: str) -> str:
+    """Text from a file made safe to print: no control characters, no endless lines."""
+    plain = "".join(c if c.isprintable() else "?" for c in text)
+    return plain if len(plain) <= MAX_MESSAGE else plain[: MAX_MESSAGE - 3] + "..."
+
+
+def nearest(word: str, options: Iterable[str], what: str = "choose from") -> str:
+    """A hint: the option nearest to ``word``, or the list of options."""
+    known = sorted(options)
+    matches = difflib.get_close_matches(word[:100], known, n=1)
+    if matches:
+        return f"did you mean '{matches[0]}'?"
+    shown = ", ".join(known[:20]) + (", ..." if len(known) > 20 else "")
+    return f"{what}: {shown}" if known else ""

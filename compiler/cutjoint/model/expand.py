@@ -1,0 +1,186 @@
+"""From the document to flat elements: parameters become symbols, submodels are instantiated and mirrored."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sized
+from dataclasses import dataclass, replace
+
+from cutjoint.model import document
+from cutjoint.model.elements import Elements, read_elements
+from cutjoint.model.errors import Problems, nearest, worded
+from cutjoint.model.expressions import parameter_symbol, read_term
+from cutjoint.model.mirror import mirror_elements
+from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.records import Binding, Parameter, Scalar
+from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope, element
+from cutjoint.model.shape import Shaped
+from cutjoint.model.source import Source
+from cutjoint.model.units import NONE, Dimension, Measure, UnitError, measure, read_measure
+
+#: Elements of the model with all its instances.
+MAX_ELEMENTS = 20_000
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """The parameters, the model's own scope, and the flat elements."""
+
+    parameters: tuple[Parameter, ...]
+    scope: Scope
+    elements: Elements
+
+
+def expand(source: Source, problems: Problems, shaped: Shaped) -> Expansion:
+    """Read all elements of the model and of its instances."""
+    model, directory = shaped.document, _directory(shaped)
+    parameters, dimensions = _read_parameters(Scope(source, problems, directory, {}, {}), model)
+    scope = Scope(
+        source=source,
+        problems=problems,
+        directory=directory,
+        names={p.name: _parameter_term(p, dimensions[p.name]) for p in parameters},
+        values={p.symbol: p.value for p in parameters},
+        inputs=frozenset(p.name for p in parameters if p.binding is Binding.INPUT),
+    )
+    groups = [read_elements(scope, model), *_instances(scope, model)]
+    return Expansion(parameters, scope, _joined(groups))
+
+
+def _joined(groups: list[Elements]) -> Elements:
+    return Elements(
+        tuple(body for group in groups for body in group.bodies),
+        tuple(joint for group in groups for joint in group.joints),
+        tuple(force for group in groups for force in group.forces),
+        tuple(reaction for group in groups for reaction in group.reactions),
+        tuple(marker for group in groups for marker in group.markers),
+    )
+
+
+def used_submodels(model: document.Document) -> Iterator[tuple[str, document.Instance, document.Submodel]]:
+    """Instances with their submodels, where they exist."""
+    for name, instance in model.instances.items():
+        if instance.use in model.submodels:
+            yield name, instance, model.submodels[instance.use]
+
+
+def _directory(shaped: Shaped) -> Directory:
+    model = shaped.document
+    bodies, joints = set(model.bodies), dict(model.joints)
+    for name, _, submodel in used_submodels(model):
+        bodies |= {f"{name}.{body}" for body in submodel.bodies}
+        joints |= {f"{name}.{joint}": part for joint, part in submodel.joints.items()}
+    broken = {name for name, instance in model.instances.items() if instance.use not in model.submodels}
+    return Directory(frozenset(bodies), joints, shaped.removed | broken)
+
+
+def _read_parameters(
+    scope: Scope, model: document.Document
+) -> tuple[tuple[Parameter, ...], Mapping[str, Dimension | None]]:
+    """The parameters, and their dimensions where a unit is given."""
+    parameters, dimensions = [], {}
+    for name, entry in model.parameters.items():
+        where = element(scope, "parameter", "parameters", name)
+        part = entry if isinstance(entry, document.Parameter) else document.Parameter(value=entry)
+        found, dimensions[name] = _parameter_value(where, part)
+        parameters.append(
+            Parameter(
+                name=name,
+                symbol=parameter_symbol(name),
+                value=found.value,
+                unit=found.unit,
+                binding=Binding(part.binding),
+                span=where.span,
+            )
+        )
+    return tuple(parameters), dimensions
+
+
+def _parameter_value(where: Element, part: document.Parameter) -> tuple[Measure, Dimension | None]:
+    """The value in SI; the dimension is None when no unit is given."""
+    try:
+        written = read_measure(part.value) if isinstance(part.value, str) else None
+        if written is not None and part.unit is not None:
+            where.fail("has two units", "write the unit once", ("unit",))
+        if written is None and part.unit is not None:
+            written = measure(_plain_number(part.value), part.unit)
+        if written is not None:
+            return written, written.dimension
+        return Measure(_plain_number(part.value), NONE, ""), None
+    except ExpressionError as error:
+        hint = "write a number" if error.message.startswith("unknown symbol") else error.hint
+        where.fail(worded("value", error.message), hint, ("value",))
+    except UnitError as error:
+        where.fail(str(error), "write for example N*s/m", ("unit",) if part.unit is not None else ("value",))
+    return Measure(math.nan, NONE, ""), None
+
+
+def _parameter_term(parameter: Parameter, dimension: Dimension | None) -> Term:
+    return FAILED_TERM if math.isnan(parameter.value) else Term(parameter.symbol, dimension)
+
+
+def _plain_number(value: int | float | str) -> float:
+    number = read_term(value, {}).number
+    assert number is not None  # an expression without names is a number
+    return number
+
+
+def _instances(scope: Scope, model: document.Document) -> Iterator[Elements]:
+    count = _count(model)
+    for name, instance in model.instances.items():
+        where = element(scope, "instance", "instances", name)
+        if instance.use not in model.submodels:
+            hint = nearest(instance.use, model.submodels, "submodels")
+            where.fail(f"unknown submodel '{instance.use}'", hint, ("use",))
+            continue
+        count += _count(model.submodels[instance.use])
+        if count > MAX_ELEMENTS:
+            where.fail(f"the model has more than {MAX_ELEMENTS} elements", "use fewer instances")
+            return
+        yield _instance(where, instance, model.submodels[instance.use])
+
+
+def _count(part: document.Elements) -> int:
+    sections: tuple[Sized, ...] = (
+        part.points, part.bodies, part.joints, part.forces, part.reactions, part.markers, part.outputs,
+    )  # fmt: skip
+    return sum(len(section) for section in sections)
+
+
+def _instance(where: Element, instance: document.Instance, submodel: document.Submodel) -> Elements:
+    scope = replace(
+        where.scope,
+        names={**where.scope.names, **_arguments(where, instance, submodel)},
+        inputs=where.scope.inputs - set(submodel.parameters),
+        path=("submodels", instance.use),
+        prefix=f"{where.name}.",
+        connectors=_connectors(where, instance, submodel),
+    )
+    elements = read_elements(scope, submodel)
+    return mirror_elements(elements, instance.mirror) if instance.mirror else elements
+
+
+def _arguments(where: Element, instance: document.Instance, submodel: document.Submodel) -> dict[str, Term]:
+    """The values that the instance gives to the submodel's parameters."""
+    _match_keys(where, "with", instance.with_, submodel.parameters, "parameter", instance.use)
+    names = where.scope.constants()
+    given = {name: where.term(value, ("with", name), names) for name, value in instance.with_.items()}
+    return {name: given.get(name, FAILED_TERM) for name in submodel.parameters}
+
+
+def _connectors(where: Element, instance: document.Instance, submodel: document.Submodel) -> dict[str, str]:
+    """The full names of the bodies that the instance connects."""
+    _match_keys(where, "connect", instance.connect, submodel.connectors, "connector", instance.use)
+    given = {name: where.body(body, ("connect", name)) for name, body in instance.connect.items()}
+    return {name: given.get(name, UNKNOWN) for name in submodel.connectors}
+
+
+def _match_keys(
+    where: Element, field: str, given: Mapping[str, Scalar], wanted: tuple[str, ...], what: str, submodel: str
+) -> None:
+    for name in (name for name in given if name not in wanted):
+        hint = nearest(name, wanted, f"{what}s") or f"it has no {what}s"
+        where.fail(f"the submodel '{submodel}' has no {what} '{name}'", hint, (field, name), at_key=True)
+    missing = [name for name in wanted if name not in given]
+    if missing:
+        where.fail(f"{field} lacks {', '.join(missing)}", f"the submodel '{submodel}' needs all its {what}s")

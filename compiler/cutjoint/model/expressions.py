@@ -1,0 +1,198 @@
+"""Expressions in model files: a whitelist over Python's syntax tree, from text to SymPy.
+
+Text is never evaluated as code.  Its length, depth, numbers and the size of what it expands to are bounded.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+
+import sympy
+
+from cutjoint.model.errors import nearest
+from cutjoint.model.operations import (
+    FUNCTIONS,
+    MANY,
+    MAX_SIZE,
+    SPECIAL,
+    ExpressionError,
+    Term,
+    all_of,
+    any_of,
+    binary,
+    choice,
+    compare,
+    constant,
+    negative,
+    smooth,
+    where,
+)
+from cutjoint.model.records import Scalar
+from cutjoint.model.units import UnitError, read_measure
+
+MAX_LENGTH = 2000  #: characters of a text
+MAX_DEPTH = 60  #: nested operations
+
+
+def variable(name: str) -> Scalar:
+    """The symbol of a law's variable, such as ``length`` or ``t``."""
+    return sympy.Symbol(name, real=True)
+
+
+def parameter_symbol(name: str) -> Scalar:
+    """The symbol of a parameter; no variable of a law starts with ``p_``."""
+    return sympy.Symbol(f"p_{name}", real=True)
+
+
+def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
+    """A number, a number with a unit, or an expression over ``names``.  Raises ExpressionError."""
+    if not isinstance(value, str):
+        return constant(value)
+    try:
+        quantity = read_measure(value)
+    except UnitError as error:
+        raise ExpressionError(str(error), "write for example '30 deg' or '5 N*s/m'") from None
+    if quantity is not None:
+        return constant(quantity.value, quantity.dimension)
+    try:
+        term = _Parser(names).term(_syntax_tree(value), 0)
+    except RecursionError:
+        raise ExpressionError("the expression is nested too deep") from None
+    if not all(_is_finite(number) for number in term.value.atoms(sympy.Number)):
+        raise ExpressionError("a number in the expression is out of range")
+    if term.value.has(sympy.Abs):
+        return replace(term, value=term.value.replace(sympy.Abs, _absolute_value))
+    return term
+
+
+def _is_finite(number: Scalar) -> bool:
+    """Whether a number fits a float; NaN stands for what was reported already."""
+    try:
+        return number is sympy.nan or math.isfinite(float(number))
+    except OverflowError:
+        return False
+
+
+def _absolute_value(argument: Scalar) -> Scalar:
+    return choice((argument, sympy.GreaterThan(argument, 0, evaluate=False)), (-argument, sympy.true))
+
+
+def _syntax_tree(text: str) -> ast.expr:
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters")
+    if not text.isascii() or not text.replace("\n", " ").isprintable() or "#" in text:
+        raise ExpressionError("the expression has a character that does not belong there")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ast.parse(text.replace("\n", " ").strip(), mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise ExpressionError(
+            f"'{_short(text)}' is not an expression", "write for example '2*pi*radius'"
+        ) from None
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+class _Parser:
+    """Turns a syntax tree into a :class:`Term`; every kind of node that it does not name is refused."""
+
+    def __init__(self, names: Mapping[str, Term]) -> None:
+        self.names = names
+
+    def term(self, node: ast.expr, depth: int) -> Term:
+        if depth > MAX_DEPTH:
+            raise ExpressionError(f"the expression is nested deeper than {MAX_DEPTH} levels")
+        match node:
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                result = constant(value)
+            case ast.Name(id=name):
+                result = self.name(name)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                result = negative(self.term(operand, depth + 1))
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                result = self.term(operand, depth + 1)
+            case ast.BinOp():
+                result = self.chain(node, depth)
+            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
+                result = self.call(name, args, depth)
+            case _:
+                raise _refusal(node)
+        if result.size > MAX_SIZE:
+            raise ExpressionError(f"the expression expands to more than {MAX_SIZE} operations")
+        return result
+
+    def chain(self, node: ast.BinOp, depth: int) -> Term:
+        """A binary operation; a sum or product of any length, nested to the left in the tree, in one go."""
+        level = next((group for group in _CHAINS if isinstance(node.op, group)), ())
+        rest: list[tuple[ast.operator, ast.expr]] = [(node.op, node.right)]
+        first = node.left
+        while isinstance(first, ast.BinOp) and isinstance(first.op, level):
+            rest.append((first.op, first.right))
+            first = first.left
+        result = self.term(first, depth + 1)
+        for sign, right in reversed(rest):
+            result = binary(sign, result, self.term(right, depth + 1))
+        return result
+
+    def name(self, name: str) -> Term:
+        if name in self.names:
+            return self.names[name]
+        if name == "pi":
+            return Term(sympy.pi, None, math.pi)
+        if name in FUNCTIONS:
+            raise ExpressionError(f"'{name}' is a function", f"write {name}(...)")
+        raise ExpressionError(f"unknown symbol '{name}'", nearest(name, [*self.names, "pi"], "symbols here"))
+
+    def call(self, name: str, args: list[ast.expr], depth: int) -> Term:
+        if name not in FUNCTIONS:
+            raise ExpressionError(f"unknown function '{name}'", nearest(name, FUNCTIONS, "functions"))
+        count = FUNCTIONS[name]
+        if len(args) != count and not (count == MANY and args):
+            wanted = "at least one argument" if count == MANY else f"{count} argument{'s' * (count > 1)}"
+            raise ExpressionError(f"{name} needs {wanted}, got {len(args)}")
+        if name == "where":
+            condition, size = self.condition(args[0], depth + 1)
+            return where(condition, self.term(args[1], depth + 1), self.term(args[2], depth + 1), size)
+        terms = [self.term(arg, depth + 1) for arg in args]
+        return SPECIAL[name](terms) if name in SPECIAL else smooth(name, terms)
+
+    def condition(self, node: ast.expr, depth: int) -> tuple[Scalar, int]:
+        """A condition and its size."""
+        if depth > MAX_DEPTH:
+            raise ExpressionError(f"the expression is nested deeper than {MAX_DEPTH} levels")
+        match node:
+            case ast.Compare(left=left, ops=signs, comparators=others):
+                terms = [self.term(side, depth + 1) for side in (left, *others)]
+                pairs = zip(signs, terms[:-1], terms[1:], strict=True)
+                return all_of([compare(sign, a, b) for sign, a, b in pairs]), sum(term.size for term in terms)
+            case ast.BoolOp(op=ast.And() | ast.Or() as word, values=values):
+                parts = [self.condition(value, depth + 1) for value in values]
+                join = all_of if isinstance(word, ast.And) else any_of
+                return join([part for part, _ in parts]), 1 + sum(size for _, size in parts)
+        raise ExpressionError(
+            "the first argument of where must be a condition", "write for example where(x < 0, a, b)"
+        )
+
+
+_CHAINS: tuple[tuple[type[ast.operator], ...], ...] = ((ast.Add, ast.Sub), (ast.Mult, ast.Div))
+
+
+def _refusal(node: ast.expr) -> ExpressionError:
+    match node:
+        case ast.Compare() | ast.BoolOp():
+            return ExpressionError("a condition stands outside where", "write where(condition, value, other)")
+        case ast.IfExp():
+            return ExpressionError(
+                "'if' is not allowed in an expression", "write where(condition, value, other)"
+            )
+    return ExpressionError(
+        f"'{_short(ast.unparse(node))}' is not allowed in an expression",
+        "use numbers, names, + - * / **, comparisons inside where, and the listed functions",
+    )

@@ -1,0 +1,227 @@
+"""Laws of forces and functions of time: every form the file allows becomes one expression."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import sympy
+
+from cutjoint.model import values
+from cutjoint.model.expressions import variable
+from cutjoint.model.operations import Term, choice
+from cutjoint.model.records import Scalar
+from cutjoint.model.scope import FAILED, Element
+from cutjoint.model.source import Path
+from cutjoint.model.units import Dimension
+
+
+@dataclass(frozen=True)
+class LawKind:
+    """The ``variables`` of a law with their dimensions, and the dimension of its ``result``, None for any."""
+
+    variables: Mapping[str, Dimension]
+    result: Dimension | None
+
+    def per(self, name: str, power: int = 1) -> Dimension | None:
+        """The dimension of the result over a power of a variable."""
+        return None if self.result is None else self.result / self.variables[name] ** power
+
+
+def read_law(
+    element: Element, law: Any, kind: LawKind, keys: Path, names: Mapping[str, Term] | None = None
+) -> Scalar:
+    """The expression of a law over its variables and over ``names`` (by default all parameters)."""
+    symbols = element.with_variables(*kind.variables) if names is None else names
+    return _Law(element, kind, symbols).read(law, keys)
+
+
+@dataclass(frozen=True)
+class _Law:
+    element: Element
+    kind: LawKind
+    names: Mapping[str, Term]
+
+    def read(self, law: Any, keys: Path) -> Scalar:
+        match law:
+            case values.Polynomial():
+                return self.polynomial(law.polynomial, self.of(law.of, keys), (*keys, "polynomial"))
+            case values.Piecewise():
+                return self.piecewise(law, keys)
+            case values.Sum():
+                parts = [self.read(part, (*keys, "sum", index)) for index, part in enumerate(law.sum)]
+                return sympy.Add(*parts)
+            case values.Table():
+                return self.table(law, keys)
+            case values.SpringDamper():
+                return self.spring(law, keys)
+        return self.element.scalar(law, self.kind.result, keys, self.names)
+
+    def of(self, name: str, keys: Path) -> str:
+        """The variable that a law names; the first one when it names an unknown."""
+        if name in self.kind.variables:
+            return name
+        hint = f"variables: {', '.join(self.kind.variables)}"
+        self.element.fail(f"'{name}' is not a variable of this law", hint, (*keys, "of"))
+        return next(iter(self.kind.variables))
+
+    def polynomial(self, coefficients: tuple[Any, ...], of: str, keys: Path) -> Scalar:
+        """The polynomial in Horner's form."""
+        x = variable(of)
+        terms = [
+            self.element.scalar(value, self.kind.per(of, power), (*keys, power))
+            for power, value in enumerate(coefficients)
+        ]
+        value = terms[-1]
+        for term in reversed(terms[:-1]):
+            value = term + x * value
+        return value
+
+    def piecewise(self, law: values.Piecewise, keys: Path) -> Scalar:
+        of = self.of(law.of, keys)
+        branches, limits = [], [-math.inf]
+        for index, piece in enumerate(law.piecewise):
+            inner = (*keys, "piecewise", index)
+            value = self.piece(piece, of, inner)
+            condition = self.limit(piece, of, index == len(law.piecewise) - 1, limits, inner)
+            branches.append((value, condition))
+        return choice(*branches) if len(branches) > 1 else branches[0][0]
+
+    def piece(self, piece: values.Branch, of: str, keys: Path) -> Scalar:
+        if piece.polynomial is not None:
+            return self.polynomial(piece.polynomial, of, (*keys, "polynomial"))
+        assert piece.expression is not None
+        return self.element.scalar(piece.expression, self.kind.result, (*keys, "expression"), self.names)
+
+    def limit(self, piece: values.Branch, of: str, last: bool, limits: list[float], keys: Path) -> Scalar:
+        """The condition of one piece; ``limits`` are the values of the limits so far."""
+        if last or piece.below is None:
+            if last != (piece.below is None):
+                message = "the last piece has no 'below'" if last else "only the last piece has no 'below'"
+                self.element.fail(message, "it holds beyond the last limit", keys)
+            return sympy.true
+        below = self.element.scalar(piece.below, self.kind.variables[of], (*keys, "below"))
+        limits.append(self.element.value(below))
+        if limits[-1] <= limits[-2]:
+            self.element.fail(
+                "the limits of the pieces do not rise", "sort the pieces by 'below'", (*keys, "below")
+            )
+        return sympy.StrictLessThan(variable(of), below, evaluate=False)
+
+    def table(self, law: values.Table, keys: Path) -> Scalar:
+        inner = (*keys, "table")
+        others = [name for name in law.table if name != "value"]
+        if len(others) != 1 or "value" not in law.table:
+            message = "a table has two lists: a variable's and 'value'"
+            self.element.fail(message, "for example {length: [0, 1], value: [0, 100]}", inner)
+            return FAILED
+        of = others[0]
+        if of not in self.kind.variables:
+            hint = f"variables: {', '.join(self.kind.variables)}"
+            self.element.fail(f"'{of}' is not a variable of this law", hint, inner)
+            return FAILED
+        x = self.column(law.table[of], self.kind.variables[of], (*inner, of))
+        y = self.column(law.table["value"], self.kind.result, (*inner, "value"))
+        return monotone_cubic(variable(of), x, y) if self.is_curve(of, x, y, inner) else FAILED
+
+    def column(self, numbers: tuple[Any, ...], dimension: Dimension | None, keys: Path) -> list[float]:
+        return [self.element.number(value, dimension, (*keys, index)) for index, value in enumerate(numbers)]
+
+    def is_curve(self, of: str, x: list[float], y: list[float], keys: Path) -> bool:
+        """Whether a table's lists make a curve."""
+        if len(x) != len(y) or len(x) < 2:
+            message = f"the table has {len(x)} of {of} and {len(y)} of value"
+            self.element.fail(message, "give as many of both, two or more", keys)
+        elif any(b <= a for a, b in pairwise(x)):
+            self.element.fail(f"the table's {of} does not rise", "sort the table", (*keys, of))
+        else:
+            return all(map(math.isfinite, (*x, *y)))
+        return False
+
+    def spring(self, law: values.SpringDamper, keys: Path) -> Scalar:
+        """Linear spring and damper: tension along a line, or the force that draws a joint back."""
+        for name, free, other, sign in _SPRINGS:
+            if name in self.kind.variables:
+                return self.linear(law, name, free, other, keys) * sign
+        self.element.fail(
+            "stiffness and damping belong to a point_spring or a joint_force", "write an expression", keys
+        )
+        return FAILED
+
+    def linear(self, law: values.SpringDamper, name: str, free: str, other: str, keys: Path) -> Scalar:
+        """stiffness (x - free) + damping rate."""
+        rest = getattr(law, free)
+        if getattr(law, other) is not None or (rest is None and law.stiffness != 0):
+            self.element.fail(f"a spring of this kind needs {free}", "", keys)
+            return FAILED
+        stiffness = self.element.scalar(law.stiffness, self.kind.per(name), (*keys, "stiffness"))
+        damping = self.element.scalar(law.damping, self.kind.per("rate"), (*keys, "damping"))
+        origin = self.element.scalar(rest or 0, self.kind.variables[name], (*keys, free))
+        return stiffness * (variable(name) - origin) + damping * variable("rate")
+
+
+#: Variable, its key for the unloaded state, the key that it must not have, and the sign of the law.
+_SPRINGS = (
+    ("length", "free_length", "free_position", 1),
+    ("position", "free_position", "free_length", -1),
+)
+
+
+def monotone_cubic(x: Scalar, points: list[float], ordinates: list[float]) -> Scalar:
+    """A curve through points that is monotone where they are, with a continuous derivative; linear outside.
+
+    Piecewise cubic Hermite with the slopes of Fritsch and Butland, A Method for Constructing Local Monotone
+    Piecewise Cubic Interpolants (SIAM J. Sci. Stat. Comput. 5, 1984).  ``points`` rise strictly.
+    """
+    slopes = _slopes(points, ordinates)
+    branches = [_below(x, points[0], _cubic(x, points[0], ordinates[0], slopes[0]))]
+    for k in range(len(points) - 1):
+        h = points[k + 1] - points[k]
+        secant = (ordinates[k + 1] - ordinates[k]) / h
+        second = (3 * secant - 2 * slopes[k] - slopes[k + 1]) / h
+        third = (slopes[k] + slopes[k + 1] - 2 * secant) / h**2
+        piece = _cubic(x, points[k], ordinates[k], slopes[k], second, third)
+        branches.append(_below(x, points[k + 1], piece))
+    return choice(*branches, (_cubic(x, points[-1], ordinates[-1], slopes[-1]), sympy.true))
+
+
+def _below(x: Scalar, limit: float, value: Scalar) -> tuple[Scalar, Scalar]:
+    return value, sympy.StrictLessThan(x, sympy.Float(limit), evaluate=False)
+
+
+def _cubic(x: Scalar, start: float, *coefficients: float) -> Scalar:
+    """A polynomial of x - start in Horner's form."""
+    step = x - sympy.Float(start) if start else x
+    value = sympy.Float(coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        value = sympy.Float(coefficient) + step * value
+    return value
+
+
+def _slopes(points: list[float], ordinates: list[float]) -> list[float]:
+    steps = [b - a for a, b in pairwise(points)]
+    secants = [(b - a) / h for (a, b), h in zip(pairwise(ordinates), steps, strict=True)]
+    if len(secants) == 1:
+        return [secants[0], secants[0]]
+    inner = [_butland(steps[k : k + 2], secants[k : k + 2]) for k in range(len(secants) - 1)]
+    return [_end_slope(steps[:2], secants[:2]), *inner, _end_slope(steps[:-3:-1], secants[:-3:-1])]
+
+
+def _butland(steps: list[float], secants: list[float]) -> float:
+    if secants[0] * secants[1] <= 0:
+        return 0.0
+    left, right = steps[0] + 2 * steps[1], 2 * steps[0] + steps[1]
+    return (left + right) / (right / secants[1] + left / secants[0])
+
+
+def _end_slope(steps: list[float], secants: list[float]) -> float:
+    """The three-point slope at an end, limited so that the curve stays monotone."""
+    slope = ((2 * steps[0] + steps[1]) * secants[0] - steps[0] * secants[1]) / (steps[0] + steps[1])
+    if slope * secants[0] <= 0:
+        return 0.0
+    if secants[0] * secants[1] <= 0 and abs(slope) > 3 * abs(secants[0]):
+        return 3 * secants[0]
+    return slope

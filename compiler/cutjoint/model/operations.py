@@ -1,0 +1,283 @@
+"""Operations on terms: expressions with their dimensions, their values if constant, and their sizes.
+
+Constants are tried in plain floats before SymPy sees them, so that nothing overflows or grows without bound.
+Functions with kinks (min, max, abs, sign, where) become SymPy's Piecewise, so that derivatives are exact.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import sympy
+from sympy.functions.elementary.piecewise import ExprCondPair
+
+from cutjoint.model.records import Scalar
+from cutjoint.model.units import Dimension
+
+MAX_SIZE = 5000  #: nodes after expansion
+MAX_POWER = 12
+MAX_INTEGER = 2**53
+
+
+class ExpressionError(ValueError):
+    """Text that is not a valid expression.  ``hint`` says what to write instead."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+@dataclass(frozen=True)
+class Term:
+    """An expression with what is known of it.
+
+    ``dimension`` is None when it is not known: bare numbers fit everywhere.  ``number`` is the value of a
+    constant, None when the expression has symbols.  ``size`` counts the nodes of the expression.
+    """
+
+    value: Scalar
+    dimension: Dimension | None = None
+    number: float | None = None
+    size: int = 1
+
+
+def constant(value: int | float, dimension: Dimension | None = None) -> Term:
+    """A number: integers stay exact, others are floats to the last bit.
+
+    Raises ExpressionError when it is out of range.
+    """
+    if isinstance(value, int):
+        if abs(value) > MAX_INTEGER:
+            raise ExpressionError("a whole number is too large to be exact", "write it with a decimal point")
+        return Term(sympy.Integer(value), dimension, float(value))
+    if not math.isfinite(value):
+        raise ExpressionError("a number is not finite")
+    return Term(sympy.Integer(0) if value == 0 else sympy.Float(value), dimension, value)
+
+
+def negative(term: Term) -> Term:
+    """The term with its sign reversed."""
+    return _apply("-", operator.neg, operator.neg, [term], term.dimension)
+
+
+def binary(sign: ast.operator, a: Term, b: Term) -> Term:
+    """A sum, product or power of two terms.  Raises ExpressionError."""
+    match sign:
+        case ast.Add():
+            return _apply("+", operator.add, operator.add, [a, b], _common([a, b]))
+        case ast.Sub():
+            return _apply("-", operator.sub, operator.sub, [a, b], _common([a, b]))
+        case ast.Mult():
+            dimension = a.dimension * b.dimension if a.dimension and b.dimension else None
+            return _apply("*", operator.mul, operator.mul, [a, b], dimension)
+        case ast.Div():
+            if b.number == 0:
+                raise ExpressionError("division by zero")
+            dimension = a.dimension / b.dimension if a.dimension and b.dimension else None
+            return _apply("/", operator.truediv, operator.truediv, [a, b], dimension)
+        case ast.Pow():
+            return _power(a, b)
+        case ast.BitXor():
+            raise ExpressionError("'^' is not a power", "use **")
+    raise ExpressionError("an operator is not allowed in an expression", "use + - * / **")
+
+
+def _power(a: Term, b: Term) -> Term:
+    if b.number is None:
+        raise ExpressionError("an exponent must be a number", "use exp and log for other powers")
+    if abs(b.number) > MAX_POWER:
+        raise ExpressionError(f"the exponent {b.number:g} is larger than {MAX_POWER} in absolute value")
+    exponent = sympy.Integer(int(b.number)) if b.number == int(b.number) else b.value
+    dimension = a.dimension ** Fraction(b.number).limit_denominator(100) if a.dimension else None
+    return _apply("**", lambda x, _: x**exponent, operator.pow, [a, b], dimension)
+
+
+def _apply(
+    name: str,
+    symbolic: Callable[..., Scalar],
+    numeric: Callable[..., Any],
+    terms: list[Term],
+    dimension: Dimension | None = None,
+) -> Term:
+    """Apply an operation.  Constants are tried in floats first: what overflows there never reaches SymPy."""
+    size = 1 + sum(term.size for term in terms)
+    numbers = [term.number for term in terms if term.number is not None]
+    if len(numbers) < len(terms):
+        return Term(symbolic(*(term.value for term in terms)), dimension, None, size)
+    number = _numeric(name, numeric, numbers)
+    if number == 0:
+        return Term(sympy.Integer(0), dimension, 0.0)
+    return Term(symbolic(*(term.value for term in terms)), dimension, number, size)
+
+
+def _numeric(name: str, numeric: Callable[..., Any], numbers: list[float]) -> float:
+    shown = ", ".join(f"{number:g}" for number in numbers)
+    try:
+        number = numeric(*numbers)
+    except ZeroDivisionError:
+        raise ExpressionError("division by zero") from None
+    except (OverflowError, ValueError):
+        number = math.nan
+    if isinstance(number, complex) or not math.isfinite(number):
+        raise ExpressionError(f"'{name}' of {shown} has no finite real value")
+    return float(number)
+
+
+def _common(terms: list[Term]) -> Dimension | None:
+    """The dimension shared by all terms.  Raises ExpressionError when two known ones differ."""
+    known = [term.dimension for term in terms if term.dimension is not None]
+    if len(set(known)) > 1:
+        raise ExpressionError(
+            f"{known[0]} and {next(d for d in known if d != known[0])} cannot be added or compared"
+        )
+    return known[0] if len(known) == len(terms) else None
+
+
+def smooth(name: str, terms: list[Term]) -> Term:
+    """A differentiable function of terms.  Raises ExpressionError."""
+    symbolic, numeric = SMOOTH[name]
+    dimension = None
+    if name == "atan2":
+        return _apply(name, _atan2, numeric, terms)
+    if name == "sqrt" and terms[0].dimension is not None:
+        dimension = terms[0].dimension ** Fraction(1, 2)
+    return _apply(name, symbolic, numeric, terms, dimension)
+
+
+def _atan2(y: Scalar, x: Scalar) -> Scalar:
+    if y.free_symbols or x.free_symbols:
+        return sympy.atan2(y, x, evaluate=False)
+    return sympy.Float(math.atan2(float(y), float(x)))
+
+
+#: Comparisons: SymPy's and the plain one.
+RELATIONS: Mapping[type[ast.cmpop], tuple[Any, Callable[[float, float], bool]]] = {
+    ast.Lt: (sympy.StrictLessThan, operator.lt),
+    ast.LtE: (sympy.LessThan, operator.le),
+    ast.Gt: (sympy.StrictGreaterThan, operator.gt),
+    ast.GtE: (sympy.GreaterThan, operator.ge),
+}
+
+
+def compare(sign: ast.cmpop, a: Term, b: Term) -> Scalar:
+    """A condition, true or false at once for constants.  Raises ExpressionError."""
+    if type(sign) not in RELATIONS:
+        raise ExpressionError("a condition compares with < <= > >= only")
+    _common([a, b])
+    relation, numeric = RELATIONS[type(sign)]
+    if a.number is not None and b.number is not None:
+        return sympy.true if numeric(a.number, b.number) else sympy.false
+    return relation(a.value, b.value, evaluate=False)
+
+
+def all_of(conditions: list[Scalar]) -> Scalar:
+    """The conjunction of conditions."""
+    if sympy.false in conditions:
+        return sympy.false
+    open_ones = [condition for condition in conditions if condition is not sympy.true]
+    return sympy.And(*open_ones, evaluate=False) if len(open_ones) > 1 else (open_ones or [sympy.true])[0]
+
+
+def any_of(conditions: list[Scalar]) -> Scalar:
+    """The disjunction of conditions."""
+    if sympy.true in conditions:
+        return sympy.true
+    open_ones = [condition for condition in conditions if condition is not sympy.false]
+    return sympy.Or(*open_ones, evaluate=False) if len(open_ones) > 1 else (open_ones or [sympy.false])[0]
+
+
+def where(condition: Scalar, yes: Term, no: Term, size: int) -> Term:
+    """The one term where the condition holds, else the other; ``size`` is the condition's."""
+    dimension = _common([yes, no])
+    if condition in (sympy.true, sympy.false):
+        chosen = yes if condition is sympy.true else no
+        return Term(chosen.value, dimension, chosen.number, chosen.size)
+    return Term(
+        choice((yes.value, condition), (no.value, sympy.true)), dimension, None, 1 + size + yes.size + no.size
+    )
+
+
+def choice(*branches: tuple[Scalar, Scalar]) -> Scalar:
+    """The value of the first branch whose condition holds, as SymPy's Piecewise, left as written."""
+    plain = [(value, _plain_condition(value, condition)) for value, condition in branches]
+    return sympy.Piecewise(*plain, evaluate=False)
+
+
+def _plain_condition(value: Scalar, condition: Scalar) -> Scalar:
+    """A condition of comparisons, and, or, not: SymPy turns Piecewise in a condition into if-then-else."""
+    folded = ExprCondPair(value, condition).cond
+    if not folded.has(sympy.ITE):
+        return folded
+    return folded.replace(
+        sympy.ITE, lambda test, yes, no: sympy.Or(sympy.And(test, yes), sympy.And(sympy.Not(test), no))
+    )
+
+
+def _extreme(sign: ast.cmpop) -> Callable[[list[Term]], Term]:
+    def extreme(terms: list[Term]) -> Term:
+        best = terms[0]
+        for term in terms[1:]:
+            if best.size + term.size > MAX_SIZE:
+                raise ExpressionError(f"the expression expands to more than {MAX_SIZE} operations")
+            best = where(compare(sign, best, term), best, term, best.size + term.size)
+        return best
+
+    return extreme
+
+
+def _absolute(terms: list[Term]) -> Term:
+    (term,) = terms
+    return where(compare(ast.GtE(), term, constant(0)), term, negative(term), term.size)
+
+
+def _sign(terms: list[Term]) -> Term:
+    (term,) = terms
+    below = where(compare(ast.Lt(), term, constant(0)), constant(-1), constant(0), term.size)
+    return where(compare(ast.Gt(), term, constant(0)), constant(1), below, term.size)
+
+
+#: Functions with kinks.
+SPECIAL: Mapping[str, Callable[[list[Term]], Term]] = {
+    "min": _extreme(ast.LtE()),
+    "max": _extreme(ast.GtE()),
+    "abs": _absolute,
+    "sign": _sign,
+}
+
+#: Differentiable functions: SymPy's and the plain one.
+SMOOTH: Mapping[str, tuple[Callable[..., Scalar], Callable[..., float]]] = {
+    name: (getattr(sympy, name), getattr(math, name))
+    for name in (
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "sqrt",
+        "exp",
+        "log",
+    )
+}
+
+MANY = -1
+#: The functions of expressions and the number of their arguments.
+FUNCTIONS: Mapping[str, int] = {
+    **{name: 2 if name == "atan2" else 1 for name in SMOOTH},
+    "abs": 1,
+    "sign": 1,
+    "min": MANY,
+    "max": MANY,
+    "where": 3,
+}

@@ -1,0 +1,92 @@
+"""What of each element can be asked for as an output, with units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeAlias
+
+from cutjoint.model.records import (
+    COORDINATES,
+    SPEEDS,
+    AxialForce,
+    Body,
+    BodyLoad,
+    Force,
+    Joint,
+    JointForce,
+    JointKind,
+    Marker,
+    Model,
+    Output,
+    PointSpring,
+    Reaction,
+    Tyre,
+)
+
+Element: TypeAlias = Body | Joint | Force | Reaction | Marker
+
+_MOTION: Mapping[str, str] = {
+    **dict.fromkeys(("x", "y", "z"), "m"),
+    **dict.fromkeys(("vx", "vy", "vz"), "m/s"),
+    **dict.fromkeys(("ax", "ay", "az"), "m/s^2"),
+}
+
+#: The partial derivatives of a law by position and by rate.
+_TANGENTS: Mapping[str, str] = {"stiffness": "N/m", "damping": "N*s/m"}
+
+_ROTARY_LAW: Mapping[str, str] = {"force": "N*m", "stiffness": "N*m/rad", "damping": "N*m*s/rad"}
+
+#: Quantities and units of each kind of element but joints.  A body's x to az are of its centre of mass, in
+#: global axes.
+QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
+    Body: {
+        **_MOTION,
+        **dict.fromkeys(("roll", "pitch", "yaw"), "rad"),
+        **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
+    },
+    Marker: _MOTION,
+    PointSpring: {"force": "N", "length": "m", "rate": "m/s", **_TANGENTS},
+    AxialForce: {"force": "N", "travel": "m", "rate": "m/s", **_TANGENTS},
+    BodyLoad: {"Fx": "N", "Fy": "N", "Fz": "N"},
+    Tyre: {"Fz": "N", "Fy": "N", "Mz": "N*m", "slip": "rad", "camber": "rad", "deflection": "m"},
+    Reaction: {"force": "N"},
+}
+
+_TORQUE: Mapping[str, str] = {"Mx": "N*m", "My": "N*m", "Mz": "N*m"}
+
+
+def _joint_unit(coordinate: str) -> str:
+    return "rad" if coordinate.startswith("angle") else "m"
+
+
+def _joint_units(kind: JointKind) -> Mapping[str, str]:
+    coordinates = {name: _joint_unit(name) for name in COORDINATES[kind]}
+    speeds = {name: ("rad/s" if name.startswith(("angle", "w")) else "m/s") for name in SPEEDS[kind]}
+    return {**coordinates, **speeds}
+
+
+#: Quantities and units of the tree joints of each kind: coordinates, then speeds.
+JOINT_QUANTITIES: Mapping[JointKind, Mapping[str, str]] = {kind: _joint_units(kind) for kind in JointKind}
+
+
+def quantities(element: Element, joints: Mapping[str, Joint]) -> Mapping[str, str]:
+    """The quantities of an element and their units, none for a cut joint; ``joints`` by name."""
+    match element:
+        case Joint(cut=True):
+            return {}
+        case Joint():
+            return JOINT_QUANTITIES[element.kind]
+        case BodyLoad(point=None):
+            return _TORQUE
+        case JointForce():
+            slides = joints[element.joint].kind is JointKind.PRISMATIC
+            return {"force": "N", **_TANGENTS} if slides else _ROTARY_LAW
+    return QUANTITIES[type(element)]
+
+
+def unit_of(model: Model, output: Output) -> str:
+    """The unit of an output of a validated model."""
+    joints = {j.name: j for j in model.joints}
+    groups = (model.bodies, model.markers, model.reactions, model.forces, model.joints)
+    element = next(e for group in groups for e in group if e.name == output.element)
+    return quantities(element, joints)[output.quantity]

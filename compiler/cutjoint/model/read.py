@@ -1,0 +1,67 @@
+"""From a model file to a :class:`Model`: read this first.
+
+Problems are collected over all steps and raised together; only a text that is not YAML, or a document whose
+frame is wrong, ends the reading early.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cutjoint.model.errors import Problems
+from cutjoint.model.expand import expand
+from cutjoint.model.records import Model
+from cutjoint.model.scenes import read_scenes
+from cutjoint.model.scope import Element
+from cutjoint.model.shape import check_shape
+from cutjoint.model.source import parse_yaml, read_text
+from cutjoint.model.units import ACCELERATION
+from cutjoint.model.validate import check_elements, check_names
+
+
+def read_model(path: Path) -> Model:
+    """Read and validate the model file at ``path``.
+
+    Raises ModelError with all problems found; numbers in the result are SI.
+    """
+    return read_model_text(read_text(path), str(path))
+
+
+def read_model_text(text: str, file: str) -> Model:
+    """Read and validate a model from its text; ``file`` is the name that places and messages carry.
+
+    Raises ModelError with all problems found.
+    """
+    # text -> plain data with places
+    source = parse_yaml(text, file)
+    # data -> document of the right shape
+    problems = Problems()
+    shaped = check_shape(source, problems)
+    if shaped is None:
+        raise problems.error()
+    document = shaped.document
+    check_names(source, problems, document)
+    # document -> flat elements with expressions
+    expansion = expand(source, problems, shaped)
+    # elements -> scenes that refer to them
+    scenes = read_scenes(document, expansion)
+    root = Element(expansion.scope, "model", document.name, ())
+    gravity = root.triple(document.gravity, ACCELERATION, ("gravity",))
+    # one check of the whole
+    check_elements(expansion, problems)
+    if problems:
+        raise problems.error()
+    elements = expansion.elements
+    return Model(
+        name=document.name,
+        gravity=gravity,
+        parameters=expansion.parameters,
+        bodies=elements.bodies,
+        joints=elements.joints,
+        forces=elements.forces,
+        reactions=elements.reactions,
+        markers=elements.markers,
+        scenes=scenes,
+        span=source.key_span(("name",)),
+        text=text,
+    )

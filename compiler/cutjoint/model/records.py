@@ -1,0 +1,370 @@
+"""The records of a validated model.
+
+A :class:`Model` is flat: submodels are instantiated and mirrored, names are resolved, units are SI.
+Nothing is derived.  Every number is a SymPy expression over parameter symbols, so that a parameter can
+stay open until the binary loads it.  Points and directions are given in the design position in the one
+global frame; every body frame is parallel to it there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import PurePath
+from typing import Any, TypeAlias
+
+#: A SymPy expression (SymPy ships no types).
+Scalar: TypeAlias = Any
+#: Three expressions: components in the global design frame.
+Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
+
+GROUND = "ground"
+
+
+@dataclass(frozen=True, kw_only=True, order=True)
+class Span:
+    """Where an element stands in the user's file; line and column count from one."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+    @property
+    def place(self) -> str:
+        """File name and line without the folder, for generated files."""
+        return f"{PurePath(self.file).name}:{self.line}"
+
+
+class Binding(StrEnum):
+    """When a parameter gets its value."""
+
+    CONST = "const"  #: folded into the generated code
+    PARAM = "param"  #: read when the binary loads its parameters
+    INPUT = "input"  #: set at every step, by a scene's function of time or by the host program
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A named number.  ``value`` is in SI units, ``unit`` its SI unit's text, empty when the file gives none.
+
+    ``symbol`` stands for the parameter in expressions, whatever its binding: the real symbol ``p_`` + name,
+    while the variables of laws are real symbols of their own names (``length``, ``t``, ...), so that none can
+    clash.
+    """
+
+    name: str
+    symbol: Scalar
+    value: float
+    unit: str
+    binding: Binding
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A rigid body; a massless one has ``mass`` zero and no inertia, its centre is the origin unless given.
+
+    ``inertia`` is (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) about the body's own centre of mass in global design axes,
+    kg m2; the last three are elements of the inertia matrix (products of inertia with their sign reversed).
+    """
+
+    name: str
+    mass: Scalar
+    centre_of_mass: Vector
+    inertia: tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
+    span: Span
+
+
+class JointKind(StrEnum):
+    """What a joint leaves free."""
+
+    FIXED = "fixed"
+    REVOLUTE = "revolute"
+    PRISMATIC = "prismatic"
+    CYLINDRICAL = "cylindrical"
+    SCREW = "screw"
+    UNIVERSAL = "universal"
+    PLANAR = "planar"
+    SPHERICAL = "spherical"
+    POINT_ON_LINE = "point_on_line"
+    DISTANCE = "distance"
+    FREE = "free"
+
+
+#: The scalar coordinates of each joint kind, in order.  The attitude of a spherical end (the last three
+#: speeds of spherical, point-on-line, distance and free joints) is kept as a quaternion and has no scalar
+#: coordinates.
+COORDINATES: Mapping[JointKind, tuple[str, ...]] = {
+    JointKind.FIXED: (),
+    JointKind.REVOLUTE: ("angle",),
+    JointKind.PRISMATIC: ("displacement",),
+    JointKind.CYLINDRICAL: ("displacement", "angle"),
+    JointKind.SCREW: ("angle",),
+    JointKind.UNIVERSAL: ("angle_1", "angle_2"),
+    JointKind.PLANAR: ("displacement_1", "displacement_2", "angle"),
+    JointKind.SPHERICAL: (),
+    JointKind.POINT_ON_LINE: ("displacement",),
+    JointKind.DISTANCE: ("angle_1", "angle_2"),
+    JointKind.FREE: ("x", "y", "z"),
+}
+
+_SPIN = ("wx", "wy", "wz")
+
+#: The speeds of each joint kind, in order: the rates of the coordinates, then the angular velocity of a
+#: spherical end in the axes of the base body (rad/s).
+SPEEDS: Mapping[JointKind, tuple[str, ...]] = {
+    **{kind: tuple(f"{name}_rate" for name in names) for kind, names in COORDINATES.items()},
+    JointKind.SPHERICAL: _SPIN,
+    JointKind.POINT_ON_LINE: ("displacement_rate", *_SPIN),
+    JointKind.DISTANCE: ("angle_1_rate", "angle_2_rate", *_SPIN),
+    JointKind.FREE: ("vx", "vy", "vz", *_SPIN),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """A joint between two bodies, ``base`` and ``follower``.
+
+    ``at`` is the joint's point in the design position, common to both bodies.  ``axes`` holds the joint's
+    directions: the axis of a revolute, prismatic, cylindrical, screw or point-on-line joint; the normal of a
+    planar one; base axis and follower axis of a universal one (perpendicular); nothing otherwise.
+    ``to`` is the follower's point of a distance joint.  ``pitch`` is a screw's advance in metres a radian.
+    The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`.
+    ``cut`` is True for a joint that the model cuts, False for one it wants in the tree, None to let the
+    compiler choose.  ``guide`` prescribes the joint's single coordinate as a function of ``t`` and of inputs.
+    """
+
+    name: str
+    kind: JointKind
+    base: str
+    follower: str
+    at: Vector
+    axes: tuple[Vector, ...]
+    to: Vector | None
+    pitch: Scalar | None
+    cut: bool | None
+    guide: Scalar | None
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointSpring:
+    """Force along the line from ``start`` on ``base`` to ``end`` on ``follower``.
+
+    ``law`` is the tension in N over the symbols ``length`` (m) and ``rate`` (m/s), ``t`` and parameters.
+    """
+
+    name: str
+    base: str
+    follower: str
+    start: Vector
+    end: Vector
+    law: Scalar
+    active: bool
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxialForce:
+    """Force along ``axis``, fixed in ``base``, that pushes ``point`` of ``follower`` in the axis' direction.
+
+    ``law`` is that push in N over ``travel`` (m), the component along the axis of the way from ``origin`` on
+    ``base`` to ``point``, its ``rate`` (m/s), ``t`` and parameters.  The reaction acts on ``base`` on the
+    same line.
+    """
+
+    name: str
+    base: str
+    follower: str
+    origin: Vector
+    point: Vector
+    axis: Vector
+    law: Scalar
+    active: bool
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyLoad:
+    """A force at a point of a body, or a torque on it when ``point`` is None.
+
+    ``components`` are three expressions in N (or N m) in ``axes`` ("global" or "body") over ``x y z`` (m),
+    ``vx vy vz`` (m/s) of the point in those axes' directions (positions always global), ``t`` and parameters;
+    those of a torque over ``t`` and parameters only.
+    """
+
+    name: str
+    body: str
+    point: Vector | None
+    axes: str
+    components: Vector
+    active: bool
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointForce:
+    """A generalised force on the single coordinate of a tree joint.
+
+    ``law`` is in N or N m over ``position``, ``rate``, ``t`` and parameters.
+    """
+
+    name: str
+    joint: str
+    law: Scalar
+    active: bool
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tyre:
+    """A wheel on the road: vertical spring, Calspan lateral and aligning force.
+
+    ``centre`` is the wheel centre, ``axis`` the wheel axis (pointing left when the wheel rolls forward).
+    ``constants`` maps ``stiffness``, ``radius`` and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2``
+    to values.
+    """
+
+    name: str
+    body: str
+    centre: Vector
+    axis: Vector
+    constants: Mapping[str, Scalar]
+    active: bool
+    span: Span
+
+
+Force: TypeAlias = PointSpring | AxialForce | BodyLoad | JointForce | Tyre
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reaction:
+    """A sensor: a cut joint's force on its follower along ``direction``, which is fixed in ``body``."""
+
+    name: str
+    joint: str
+    body: str
+    direction: Vector
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Marker:
+    """A sensor: a point of a body whose position, velocity and acceleration can be asked for."""
+
+    name: str
+    body: str
+    point: Vector
+    span: Span
+
+
+class SegmentKind(StrEnum):
+    """The shape of one stretch of road."""
+
+    FLAT = "flat"  #: constant height over ``length``
+    RAMP = "ramp"  #: straight, ``rise`` over ``length``
+    STEP = "step"  #: vertical change by ``rise`` (length zero)
+    COSINE = "cosine"  #: amplitude * (1 - cos(2 pi x / length)), added to the current height
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoadSegment:
+    """One stretch of road; lengths in m."""
+
+    kind: SegmentKind
+    length: float
+    rise: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Road:
+    """Height over x, of the left (y > 0) and the right track; the first segment begins at x = ``start``.
+
+    Before it the road is flat at height zero, after the last segment it stays at the height reached.
+    ``contact`` is "point" (a follower, force along the local normal) or "disc" (the wheel as a rigid disc,
+    vertical force).
+    """
+
+    contact: str = "point"
+    start: float = 0.0
+    left: tuple[RoadSegment, ...] = ()
+    right: tuple[RoadSegment, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """One column of the results: ``element`` is a body, joint, force or sensor, ``quantity`` what of it."""
+
+    element: str
+    quantity: str
+    span: Span
+
+    @property
+    def column(self) -> str:
+        """The column's name in a CSV header."""
+        return f"{self.element}.{self.quantity}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """Figures of the numerical method.
+
+    ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
+    ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point.
+    """
+
+    dt: float = 1e-3
+    penalty: float = 1e9
+    damping_ratio: float = 1.0
+    frequency: float = 10.0
+    tolerance: float = 1e-6
+    iterations: int = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """What is done with the model.
+
+    ``pose`` is "design" or "equilibrium".  ``positions`` and ``rates`` give initial joint coordinates and
+    speeds by ``joint.coordinate``; ``inputs`` gives inputs as expressions of ``t`` (one that is not given
+    keeps its parameter's value); ``switches`` turns forces on and off by their full names.
+    """
+
+    name: str
+    end: float
+    output_step: float
+    pose: str
+    positions: Mapping[str, Scalar]
+    rates: Mapping[str, Scalar]
+    inputs: Mapping[str, Scalar]
+    switches: Mapping[str, bool]
+    road: Road
+    numerics: Numerics
+    outputs: tuple[Output, ...]
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """A validated model: what the file says, flat and in SI units.
+
+    Element names are unique over bodies, joints, forces, reactions and markers.  An element of a submodel's
+    instance is called ``instance.element``.
+    """
+
+    name: str
+    gravity: Vector
+    parameters: tuple[Parameter, ...]
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...]
+    forces: tuple[Force, ...]
+    reactions: tuple[Reaction, ...]
+    markers: tuple[Marker, ...]
+    scenes: Mapping[str, Scene]
+    span: Span
+    text: str = field(repr=False)

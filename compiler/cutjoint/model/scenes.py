@@ -1,0 +1,259 @@
+"""Scenes: what is done with the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+from cutjoint.model import document
+from cutjoint.model.errors import nearest
+from cutjoint.model.expand import Expansion, used_submodels
+from cutjoint.model.expressions import variable
+from cutjoint.model.laws import LawKind, read_law
+from cutjoint.model.operations import Term
+from cutjoint.model.quantities import JOINT_QUANTITIES, quantities
+from cutjoint.model.quantities import Element as Quantified
+from cutjoint.model.records import (
+    COORDINATES,
+    SPEEDS,
+    Binding,
+    Joint,
+    JointKind,
+    Numerics,
+    Output,
+    Road,
+    RoadSegment,
+    Scalar,
+    Scene,
+    SegmentKind,
+    Span,
+)
+from cutjoint.model.scope import Element, element
+from cutjoint.model.source import Path
+from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, TIME, Dimension
+
+_DIMENSIONS: Mapping[str, Dimension] = {"m": LENGTH, "m/s": SPEED, "rad": NONE, "rad/s": ANGULAR_SPEED}
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """What scenes refer to."""
+
+    expansion: Expansion
+    known: Mapping[str, Quantified]
+    joints: Mapping[str, Joint]
+    outputs: tuple[Output, ...]
+
+
+def read_scenes(model: document.Document, expansion: Expansion) -> dict[str, Scene]:
+    """Read all scenes, with the outputs of the model and its instances as default."""
+    elements = expansion.elements
+    groups = (elements.bodies, elements.joints, elements.forces, elements.reactions, elements.markers)
+    known: dict[str, Quantified] = {part.name: part for group in groups for part in group}
+    joints = {joint.name: joint for joint in elements.joints}
+    stage = _Stage(expansion, known, joints, ())
+    stage = _Stage(expansion, known, joints, _default_outputs(model, stage))
+    return {
+        name: _read_scene(element(expansion.scope, "scene", "scenes", name), s, stage)
+        for name, s in model.scenes.items()
+    }
+
+
+def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
+    numerics = _numerics(where, scene.numerics)
+    step, outputs = numerics.dt, stage.outputs
+    if scene.output_step is not None:
+        step = _positive(where, where.number(scene.output_step, TIME, ("output_step",)), ("output_step",))
+    if scene.outputs is not None:
+        outputs = _outputs(where, scene.outputs, (*where.path, "outputs"), "", stage)
+    return Scene(
+        name=where.name,
+        end=_positive(where, where.number(scene.end, TIME, ("end",)), ("end",)),
+        output_step=step,
+        pose=scene.pose,
+        positions=_states(where, scene.positions, "positions", COORDINATES, stage),
+        rates=_states(where, scene.rates, "rates", SPEEDS, stage),
+        inputs=_inputs(where, scene.inputs, stage),
+        switches=_switches(where, scene.switches, stage),
+        road=_road(where, scene.road),
+        numerics=numerics,
+        outputs=outputs,
+        span=where.span,
+    )
+
+
+def _positive(where: Element, value: float, keys: Path) -> float:
+    if value <= 0:
+        where.fail(f"{keys[-1]} must be greater than zero", "", keys)
+    return value
+
+
+def _numerics(where: Element, part: document.Numerics) -> Numerics:
+    dimensions = {
+        "dt": TIME,
+        "penalty": NONE,
+        "damping_ratio": NONE,
+        "frequency": NONE / TIME,
+        "tolerance": NONE,
+    }
+    numbers = {key: where.number(getattr(part, key), of, ("numerics", key)) for key, of in dimensions.items()}
+    for key in ("dt", "penalty", "tolerance"):
+        _positive(where, numbers[key], ("numerics", key))
+    for key in ("damping_ratio", "frequency"):
+        if numbers[key] < 0:
+            where.fail(f"{key} must not be negative", "", ("numerics", key))
+    _positive(where, part.iterations, ("numerics", "iterations"))
+    return Numerics(**numbers, iterations=part.iterations)
+
+
+def _states(
+    where: Element,
+    values: Mapping[str, Any],
+    section: str,
+    components: Mapping[JointKind, tuple[str, ...]],
+    stage: _Stage,
+) -> dict[str, Scalar]:
+    """Initial coordinates or speeds by "joint.component"."""
+    states = {}
+    for key, value in values.items():
+        name, _, component = key.rpartition(".")
+        joint = stage.joints.get(name)
+        if not name:
+            where.fail(
+                f"{section}: '{key}' names no component", "write joint.component", (section, key), at_key=True
+            )
+        elif joint is None:
+            if not where.scope.directory.misses(name):
+                options = [joint.name for joint in stage.joints.values() if not joint.cut]
+                hint = nearest(name, options, "joints")
+                where.fail(f"{section}: unknown joint '{name}'", hint, (section, key), at_key=True)
+        elif _has_state(where, joint, component, section, components):
+            expected = _DIMENSIONS[JOINT_QUANTITIES[joint.kind][component]]
+            states[key] = where.scalar(value, expected, (section, key))
+    return states
+
+
+def _has_state(
+    where: Element,
+    joint: Joint,
+    component: str,
+    section: str,
+    components: Mapping[JointKind, tuple[str, ...]],
+) -> bool:
+    """Whether a joint's initial state has a component that the scene may give."""
+    keys = (section, f"{joint.name}.{component}")
+    kind = "cut" if joint.cut else joint.kind
+    allowed = () if joint.cut else components[joint.kind]
+    if joint.guide is not None:
+        message = f"{section}: the joint '{joint.name}' is guided"
+        where.fail(message, "its guide gives its motion", keys, at_key=True)
+    elif component not in allowed:
+        hint = nearest(component, allowed, section) or f"a {kind} joint has no {section}"
+        message = f"{section}: the {kind} joint '{joint.name}' has no '{component}'"
+        where.fail(message, hint, keys, at_key=True)
+    return joint.guide is None and component in allowed
+
+
+def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str, Scalar]:
+    """The functions of time that the scene gives to inputs."""
+    scope = where.scope
+    inputs = {p.name: p for p in stage.expansion.parameters if p.binding is Binding.INPUT}
+    for name in (name for name in laws if name not in inputs):
+        hint = nearest(name, inputs, "inputs") or "give a parameter binding: input"
+        where.fail(f"unknown input '{name}'", hint, ("inputs", name), at_key=True)
+    names = {**scope.constants(), "t": Term(variable("t"))}
+    return {name: _input(where, name, laws[name], names) for name in inputs if name in laws}
+
+
+def _input(where: Element, name: str, law: Any, names: Mapping[str, Term]) -> Scalar:
+    kind = LawKind({"t": TIME}, where.scope.names[name].dimension)
+    return read_law(where, law, kind, ("inputs", name), names)
+
+
+def _switches(where: Element, switches: Mapping[str, bool], stage: _Stage) -> dict[str, bool]:
+    """Forces turned on or off, by full name; of two keys that match a force the later one counts."""
+    names = [force.name for force in stage.expansion.elements.forces]
+    found: dict[str, bool] = {}
+    for key, active in switches.items():
+        pattern = key.replace("[", "[[]").replace("?", "[?]")
+        matches = [name for name in names if fnmatchcase(name, pattern)]
+        if not matches and not any(fnmatchcase(name, pattern) for name in where.scope.directory.broken):
+            hint = nearest(key, names, "forces") or "the model has no forces"
+            where.fail(f"switches: no force is called '{key}'", hint, ("switches", key), at_key=True)
+        found.update(dict.fromkeys(matches, active))
+    return found
+
+
+def _road(where: Element, road: document.Road) -> Road:
+    tracks = {}
+    for side in ("left", "right"):
+        name = "profile" if road.profile is not None else side
+        segments = getattr(road, name) or ()
+        tracks[side] = tuple(_segment(where, part, ("road", name, i)) for i, part in enumerate(segments))
+    return Road(contact=road.contact, start=where.number(road.start, LENGTH, ("road", "start")), **tracks)
+
+
+_SEGMENTS: Mapping[type[Any], tuple[SegmentKind, str, str]] = {
+    document.Flat: (SegmentKind.FLAT, "flat", ""),
+    document.Ramp: (SegmentKind.RAMP, "ramp", "rise"),
+    document.Step: (SegmentKind.STEP, "", "step"),
+    document.Cosine: (SegmentKind.COSINE, "cosine", "amplitude"),
+}
+
+
+def _segment(where: Element, part: Any, keys: Path) -> RoadSegment:
+    kind, length_key, rise_key = _SEGMENTS[type(part)]
+    length = where.number(getattr(part, length_key), LENGTH, (*keys, length_key)) if length_key else 0.0
+    rise = where.number(getattr(part, rise_key), LENGTH, (*keys, rise_key)) if rise_key else 0.0
+    if length_key:
+        _positive(where, length, (*keys, length_key))
+    return RoadSegment(
+        kind=kind, length=length, rise=rise, span=where.scope.source.value_span((*where.path, *keys))
+    )
+
+
+def _default_outputs(model: document.Document, stage: _Stage) -> tuple[Output, ...]:
+    """The model's outputs, then those of each instance."""
+    scope = stage.expansion.scope
+    outputs = [*_outputs(Element(scope, "outputs", "", ()), model.outputs, ("outputs",), "", stage)]
+    for name, instance, submodel in used_submodels(model):
+        where = Element(scope, f"instance '{name}'", name, ())
+        outputs += _outputs(
+            where, submodel.outputs, ("submodels", instance.use, "outputs"), f"{name}.", stage
+        )
+    return tuple(outputs)
+
+
+def _outputs(
+    where: Element, names: tuple[str, ...], path: Path, prefix: str, stage: _Stage
+) -> tuple[Output, ...]:
+    found: dict[str, Output] = {}
+    for index, name in enumerate(names):
+        span = where.scope.source.value_span((*path, index))
+        output = _output(where, name, prefix, span, stage)
+        if output is not None and output.column in found:
+            where.scope.problems.add(span, where.label, f"the output '{name}' stands twice", "remove one")
+        elif output is not None:
+            found[output.column] = output
+    return tuple(found.values())
+
+
+def _output(where: Element, name: str, prefix: str, span: Span, stage: _Stage) -> Output | None:
+    local, _, quantity = name.rpartition(".")
+    full = prefix + local
+    if full not in stage.known:
+        if not where.scope.directory.misses(full):
+            options = [known.removeprefix(prefix) for known in stage.known if known.startswith(prefix)]
+            hint = nearest(local, options, "elements") if local else "write element.quantity"
+            message = f"output '{name}': unknown element '{local or name}'"
+            where.scope.problems.add(span, where.label, message, hint)
+        return None
+    allowed = quantities(stage.known[full], stage.joints)
+    if quantity not in allowed:
+        hint = nearest(quantity, allowed, "quantities") or "a joint without coordinates has no quantities"
+        message = f"output '{name}': '{local}' has no quantity '{quantity}'"
+        where.scope.problems.add(span, where.label, message, hint)
+        return None
+    return Output(element=full, quantity=quantity, span=span)

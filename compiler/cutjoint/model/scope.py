@@ -1,0 +1,202 @@
+"""What names mean while elements are read, in the model or in one instance of a submodel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import sympy
+
+from cutjoint.model import document
+from cutjoint.model.errors import Problems, nearest, worded
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions import read_term, variable
+from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.records import GROUND, Scalar, Span, Vector
+from cutjoint.model.source import Path, Source, field_name
+from cutjoint.model.units import Dimension, described
+
+#: Stands for a value that could not be read; its problem is noted, and checks pass it by.
+FAILED = sympy.nan
+FAILED_TERM = Term(FAILED)
+#: Stands for a body that does not exist; its problem is noted.
+UNKNOWN = ""
+
+
+@dataclass(frozen=True)
+class Directory:
+    """All bodies and joints of the model by full name, known before any of them is read.
+
+    ``broken`` names elements and instances that could not be read; what is asked of them is not reported
+    again.
+    """
+
+    bodies: frozenset[str]
+    joints: Mapping[str, document.Joint]
+    broken: frozenset[str]
+
+    def misses(self, name: str) -> bool:
+        """Whether ``name`` is, or belongs to, something that could not be read."""
+        return name in self.broken or name.split(".")[0] in self.broken
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Where elements are read: the model itself (empty ``prefix``) or one instance of a submodel.
+
+    ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``inputs``
+    those of them that may change with time.  ``values`` are the parameters' values by symbol.  ``connectors``
+    maps local body names to full ones.
+    """
+
+    source: Source
+    problems: Problems
+    directory: Directory
+    names: Mapping[str, Term]
+    values: Mapping[Scalar, float]
+    inputs: frozenset[str] = frozenset()
+    path: Path = ()
+    prefix: str = ""
+    connectors: Mapping[str, str] = field(default_factory=dict)
+    points: Mapping[str, Vector] = field(default_factory=dict)
+
+    def full(self, name: str) -> str:
+        """The full name of an element of this scope."""
+        return self.connectors.get(name, self.prefix + name)
+
+    def constants(self) -> dict[str, Term]:
+        """The symbols without inputs."""
+        return {name: term for name, term in self.names.items() if name not in self.inputs}
+
+
+@dataclass(frozen=True)
+class Element:
+    """One element while it is read: turns its fields into expressions and notes what is wrong with them.
+
+    Fields are given with the keys that lead to them inside the element.
+    """
+
+    scope: Scope
+    label: str
+    name: str
+    path: Path
+
+    @property
+    def span(self) -> Span:
+        """Where the element's name stands."""
+        return self.scope.source.key_span(self.path)
+
+    def fail(self, message: str, hint: str = "", keys: Path = (), *, at_key: bool = False) -> None:
+        """Note a problem of the field at ``keys``: of its value, or of its name when ``at_key``."""
+        source, path = self.scope.source, (*self.path, *keys)
+        place = source.key_span(path) if at_key or not keys else source.value_span(path)
+        self.scope.problems.add(place, self.label, message, hint)
+
+    def term(self, value: int | float | str, keys: Path, names: Mapping[str, Term]) -> Term:
+        """A number or expression over ``names``; a failed term when it is wrong."""
+        try:
+            return read_term(value, names)
+        except ExpressionError as error:
+            message, hint = self._explained(error, names)
+            self.fail(worded(field_name(keys), message), hint, keys)
+            return FAILED_TERM
+
+    def _explained(self, error: ExpressionError, names: Mapping[str, Term]) -> tuple[str, str]:
+        """Message and hint; a parameter that is known elsewhere is named as such."""
+        for name in self.scope.names.keys() - names.keys():
+            if error.message == f"unknown symbol '{name}'":
+                if names:
+                    return (
+                        f"the input '{name}' cannot stand here, it may change with time",
+                        "use binding: param",
+                    )
+                return f"the parameter '{name}' cannot stand here", "write a number"
+        return error.message, error.hint
+
+    def scalar(
+        self,
+        value: int | float | str,
+        expected: Dimension | None,
+        keys: Path,
+        names: Mapping[str, Term] | None = None,
+    ) -> Scalar:
+        """A number or expression of dimension ``expected`` (None for any).
+
+        ``names`` are the symbols it may use, by default all parameters that do not change with time.
+        """
+        term = self.term(value, keys, self.scope.constants() if names is None else names)
+        if expected is not None and term.dimension not in (None, expected):
+            self.fail(
+                worded(field_name(keys), f"needs {described(expected)}, got {described(term.dimension)}"),
+                "",
+                keys,
+            )
+        if self._is_closed(term.value) and not math.isfinite(self.value(term.value)):
+            self.fail(worded(field_name(keys), "has no finite value"), "", keys)
+            return FAILED
+        return term.value
+
+    def _is_closed(self, expression: Scalar) -> bool:
+        """Whether an expression has a value once the parameters have theirs."""
+        return not expression.has(FAILED) and expression.free_symbols <= self.scope.values.keys()
+
+    def number(self, value: int | float | str, expected: Dimension | None, keys: Path) -> float:
+        """A number that depends on no parameter; NaN when it is wrong."""
+        expression = self.scalar(value, expected, keys, {})
+        return self.value(expression)
+
+    def value(self, expression: Scalar) -> float:
+        """The value of an expression at the parameters' values."""
+        return evaluate(expression, self.scope.values)
+
+    def triple(
+        self,
+        values: tuple[int | float | str, ...],
+        expected: Dimension | None,
+        keys: Path,
+        names: Mapping[str, Term] | None = None,
+    ) -> Vector:
+        """Three components of dimension ``expected``."""
+        a, b, c = (self.scalar(value, expected, (*keys, index), names) for index, value in enumerate(values))
+        return (a, b, c)
+
+    def with_variables(self, *variables: str) -> dict[str, Term]:
+        """The symbols of a law: its variables, whose dimension fits everywhere, and all parameters."""
+        return {**self.scope.names, **{name: Term(variable(name)) for name in variables}}
+
+    def body(self, name: str, keys: Path) -> str:
+        """The full name of a body, :data:`UNKNOWN` when there is none."""
+        full = name if name == GROUND else self.scope.full(name)
+        directory = self.scope.directory
+        if full in directory.bodies or full in (GROUND, UNKNOWN):
+            return full
+        if not directory.misses(full):
+            self.fail(f"unknown body '{name}'", nearest(name, self._known_bodies(), "bodies here"), keys)
+        return UNKNOWN
+
+    def _known_bodies(self) -> list[str]:
+        prefix = self.scope.prefix
+        own = [name.removeprefix(prefix) for name in self.scope.directory.bodies if name.startswith(prefix)]
+        return [GROUND, *self.scope.connectors, *own]
+
+    def joint(self, name: str, keys: Path) -> tuple[str, document.Joint | None]:
+        """The full name of a joint, and what the document says of it."""
+        full = self.scope.prefix + name
+        directory = self.scope.directory
+        if full not in directory.joints and not directory.misses(full):
+            prefix = self.scope.prefix
+            own = [known.removeprefix(prefix) for known in directory.joints if known.startswith(prefix)]
+            self.fail(f"unknown joint '{name}'", nearest(name, own, "joints here"), keys)
+        return full, directory.joints.get(full)
+
+
+def element(scope: Scope, kind: str, section: str, name: str) -> Element:
+    """The element ``name`` of a section of the document, such as "bodies"."""
+    full = scope.prefix + name
+    return Element(scope, f"{kind} '{full}'", full, (*scope.path, section, name))
+
+
+def with_points(scope: Scope, points: Mapping[str, Vector]) -> Scope:
+    """The same scope, knowing ``points``."""
+    return replace(scope, points=points)

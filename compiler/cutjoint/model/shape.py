@@ -1,0 +1,237 @@
+"""Checks a document's shape with pydantic, and words what is wrong for the user.
+
+Elements of the wrong shape are left out, so that the problems of the others come in the same go.
+"""
+
+from __future__ import annotations
+
+import types
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel, Tag, ValidationError
+from pydantic_core import ErrorDetails
+
+from cutjoint.model.document import Document
+from cutjoint.model.errors import Problems, nearest, worded
+from cutjoint.model.source import Path, Source, field_name
+
+#: Sections whose elements can be left out without making others wrong.
+_REMOVABLE = frozenset({"bodies", "joints", "forces", "reactions", "markers", "scenes"})
+
+#: The kind of element that each section holds.
+KINDS = {
+    "parameters": "parameter",
+    "points": "point",
+    "bodies": "body",
+    "joints": "joint",
+    "forces": "force",
+    "reactions": "reaction",
+    "markers": "marker",
+    "submodels": "submodel",
+    "instances": "instance",
+    "scenes": "scene",
+}
+
+
+@dataclass(frozen=True)
+class Shaped:
+    """A document of the right shape, and the full names of the elements that were left out to make it so."""
+
+    document: Document
+    removed: frozenset[str]
+
+
+def check_shape(source: Source, problems: Problems) -> Shaped | None:
+    """The document of a source, noting every field that is unknown, missing or of the wrong shape.
+
+    None when too much is wrong to go on.
+    """
+    try:
+        return Shaped(Document.model_validate(source.data), frozenset())
+    except ValidationError as error:
+        found = [_Flaw(detail, _data_path(source.data, detail)) for detail in error.errors(include_url=False)]
+    for flaw in found:
+        if not (flaw.kind == "too_short" and any(other.is_inside(flaw) for other in found)):
+            _report(source, problems, flaw)
+    return _without_broken(source, found)
+
+
+@dataclass(frozen=True)
+class _Flaw:
+    """One of pydantic's errors, with the keys to its place in the data."""
+
+    detail: ErrorDetails
+    path: Path
+
+    @property
+    def kind(self) -> str:
+        return self.detail["type"]
+
+    def is_inside(self, other: _Flaw) -> bool:
+        """Whether this flaw explains the other: items that fail make their list look too short."""
+        return len(self.path) > len(other.path) and self.path[: len(other.path)] == other.path
+
+
+def _data_path(data: Any, detail: ErrorDetails) -> Path:
+    """The keys to a place in the data: pydantic's location without the tags of unions.
+
+    A missing key stays as the last item.
+    """
+    path: list[str | int] = []
+    for step in detail["loc"]:
+        inner = dict(enumerate(data)) if isinstance(data, tuple) else data
+        if isinstance(inner, dict) and step in inner:
+            path.append(step)
+            data = inner[step]
+    if detail["type"] == "missing":
+        path.append(detail["loc"][-1])
+    return tuple(path)
+
+
+def _report(source: Source, problems: Problems, flaw: _Flaw) -> None:
+    label, start = element_of(flaw.path)
+    message, hint = _words(flaw)
+    if flaw.kind in ("missing", "extra_forbidden"):
+        inner, place = flaw.path[start:-1], flaw.path if flaw.kind == "extra_forbidden" else flaw.path[:-1]
+        problems.add(source.key_span(place), label, worded(field_name(inner), message), hint)
+    elif flaw.kind == "union_tag_invalid":
+        problems.add(source.value_span((*flaw.path, "kind")), label, message, hint)
+    else:
+        at_name = len(flaw.path) <= start or flaw.detail["loc"][-1] == "[key]"
+        place_of = source.key_span if at_name else source.value_span
+        problems.add(place_of(flaw.path), label, worded(field_name(flaw.path[start:]), message), hint)
+
+
+def element_of(path: Path) -> tuple[str, int]:
+    """The element that a path leads into, in words, and how many keys lead to it."""
+    if path[:1] == ("submodels",) and len(path) >= 4 and path[2] in KINDS and isinstance(path[3], str):
+        return f"{KINDS[str(path[2])]} '{path[3]}' of submodel '{path[1]}'", 4
+    if len(path) >= 2 and path[0] in KINDS:
+        return f"{KINDS[str(path[0])]} '{path[1]}'", 2
+    return "model", 0
+
+
+def _words(flaw: _Flaw) -> tuple[str, str]:
+    """What is wrong, and a hint."""
+    detail, path = flaw.detail, flaw.path
+    context = detail.get("ctx", {})
+    match flaw.kind:
+        case "shape":
+            return detail["msg"], str(context.get("hint", ""))
+        case "missing":
+            return f"the field '{path[-1]}' is missing", ""
+        case "extra_forbidden":
+            return _unknown_field(detail["loc"], path)
+        case "union_tag_not_found":
+            return "the field 'kind' is missing", ""
+        case "union_tag_invalid":
+            return _unknown_kind(
+                element_of(path)[0].split()[0], str(context["tag"]), context["expected_tags"]
+            )
+        case "literal_error":
+            return f"must be {context['expected']}, not {str(detail['input'])[:40]!r}", ""
+        case "too_short":
+            least = context["min_length"]
+            return f"needs at least {least} item{'s' * (least > 1)}, got {context['actual_length']}", ""
+        case "too_long":
+            return f"needs at most {context['max_length']} items, got {context['actual_length']}", ""
+    return _EXPECTATIONS.get(flaw.kind, detail["msg"]), ""
+
+
+_EXPECTATIONS = {
+    "dict_type": "needs a mapping",
+    "model_type": "needs a mapping",
+    "model_attributes_type": "needs a mapping",
+    "tuple_type": "needs a list",
+    "string_type": "needs text",
+    "bool_type": "needs true or false",
+    "int_type": "needs a whole number",
+}
+
+
+def _unknown_kind(what: str, kind: str, expected: str) -> tuple[str, str]:
+    kinds = sorted(expected.replace("'", "").split(", "))
+    guess = nearest(kind, kinds, "kinds")
+    every = f"kinds: {', '.join(kinds)}"
+    return f"unknown {what} kind '{kind}'", guess if guess == every else f"{guess} {every}"
+
+
+def _unknown_field(location: tuple[str | int, ...], path: Path) -> tuple[str, str]:
+    if path[:1] == ("submodels",) and path[2:] in (("instances",), ("submodels",)):
+        return "a submodel cannot hold submodels or instances", "move them to the model"
+    return f"unknown field '{path[-1]}'", nearest(str(path[-1]), _fields_at(location[:-1]), "fields")
+
+
+def _fields_at(location: tuple[str | int, ...]) -> list[str]:
+    """The fields that the document may have at a location of pydantic's."""
+    part: Any = Document
+    for step in location:
+        part = _descend(part, step)
+    part = get_args(part)[0] if get_origin(part) is Annotated else part
+    return [field.alias or name for name, field in part.model_fields.items()] if _is_model(part) else []
+
+
+def _is_model(part: Any) -> bool:
+    return isinstance(part, type) and issubclass(part, BaseModel)
+
+
+def _descend(part: Any, step: str | int) -> Any:
+    """The type one step further in, None when there is none."""
+    if get_origin(part) is Annotated:
+        part = get_args(part)[0]
+    if get_origin(part) in (Union, types.UnionType):
+        members = get_args(part)
+        chosen = [member for member in members if _chosen_by(member, step)]
+        inner = (_descend(member, step) for member in members)
+        return chosen[0] if chosen else next((found for found in inner if found is not None), None)
+    if _is_model(part):
+        fields = {field.alias or name: field.annotation for name, field in part.model_fields.items()}
+        return fields.get(str(step))
+    return {dict: get_args(part)[-1:], tuple: get_args(part)[:1]}.get(get_origin(part) or part, (None,))[0]
+
+
+def _chosen_by(member: Any, step: str | int) -> bool:
+    """Whether ``step`` is the tag of a union's member."""
+    if get_origin(member) is Annotated:
+        return any(isinstance(mark, Tag) and mark.tag == step for mark in get_args(member))
+    kind = member.model_fields.get("kind") if _is_model(member) else None
+    return kind is not None and get_origin(kind.annotation) is Literal and step in get_args(kind.annotation)
+
+
+def _without_broken(source: Source, found: list[_Flaw]) -> Shaped | None:
+    """The document without elements of the wrong shape; None when more than elements is wrong."""
+    drop: set[Path] = set()
+    for flaw in found:
+        start = element_of(flaw.path)[1]
+        if flaw.kind == "extra_forbidden":
+            drop.add(flaw.path)
+        elif start and flaw.path[start - 2] in _REMOVABLE:
+            drop.add(flaw.path[:start])
+        else:
+            return None
+    try:
+        document = Document.model_validate(_pruned(source.data, (), drop))
+    except ValidationError:
+        return None
+    return Shaped(document, frozenset(_full_names(document, drop)))
+
+
+def _pruned(data: Any, path: Path, drop: set[Path]) -> Any:
+    if isinstance(data, dict):
+        return {
+            key: _pruned(value, (*path, key), drop) for key, value in data.items() if (*path, key) not in drop
+        }
+    if isinstance(data, tuple):
+        return tuple(_pruned(value, (*path, index), drop) for index, value in enumerate(data))
+    return data
+
+
+def _full_names(document: Document, drop: set[Path]) -> list[str]:
+    """The names by which others refer to elements that were left out."""
+    names = [str(path[1]) for path in drop if len(path) == 2]
+    for path in drop:
+        if len(path) == 4 and path[0] == "submodels":
+            users = [name for name, instance in document.instances.items() if instance.use == path[1]]
+            names += [f"{user}.{path[3]}" for user in users]
+    return names

@@ -1,0 +1,265 @@
+"""A YAML text becomes plain data, with the place of every value; nothing but data can come out.
+
+Sequences become tuples, mappings become dicts in the file's order.  Numbers follow the YAML 1.2 core schema:
+``1e3`` is a number, ``010`` is ten, ``yes`` and dates are text.
+"""
+
+from __future__ import annotations
+
+import math
+import pathlib
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import yaml
+
+from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.records import Span
+
+#: Keys and indices from the root of the document to a value.
+Path: TypeAlias = tuple[str | int, ...]
+
+
+def field_name(keys: Path) -> str:
+    """A field as a user would name it, such as "numerics.dt"."""
+    return ".".join(key for key in keys if isinstance(key, str))
+
+
+MAX_BYTES = 4_000_000
+MAX_NODES = 100_000  #: nodes as written
+MAX_EXPANDED = 200_000  #: values after aliases and merge keys are expanded
+MAX_DEPTH = 40
+
+_TAG = "tag:yaml.org,2002:"
+
+
+@dataclass(frozen=True)
+class Source:
+    """The data of a YAML text and the place of each value (``values``) and of each mapping key (``keys``)."""
+
+    file: str
+    data: Any = None
+    values: dict[Path, Span] = field(default_factory=dict)
+    keys: dict[Path, Span] = field(default_factory=dict)
+
+    def value_span(self, path: Path) -> Span:
+        """Where the value at ``path`` stands, or the nearest value around it."""
+        while path and path not in self.values:
+            path = path[:-1]
+        return self.values.get(path, Span(file=self.file, line=1, column=1))
+
+    def key_span(self, path: Path) -> Span:
+        """Where the key of the value at ``path`` stands; the value itself for an item of a sequence."""
+        return self.keys.get(path) or self.value_span(path)
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML's safe loader with YAML 1.2 scalars and bounds on depth and number of nodes."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+    depth = 0
+    nodes = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        self.depth += 1
+        self.nodes += 1
+        if self.depth > MAX_DEPTH or self.nodes > MAX_NODES:
+            deep = self.depth > MAX_DEPTH
+            bound = f"nested deeper than {MAX_DEPTH} levels" if deep else f"longer than {MAX_NODES} values"
+            raise yaml.composer.ComposerError(None, None, f"the file is {bound}", self.get_mark())
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+_FLOAT = (
+    r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+    r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
+)
+for _name, _pattern, _first in (
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("int", r"[-+]?[0-9]+", "-+0123456789"),
+    ("float", _FLOAT, "-+0123456789."),
+    ("merge", r"<<", "<"),
+):
+    _Loader.add_implicit_resolver(_TAG + _name, re.compile(rf"^(?:{_pattern})$"), list(_first))
+
+
+def read_text(path: pathlib.Path) -> str:
+    """The text of a file.  Raises ModelError when it cannot be read, is too large or is not UTF-8."""
+    start = Span(file=str(path), line=1, column=1)
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise _error(start, f"cannot be read: {error.strerror}") from None
+    if len(content) > MAX_BYTES:
+        raise _error(start, f"the file is larger than {MAX_BYTES} bytes")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise _error(Span(file=str(path), line=line, column=1), "the file is not UTF-8 text") from None
+
+
+def parse_yaml(text: str, file: str) -> Source:
+    """Read ``text`` as one YAML document; ``file`` is the name that places in it carry.
+
+    Raises ModelError for text that is not YAML, for tags, duplicate keys, recursive aliases, numbers that are
+    not finite, and for documents beyond the bounds of this module.
+    """
+    if len(text) > MAX_BYTES:
+        raise _error(Span(file=file, line=1, column=1), f"the file is larger than {MAX_BYTES} bytes")
+    node = _compose(text, file)
+    if node is None:
+        raise _error(
+            Span(file=file, line=1, column=1), "the file is empty", "a model starts with 'cutjoint: 1'"
+        )
+    converter = _Converter(file)
+    data = converter.convert(node, ())
+    if converter.problems:
+        raise ModelError(converter.problems)
+    return Source(file, data, converter.values, converter.keys)
+
+
+def _error(span: Span, message: str, hint: str = "") -> ModelError:
+    return ModelError([Problem(span=span, element="file", message=message, hint=hint)])
+
+
+def _compose(text: str, file: str) -> yaml.Node | None:
+    try:
+        loader = _Loader(text)
+        return loader.get_single_node()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        raise _error(Span(file=file, line=line, column=column), error.problem or "this is not YAML") from None
+    except yaml.reader.ReaderError as error:
+        before = text[: error.position]
+        span = Span(file=file, line=before.count("\n") + 1, column=len(before) - before.rfind("\n"))
+        raise _error(span, "a control character is not allowed in YAML") from None
+
+
+class _Converter:
+    """Turns composed nodes into data and notes their places."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.values: dict[Path, Span] = {}
+        self.keys: dict[Path, Span] = {}
+        self.problems: list[Problem] = []
+        self._open: set[int] = set()
+        self._flattened: dict[int, dict[str, Any]] = {}
+
+    def span(self, node: yaml.Node) -> Span:
+        return Span(file=self.file, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
+
+    def fail(self, node: yaml.Node, message: str, hint: str = "") -> None:
+        self.problems.append(Problem(span=self.span(node), element="file", message=message, hint=hint))
+
+    def convert(self, node: yaml.Node, path: Path) -> Any:
+        if len(self.values) >= MAX_EXPANDED:
+            raise _error(self.span(node), f"aliases expand the file to more than {MAX_EXPANDED} values")
+        if id(node) in self._open:
+            raise _error(
+                self.span(node), "an alias stands inside the value it names", "remove the recursive alias"
+            )
+        if len(path) > MAX_DEPTH:
+            raise _error(self.span(node), f"aliases nest the file deeper than {MAX_DEPTH} levels")
+        self.values[path] = self.span(node)
+        self._open.add(id(node))
+        value = self._value(node, path)
+        self._open.discard(id(node))
+        return value
+
+    def _value(self, node: yaml.Node, path: Path) -> Any:
+        kind = node.tag.removeprefix(_TAG)
+        if isinstance(node, yaml.MappingNode) and kind == "map":
+            return self._mapping(node, path)
+        if isinstance(node, yaml.SequenceNode) and kind == "seq":
+            return tuple(self.convert(item, (*path, index)) for index, item in enumerate(node.value))
+        if isinstance(node, yaml.ScalarNode) and kind in _SCALARS:
+            return self._scalar(node, kind)
+        self.fail(node, f"the tag '{node.tag}' is not allowed", "a model file holds plain data only")
+        return None
+
+    def _scalar(self, node: yaml.ScalarNode, kind: str) -> Any:
+        try:
+            return _SCALARS[kind](node.value)
+        except ValueError:
+            shown = node.value if len(node.value) <= 30 else node.value[:27] + "..."
+            self.fail(node, f"'{shown}' is not a finite number")
+            return None
+
+    def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Any]:
+        merged, own = self._entries(node)
+        data: dict[str, Any] = {}
+        for name, (key, value) in {**merged, **own}.items():
+            inner = (*path, name)
+            self.keys[inner] = self.span(key)
+            data[name] = self.convert(value, inner)
+        return data
+
+    def _entries(self, node: yaml.MappingNode) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The entries that merge keys bring, and the mapping's own: (key node, value node) by name."""
+        merged: dict[str, tuple[yaml.Node, yaml.Node]] = {}
+        own: dict[str, tuple[yaml.Node, yaml.Node]] = {}
+        for key, value in node.value:
+            if key.tag == _TAG + "merge":
+                for source in self._merge_sources(value):
+                    merged = {**self._flat(source), **merged}
+            elif not isinstance(key, yaml.ScalarNode):
+                self.fail(key, "a key must be a name, not a list or a mapping")
+            elif key.value in own:
+                first = own[key.value][0].start_mark.line + 1
+                self.fail(
+                    key, f"duplicate key '{key.value}', first defined at line {first}", "keep one of them"
+                )
+            else:
+                own[key.value] = (key, value)
+        return merged, own
+
+    def _flat(self, node: yaml.MappingNode) -> dict[str, Any]:
+        """All entries of a mapping that is merged into another."""
+        if id(node) in self._open:
+            raise _error(
+                self.span(node), "an alias stands inside the value it names", "remove the recursive alias"
+            )
+        if id(node) not in self._flattened:
+            self._open.add(id(node))
+            merged, own = self._entries(node)
+            self._open.discard(id(node))
+            self._flattened[id(node)] = {**merged, **own}
+        return self._flattened[id(node)]
+
+    def _merge_sources(self, value: yaml.Node) -> Iterator[yaml.MappingNode]:
+        for source in value.value if isinstance(value, yaml.SequenceNode) else [value]:
+            if isinstance(source, yaml.MappingNode):
+                yield source
+            else:
+                self.fail(source, "'<<' needs a mapping", "write for example '<<: *name'")
+
+
+def _integer(text: str) -> int:
+    if len(text) > 20:
+        raise ValueError
+    return int(text)
+
+
+def _float(text: str) -> float:
+    value = float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    if not math.isfinite(value):
+        raise ValueError
+    return value
+
+
+_SCALARS: dict[str, Callable[[str], Any]] = {
+    "str": str,
+    "int": _integer,
+    "float": _float,
+    "bool": lambda text: text.lower() == "true",
+    "null": lambda text: None,
+}

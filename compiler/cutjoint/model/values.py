@@ -1,0 +1,225 @@
+"""The shapes of values in a model file: numbers, points, directions, inertia, laws.
+
+Only shapes are checked here; names, numbers and units are resolved later.  Unions are told apart by their
+form, so that what is wrong is reported once and in the user's words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainValidator,
+    StrictStr,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from cutjoint.model.names import MAX_NAME_LENGTH, name_problem, parameter_name_problem
+
+MAX_COEFFICIENTS = 20
+MAX_PIECES = 100
+MAX_TABLE = 200
+
+
+class Part(BaseModel):
+    """A mapping with known keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def shape_error(message: str, hint: str = "") -> PydanticCustomError:
+    """An error of shape, in the words that the user reads."""
+    return PydanticCustomError("shape", "{text}", {"text": message, "hint": hint})
+
+
+def told_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
+    """Tells the members of a union apart: by a value's type, or by a key that a mapping has.
+
+    ``forms`` gives the tag for each; ``message`` is for values of no such form.
+    """
+
+    def tag(value: Any) -> str | None:
+        if isinstance(value, dict):
+            return next((forms[key] for key in forms if isinstance(key, str) and key in value), None)
+        return forms.get(type(value))
+
+    return Discriminator(tag, custom_error_type="shape", custom_error_message=message)
+
+
+def _number(value: Any) -> int | float | str:
+    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
+        return value
+    raise shape_error("needs a number or an expression")
+
+
+def _unit(value: Any) -> str:
+    if isinstance(value, str) or value == 1:
+        return str(value)
+    raise shape_error("this is not a unit", "write for example N*s/m")
+
+
+def _three(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) == 3:
+        return value
+    raise shape_error("needs three numbers", "write [x, y, z]")
+
+
+def _two(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) == 2:
+        return value
+    raise shape_error("needs two names", "write [one, other]")
+
+
+def _checked_name(name: str) -> str:
+    problem = name_problem(name)
+    if problem:
+        raise shape_error(*problem)
+    return name
+
+
+def _checked_parameter(name: str) -> str:
+    problem = parameter_name_problem(name)
+    if problem:
+        raise shape_error(*problem)
+    return name
+
+
+_NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "maxLength": MAX_NAME_LENGTH}
+Name = Annotated[StrictStr, AfterValidator(_checked_name), WithJsonSchema(_NAME_SCHEMA)]
+ParameterName = Annotated[StrictStr, AfterValidator(_checked_parameter), WithJsonSchema(_NAME_SCHEMA)]
+Number = Annotated[int | float | str, PlainValidator(_number), WithJsonSchema({"type": ["number", "string"]})]
+Unit = Annotated[str, PlainValidator(_unit), WithJsonSchema({"type": ["string", "integer"]})]
+Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), BeforeValidator(_three)]
+Pair = Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=2), BeforeValidator(_two)]
+Coefficients = Annotated[tuple[Number, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
+
+
+class Midpoint(Part):
+    """Half way between two points."""
+
+    midpoint: Pair
+
+
+class FromTo(Part):
+    """The direction from one point to another."""
+
+    from_: StrictStr = Field(alias="from")
+    to: StrictStr
+
+
+Point: TypeAlias = Annotated[
+    Annotated[Triple, Tag("<list>")]
+    | Annotated[StrictStr, Tag("<text>")]
+    | Annotated[Midpoint, Tag("<midpoint>")],
+    told_by(
+        {tuple: "<list>", str: "<text>", "midpoint": "<midpoint>"},
+        "needs three numbers, a point's name or {midpoint: [P, Q]}",
+    ),
+]
+Direction: TypeAlias = Annotated[
+    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")],
+    told_by({tuple: "<list>", "from": "<from>", "to": "<from>"}, "needs three numbers or {from: P, to: Q}"),
+]
+
+
+class Principal(Part):
+    """Principal moments of inertia and two of the three principal directions."""
+
+    principal: Triple
+    x: Direction | None = None
+    y: Direction | None = None
+    z: Direction | None = None
+
+
+def _three_or_six(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) in (3, 6):
+        return value
+    raise shape_error("needs three or six numbers", "write [Ixx, Iyy, Izz] or [Ixx, Iyy, Izz, Ixy, Ixz, Iyz]")
+
+
+_Matrix = Annotated[tuple[Number, ...], Field(min_length=3, max_length=6), BeforeValidator(_three_or_six)]
+Inertia: TypeAlias = Annotated[
+    Annotated[_Matrix, Tag("<list>")] | Annotated[Principal, Tag("<principal>")],
+    told_by(
+        {tuple: "<list>", "principal": "<principal>"},
+        "needs three or six numbers or {principal: [a, b, c], x: direction, y: direction}",
+    ),
+]
+
+
+class Polynomial(Part):
+    """Coefficients from the constant up, of one variable."""
+
+    polynomial: Coefficients
+    of: StrictStr
+
+
+class Branch(Part):
+    """One piece of a piecewise law: a polynomial or an expression, valid below a limit."""
+
+    below: Number | None = None
+    polynomial: Coefficients | None = None
+    expression: Number | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Branch:
+        if (self.polynomial is None) == (self.expression is None):
+            raise shape_error("a piece needs either polynomial or expression")
+        return self
+
+
+class Piecewise(Part):
+    """Pieces in the order of rising limits; the last has no limit."""
+
+    piecewise: Annotated[tuple[Branch, ...], Field(min_length=1, max_length=MAX_PIECES)]
+    of: StrictStr
+
+
+class Sum(Part):
+    """The sum of several laws."""
+
+    sum: Annotated[tuple[Law, ...], Field(min_length=1, max_length=MAX_PIECES)]
+
+
+class Table(Part):
+    """A monotone cubic curve through points; the keys are ``value`` and the variable's name."""
+
+    table: dict[StrictStr, Annotated[tuple[Number, ...], Field(max_length=MAX_TABLE)]]
+
+
+class SpringDamper(Part):
+    """A linear spring and damper."""
+
+    stiffness: Number = 0
+    damping: Number = 0
+    free_length: Number | None = None
+    free_position: Number | None = None
+
+
+Law: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")]
+    | Annotated[Polynomial, Tag("<polynomial>")]
+    | Annotated[Piecewise, Tag("<piecewise>")]
+    | Annotated[Sum, Tag("<sum>")]
+    | Annotated[Table, Tag("<table>")]
+    | Annotated[SpringDamper, Tag("<spring>")],
+    told_by(
+        {
+            **dict.fromkeys((int, float, str), "<number>"),
+            **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "table")},
+            **dict.fromkeys(("stiffness", "damping"), "<spring>"),
+        },
+        "needs a number, an expression, or a mapping with polynomial, piecewise, sum, table or stiffness",
+    ),
+]
+Sum.model_rebuild()

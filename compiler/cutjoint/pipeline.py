@@ -1,0 +1,173 @@
+"""The compiler from end to end: read this first.
+
+    model.yaml -> Model -> Topology -> Equations -> Program -> Source -> Binary -> Trajectory
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+from cutjoint.emit.source import Source, emit
+from cutjoint.formulate.records import Equations
+from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.model.quantities import quantities, unit_of
+from cutjoint.model.read import read_model
+from cutjoint.model.records import Model, Numerics, Output, Road, Scene
+from cutjoint.program.records import Program
+from cutjoint.program.schedule import schedule
+from cutjoint.run.results import Equilibrium, FailureReport, Trajectory, read_table
+from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.toolchain.build import FLAGS, Binary, build
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.records import Topology
+
+METHODS = ("recursive",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Artifact:
+    """A compiled model: every stage's record, and the seconds that generating and compiling took."""
+
+    topology: Topology
+    scene: Scene
+    equations: Equations
+    program: Program
+    source: Source
+    binary: Binary
+    generate_seconds: float
+    compile_seconds: float
+
+
+class NoEquilibriumError(RuntimeError):
+    """No static equilibrium was found; ``report`` says where the search ended."""
+
+    def __init__(self, report: FailureReport) -> None:
+        super().__init__(str(report))
+        self.report = report
+
+
+def find_scene(model: Model, name: str | None) -> Scene:
+    """The scene of that name, the only one, or an empty one when the model has none.
+
+    Raises:
+        RunError: there is no such scene, or several and none was named.
+    """
+    if name is None and len(model.scenes) <= 1:
+        return next(iter(model.scenes.values()), _empty_scene(model))
+    if name is None or name not in model.scenes:
+        asked = "name a scene" if name is None else f"no scene '{name}'"
+        raise RunError(f"{model.span.file}: {asked}; the model has {', '.join(model.scenes) or 'none'}")
+    return model.scenes[name]
+
+
+def _empty_scene(model: Model) -> Scene:
+    return Scene(
+        name="rest", end=1.0, output_step=1e-3, pose="design", positions={}, rates={}, inputs={}, switches={}, road=Road(),
+        numerics=Numerics(), outputs=(), span=model.span,
+    )  # fmt: skip
+
+
+def generate(model: Model, scene: Scene, outputs: Sequence[Output]) -> tuple[Equations, Program, Source]:
+    """The symbolic half of the pipeline."""
+    # Model -> Topology
+    topology = build_topology(model)
+    # Topology -> Equations
+    equations = formulate_recursive(topology, scene, tuple(outputs))
+    # Equations -> Program
+    program = schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
+    # Program -> Source
+    return equations, program, emit(program, equations)
+
+
+def compile_model(
+    path: Path, *, scene: str | None = None, method: str = "recursive", out: Path | None = None, flags: Sequence[str] = FLAGS,
+    outputs: Sequence[Output] | None = None,
+) -> Artifact:  # fmt: skip
+    """Compile a model file for one scene; ``out`` receives the generated source and the simulator.
+
+    Raises:
+        ModelError, TopologyError: the file is wrong.
+        RunError: there is no such scene or method.
+        ToolchainError: the C++ side failed.
+    """
+    if method not in METHODS:
+        raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
+    # model.yaml -> Model
+    begin = perf_counter()
+    model = read_model(path)
+    chosen = find_scene(model, scene)
+    # Model -> Source
+    equations, program, source = generate(model, chosen, chosen.outputs if outputs is None else outputs)
+    generated = perf_counter()
+    # Source -> Binary
+    binary = build(source, flags=flags, folder=out)
+    return Artifact(
+        topology=equations.topology, scene=chosen, equations=equations, program=program, source=source, binary=binary,
+        generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
+    )  # fmt: skip
+
+
+def simulate(
+    artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None,
+    parameters: Mapping[str, float] | None = None, progress: Progress | None = None,
+) -> Trajectory:  # fmt: skip
+    """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
+
+    A run that fails numerically is returned as far as it came, with its failure.
+
+    Raises:
+        RunError: a parameter that cannot be set.
+        SimulatorError: the simulator could not begin.
+    """
+    scene = artifact.scene
+    numerics = scene.numerics if dt is None else replace(scene.numerics, dt=dt)
+    scene = replace(scene, numerics=numerics, end=scene.end if end is None else end)
+    with TemporaryDirectory() as folder:
+        table = Path(folder) / "table.csv" if out is None else out
+        run_file = make_run_file(artifact.topology.model, scene, parameters or {}, task="simulate", out=str(table.resolve()))
+        summary = call_simulator(artifact.binary.path, run_file, progress)
+        failure = failure_of(summary)
+        if not table.exists():
+            table.write_text("t" + "".join(f",{c.name}" for c in artifact.equations.columns) + "\n", encoding="utf-8")
+        t, columns = read_table(table)
+    units = {c.name: c.unit for c in artifact.equations.columns}
+    if out is not None:
+        out.with_suffix(".units.json").write_text(json.dumps({"t": "s", **units}, indent=2) + "\n", encoding="utf-8")
+    return Trajectory(
+        t=t, columns=columns, units=units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
+        seconds=summary.get("seconds", 0.0), failure=failure,
+    )  # fmt: skip
+
+
+def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> Equilibrium:
+    """The static equilibrium of a model with every quantity of its bodies, forces and reactions.
+
+    Raises:
+        NoEquilibriumError: none was found near the design position.
+        ModelError, TopologyError, RunError, ToolchainError: as for compile_model.
+    """
+    model = read_model(path)
+    chosen = find_scene(model, scene)
+    outputs = _everything(model)
+    equations, _, source = generate(model, chosen, outputs)
+    run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium")
+    summary = call_simulator(build(source).path, run_file)
+    failure = failure_of(summary)
+    if failure is not None:
+        raise NoEquilibriumError(failure)
+    return Equilibrium(values=summary["columns"], units={o.column: unit_of(model, o) for o in outputs})
+
+
+def _everything(model: Model) -> list[Output]:
+    """The pose of each body and every force."""
+    joints = {j.name: j for j in model.joints}
+    pose = ("x", "y", "z", "roll", "pitch", "yaw")
+    bodies = [(b, [q for q in quantities(b, joints) if q in pose]) for b in model.bodies]
+    others = [(e, list(quantities(e, joints))) for e in (*model.forces, *model.reactions)]
+    return [Output(element=e.name, quantity=q, span=e.span) for e, names in (*bodies, *others) for q in names]

@@ -1,0 +1,323 @@
+"""The block IR: typed, immutable, hash-consed matrix expressions.
+
+Grammar (shapes in parentheses, a scalar is a (1, 1) block)::
+
+    block := const(values)                  a matrix of numbers
+           | symbol(name, binding)          an input of the program
+           | call(function; scalar ...)     a scalar function, see FUNCTIONS; lookups carry their table's name
+           | add | sub (a, b)  | neg(a)     elementwise, equal shapes
+           | scale(s, a)                    scalar times block
+           | mul(a, b)                      matrix product
+           | transpose(a)
+           | symmetrise(a)                  a + a^T
+           | sandwich(a, m)                 a m a^T, m symmetric
+           | gram(y, d)                     y^T diag(d) y, d a column
+           | weigh(d, y)                    diag(d) y
+           | mirror(a)                      the upper triangle of a, for an a that is symmetric but not by construction
+           | skew(p)                        p~, with p~ x = p x x
+           | stack(grid; a ...)             blocks beside and above each other
+           | take(rows, columns; a)         a sub-block
+           | ldl_factor(m) | ldl_pivots(m)  m = L D L^T: the unit triangle L, and the column of 1/D
+           | forward(l, b) | backward(l, b) L^-1 b and L^-T b
+
+Equal expressions are one object, so that comparing them is comparing identities.  A block carries whether it is symmetric by
+construction, the binding time of what it depends on, and the section (a body, joint or force) that introduced it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+
+class BindingTime(IntEnum):
+    """When a value is known; a block is known when the latest of its arguments is."""
+
+    CONST = 0  #: in the compiler
+    PARAM = 1  #: when parameters are loaded
+    STEP = 2  #: when a step begins (functions of time)
+    ITERATION = 3  #: at each evaluation
+
+
+#: Scalar functions and their arity; a comparison yields 1.0 or 0.0 and may only feed ``where``, ``and`` and ``or``.
+FUNCTIONS = {
+    "mul": 2, "div": 2, "sqrt": 1, "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1,
+    "cosh": 1, "tanh": 1, "exp": 1, "log": 1, "abs": 1, "pow": 2, "lt": 2, "le": 2, "and": 2, "or": 2, "not": 1,
+    "where": 3, "road_height": 2, "road_slope": 2,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A part of the program that a reader knows: one body, joint, cut joint or force.
+
+    ``stage`` is the sweep it belongs to, ``equation`` the formula that it implements, ``source`` the place in the model file.
+    """
+
+    stage: str
+    element: str
+    equation: str
+    source: str
+
+    @property
+    def title(self) -> str:
+        """One line for a heading."""
+        return f"{self.stage}: {self.element}" if self.element else self.stage
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Block:
+    """A node of the block IR; made by a :class:`Builder` only."""
+
+    op: str
+    args: tuple[Block, ...]
+    data: Hashable
+    shape: tuple[int, int]
+    symmetric: bool
+    binding: BindingTime
+    section: int
+    number: int
+
+    def __repr__(self) -> str:
+        return f"<{self.op} {self.shape[0]}x{self.shape[1]} #{self.number}>"
+
+
+class Builder:
+    """Makes blocks, one object an expression, and keeps their names and sections."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[Hashable, Block] = {}
+        self._section = 0
+        self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
+        self.labels: dict[Block, str] = {}
+
+    @contextmanager
+    def section(self, stage: str, element: str, equation: str, source: str) -> Iterator[None]:
+        """Blocks first made inside belong to this section."""
+        before = self._section
+        self.sections.append(Section(stage=stage, element=element, equation=equation, source=source))
+        self._section = len(self.sections) - 1
+        try:
+            yield
+        finally:
+            self._section = before
+
+    def label(self, block: Block, name: str) -> Block:
+        """Name a block as the literature does; the first name stays."""
+        self.labels.setdefault(block, name)
+        return block
+
+    def _make(
+        self, op: str, args: tuple[Block, ...], shape: tuple[int, int], *, data: Hashable = None, symmetric: bool = False,
+        binding: BindingTime | None = None,
+    ) -> Block:  # fmt: skip
+        key = (op, tuple(a.number for a in args), data, shape)
+        found = self._nodes.get(key)
+        if found is None:
+            when = max((a.binding for a in args), default=BindingTime.CONST) if binding is None else binding
+            found = Block(op, args, data, shape, symmetric, when, self._section, len(self._nodes))
+            self._nodes[key] = found
+        return found
+
+    # Leaves
+
+    def const(self, values: Sequence[Sequence[float]]) -> Block:
+        """A matrix of numbers, given by rows."""
+        rows = tuple(tuple(float(x) + 0.0 for x in row) for row in values)
+        n, m = len(rows), len(rows[0])
+        symmetric = n == m and all(rows[i][j] == rows[j][i] for i in range(n) for j in range(i))
+        return self._make("const", (), (n, m), data=rows, symmetric=symmetric)
+
+    def number(self, value: float) -> Block:
+        """A scalar constant."""
+        return self.const([[value]])
+
+    def zero(self, n: int, m: int = 1) -> Block:
+        """The zero block of shape (n, m)."""
+        return self.const([[0.0] * m] * n)
+
+    def identity(self, n: int) -> Block:
+        """The unit matrix of order n."""
+        return self.const([[float(i == j) for j in range(n)] for i in range(n)])
+
+    def symbol(self, name: str, n: int, binding: BindingTime) -> Block:
+        """An input: a column of n numbers."""
+        return self._make("symbol", (), (n, 1), data=name, binding=binding)
+
+    # Elementwise
+
+    def add(self, a: Block, b: Block) -> Block:
+        """a + b."""
+        _same_shape(a, b)
+        if is_zero(a):
+            return b
+        if is_zero(b):
+            return a
+        return self._make("add", (a, b), a.shape, symmetric=a.symmetric and b.symmetric)
+
+    def sub(self, a: Block, b: Block) -> Block:
+        """a - b."""
+        _same_shape(a, b)
+        if is_zero(b):
+            return a
+        if is_zero(a):
+            return self.neg(b)
+        return self._make("sub", (a, b), a.shape, symmetric=a.symmetric and b.symmetric)
+
+    def total(self, blocks: Sequence[Block]) -> Block:
+        """The sum of one or more blocks, from the left."""
+        result = blocks[0]
+        for block in blocks[1:]:
+            result = self.add(result, block)
+        return result
+
+    def neg(self, a: Block) -> Block:
+        """-a."""
+        if a.op == "neg":
+            return a.args[0]
+        return a if is_zero(a) else self._make("neg", (a,), a.shape, symmetric=a.symmetric)
+
+    def scale(self, s: Block, a: Block) -> Block:
+        """The scalar s times a."""
+        if s.shape != (1, 1):
+            raise ValueError(f"scale needs a scalar, got {s!r}")
+        return a if is_zero(a) else self._make("scale", (s, a), a.shape, symmetric=a.symmetric)
+
+    def call(self, function: str, *args: Block, table: str | None = None) -> Block:
+        """A scalar function of scalars; ``table`` names the road of a lookup."""
+        if FUNCTIONS.get(function) != len(args) or any(a.shape != (1, 1) for a in args):
+            raise ValueError(f"{function} does not take {args!r}")
+        return self._make("call", args, (1, 1), data=(function, table))
+
+    # Products
+
+    def mul(self, a: Block, b: Block) -> Block:
+        """The matrix product a b."""
+        if a.shape[1] != b.shape[0]:
+            raise ValueError(f"mul of {a!r} and {b!r}")
+        if is_zero(a) or is_zero(b):
+            return self.zero(a.shape[0], b.shape[1])
+        if is_identity(a):
+            return b
+        return a if is_identity(b) else self._make("mul", (a, b), (a.shape[0], b.shape[1]))
+
+    def sandwich(self, a: Block, m: Block) -> Block:
+        """a m a^T of a symmetric m."""
+        if not m.symmetric or a.shape[1] != m.shape[0]:
+            raise ValueError(f"sandwich of {a!r} and {m!r}")
+        n = a.shape[0]
+        if is_zero(m):
+            return self.zero(n, n)
+        return m if is_identity(a) else self._make("sandwich", (a, m), (n, n), symmetric=True)
+
+    def gram(self, y: Block, d: Block) -> Block:
+        """y^T diag(d) y for a column d."""
+        if d.shape != (y.shape[0], 1):
+            raise ValueError(f"gram of {y!r} and {d!r}")
+        n = y.shape[1]
+        return self.zero(n, n) if is_zero(y) else self._make("gram", (y, d), (n, n), symmetric=True)
+
+    def weigh(self, d: Block, y: Block) -> Block:
+        """diag(d) y for a column d."""
+        if d.shape != (y.shape[0], 1):
+            raise ValueError(f"weigh of {d!r} and {y!r}")
+        return y if is_zero(y) else self._make("weigh", (d, y), y.shape)
+
+    def mirror(self, a: Block) -> Block:
+        """The symmetric block of a's upper triangle."""
+        return a if a.symmetric else self._make("mirror", (a,), a.shape, symmetric=True)
+
+    def dot(self, a: Block, b: Block) -> Block:
+        """a . b of two columns."""
+        return self.mul(self.transpose(a), b)
+
+    def cross(self, a: Block, b: Block) -> Block:
+        """a x b of two 3-columns."""
+        return self.mul(self.skew(a), b)
+
+    # Shape
+
+    def transpose(self, a: Block) -> Block:
+        """a^T."""
+        if a.symmetric or a.shape == (1, 1):
+            return a
+        if a.op == "transpose":
+            return a.args[0]
+        return self._make("transpose", (a,), (a.shape[1], a.shape[0]))
+
+    def symmetrise(self, a: Block) -> Block:
+        """a + a^T."""
+        return a if is_zero(a) else self._make("symmetrise", (a,), a.shape, symmetric=True)
+
+    def skew(self, p: Block) -> Block:
+        """The 3x3 matrix p~ with p~ x = p x x."""
+        return self.zero(3, 3) if is_zero(p) else self._make("skew", (p,), (3, 3))
+
+    def stack(self, grid: Sequence[Sequence[Block]], *, symmetric: bool = False) -> Block:
+        """Blocks beside each other (inner sequences) and above each other (outer)."""
+        heights = tuple(row[0].shape[0] for row in grid)
+        widths = tuple(a.shape[1] for a in grid[0])
+        args = tuple(a for row in grid for a in row)
+        shape = (sum(heights), sum(widths))
+        if all(is_zero(a) for a in args):
+            return self.zero(*shape)
+        return self._make("stack", args, shape, data=(heights, widths), symmetric=symmetric)
+
+    def column(self, scalars: Sequence[Block]) -> Block:
+        """A column of scalars."""
+        return self.stack([[s] for s in scalars]) if scalars else self.zero(0)
+
+    def take(self, a: Block, rows: tuple[int, int], columns: tuple[int, int] = (0, 1)) -> Block:
+        """The sub-block of the half-open ranges of rows and columns."""
+        shape = (rows[1] - rows[0], columns[1] - columns[0])
+        if shape == a.shape:
+            return a
+        if is_zero(a):
+            return self.zero(*shape)
+        return self._make("take", (a,), shape, data=(rows, columns), symmetric=a.symmetric and rows == columns)
+
+    def element(self, a: Block, i: int, j: int = 0) -> Block:
+        """The scalar a_ij."""
+        return self.take(a, (i, i + 1), (j, j + 1))
+
+    # Symmetric positive definite systems
+
+    def ldl(self, m: Block) -> tuple[Block, Block]:
+        """L and 1/D of m = L D L^T, D without pivoting."""
+        if not m.symmetric:
+            raise ValueError(f"ldl of {m!r}, which is not symmetric")
+        n = m.shape[0]
+        return self._make("ldl_factor", (m,), m.shape), self._make("ldl_pivots", (m,), (n, 1))
+
+    def forward(self, lower: Block, b: Block) -> Block:
+        """L^-1 b."""
+        return b if is_zero(b) else self._make("forward", (lower, b), b.shape)
+
+    def backward(self, lower: Block, b: Block) -> Block:
+        """L^-T b."""
+        return b if is_zero(b) else self._make("backward", (lower, b), b.shape)
+
+
+def is_zero(a: Block) -> bool:
+    """Whether a is the constant zero block."""
+    return a.op == "const" and not any(x for row in _rows(a) for x in row)
+
+
+def is_identity(a: Block) -> bool:
+    """Whether a is a constant unit matrix."""
+    return a.op == "const" and a.shape[0] == a.shape[1] and all(
+        x == (i == j) for i, row in enumerate(_rows(a)) for j, x in enumerate(row)
+    )  # fmt: skip
+
+
+def _rows(a: Block) -> tuple[tuple[float, ...], ...]:
+    rows: Any = a.data
+    return tuple(rows)
+
+
+def _same_shape(a: Block, b: Block) -> None:
+    if a.shape != b.shape:
+        raise ValueError(f"shapes differ: {a!r}, {b!r}")

@@ -1,0 +1,63 @@
+"""The record of a lowered program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutjoint.program.blocks import Block, Section
+from cutjoint.program.lower import Elements
+from cutjoint.program.scalars import FREE, Graph
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """Where one scalar of a function's result goes: element ``index`` of ``target``."""
+
+    target: str
+    index: int
+    scalar: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoweredFunction:
+    """A function as scalars: ``statements`` are its nodes of iteration time, arguments first."""
+
+    name: str
+    results: tuple[Result, ...]
+    statements: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Program:
+    """All functions on one graph.
+
+    ``loaded`` and ``stepped`` are the nodes computed when parameters are loaded and when a step begins; ``kept`` are those of them that
+    later code reads.  ``labels`` names blocks as the formulation did.
+    """
+
+    graph: Graph
+    sections: tuple[Section, ...]
+    elements: Mapping[Block, Elements]
+    labels: Mapping[Block, str]
+    functions: tuple[LoweredFunction, ...]
+    loaded: tuple[int, ...]
+    stepped: tuple[int, ...]
+    kept: frozenset[int]
+
+    def function(self, name: str) -> LoweredFunction:
+        """A function by name."""
+        return next(f for f in self.functions if f.name == name)
+
+    def operations(self, name: str) -> int:
+        """Operations of one call: every addition, multiplication, division, comparison, choice, root or transcendental counts one."""
+        return sum(1 for n in self.function(name).statements if self.graph.nodes[n].op not in FREE)
+
+    def operations_by_section(self, name: str) -> dict[Section, int]:
+        """The operations of one call by the section that introduced them."""
+        counts: dict[int, int] = {}
+        for n in self.function(name).statements:
+            node = self.graph.nodes[n]
+            if node.op not in FREE:
+                counts[node.section] = counts.get(node.section, 0) + 1
+        return {self.sections[i]: counts[i] for i in sorted(counts)}

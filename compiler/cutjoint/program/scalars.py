@@ -1,0 +1,193 @@
+"""The scalar IR: a hash-consed graph of real numbers with signs pulled outwards.
+
+Constants are folded, zeros and ones vanish, sums and products are ordered, and a negation travels up to where an addition
+absorbs it, so that ``a - b`` and ``b - a`` share one node.  Rounding is that of IEEE arithmetic on the
+expression as written, but for ``a/c`` with a constant c, which becomes a product with 1/c.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from cutjoint.program.blocks import BindingTime
+
+#: Functions that the compiler evaluates when all arguments are constants.
+FOLDED = {
+    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos,
+    "atan": math.atan, "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp,
+    "log": math.log, "abs": abs, "pow": math.pow, "lt": lambda a, b: float(a < b), "le": lambda a, b: float(a <= b),
+    "and": lambda a, b: float(bool(a) and bool(b)), "or": lambda a, b: float(bool(a) or bool(b)),
+    "not": lambda a: float(not a), "where": lambda c, a, b: a if c else b,
+}  # fmt: skip
+
+#: What does not count as an operation.
+FREE = frozenset({"const", "symbol", "neg"})
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A node: its operation, the numbers of its arguments, and a constant's value, a symbol's name and index, or a table."""
+
+    op: str
+    args: tuple[int, ...]
+    data: object
+    binding: BindingTime
+    section: int
+
+
+@dataclass
+class Graph:
+    """The scalar nodes, in an order in which arguments come first."""
+
+    nodes: list[Scalar] = field(default_factory=list)
+    _known: dict[tuple[str, tuple[int, ...], object], int] = field(default_factory=dict, repr=False)
+    section: int = 0
+
+    def _make(self, op: str, args: tuple[int, ...], data: object = None, binding: BindingTime | None = None) -> int:
+        key = (op, args, data)
+        number = self._known.get(key)
+        if number is None:
+            when = max((self.nodes[a].binding for a in args), default=BindingTime.CONST) if binding is None else binding
+            number = len(self.nodes)
+            self.nodes.append(Scalar(op, args, data, when, self.section))
+            self._known[key] = number
+        return number
+
+    def const(self, value: float) -> int:
+        """A number; minus zero becomes zero."""
+        return self._make("const", (), float(value) + 0.0)
+
+    def symbol(self, name: str, index: int, binding: BindingTime) -> int:
+        """Element ``index`` of the input ``name``."""
+        return self._make("symbol", (), (name, index), binding)
+
+    def value(self, a: int) -> float | None:
+        """The value of a constant, None of anything else."""
+        node = self.nodes[a]
+        return node.data if node.op == "const" and isinstance(node.data, float) else None
+
+    def _negated(self, a: int) -> int | None:
+        """x if a is -x or a negative constant -x."""
+        node = self.nodes[a]
+        if node.op == "neg":
+            return node.args[0]
+        value = self.value(a)
+        return self.const(-value) if value is not None and value < 0.0 else None
+
+    def neg(self, a: int) -> int:
+        """-a."""
+        value = self.value(a)
+        if value is not None:
+            return self.const(-value)
+        node = self.nodes[a]
+        return node.args[0] if node.op == "neg" else self._make("neg", (a,))
+
+    def add(self, a: int, b: int) -> int:
+        """a + b."""
+        u, v = self.value(a), self.value(b)
+        if u is not None and v is not None:
+            return self.const(u + v)
+        if u == 0.0:
+            return b
+        if v == 0.0:
+            return a
+        minus_b = self._negated(b)
+        if minus_b is not None:
+            return self.sub(a, minus_b)
+        minus_a = self._negated(a)
+        if minus_a is not None:
+            return self.sub(b, minus_a)
+        return self._make("add", (min(a, b), max(a, b)))
+
+    def sub(self, a: int, b: int) -> int:
+        """a - b."""
+        u, v = self.value(a), self.value(b)
+        if u is not None and v is not None:
+            return self.const(u - v)
+        if v == 0.0:
+            return a
+        if u == 0.0:
+            return self.neg(b)
+        if a == b:
+            return self.const(0.0)
+        minus_b = self._negated(b)
+        if minus_b is not None:
+            return self.add(a, minus_b)
+        minus_a = self._negated(a)
+        if minus_a is not None:
+            return self.neg(self.add(minus_a, b))
+        return self.neg(self._known["sub", (b, a), None]) if ("sub", (b, a), None) in self._known else self._make("sub", (a, b))
+
+    def mul(self, a: int, b: int) -> int:
+        """a * b."""
+        u, v = self.value(a), self.value(b)
+        if u is not None and v is not None:
+            return self.const(u * v)
+        if u == 0.0 or v == 0.0:
+            return self.const(0.0)
+        if u == 1.0:
+            return b
+        if v == 1.0:
+            return a
+        minus_a, minus_b = self._negated(a), self._negated(b)
+        if minus_a is not None or minus_b is not None:
+            product = self.mul(a if minus_a is None else minus_a, b if minus_b is None else minus_b)
+            return product if minus_a is not None and minus_b is not None else self.neg(product)
+        return self._make("mul", (min(a, b), max(a, b)))
+
+    def div(self, a: int, b: int) -> int:
+        """a / b."""
+        v = self.value(b)
+        if v is not None and v != 0.0:
+            return self.mul(a, self.const(1.0 / v))
+        if self.value(a) == 0.0:
+            return a
+        minus_a, minus_b = self._negated(a), self._negated(b)
+        if minus_a is not None or minus_b is not None:
+            quotient = self.div(a if minus_a is None else minus_a, b if minus_b is None else minus_b)
+            return quotient if minus_a is not None and minus_b is not None else self.neg(quotient)
+        return self._make("div", (a, b))
+
+    def call(self, function: str, args: tuple[int, ...], table: object = None) -> int:
+        """Any other scalar function."""
+        values = [self.value(a) for a in args]
+        fold = FOLDED.get(function)
+        if fold is not None and all(v is not None for v in values):
+            try:
+                return self.const(float(fold(*values)))
+            except (ValueError, OverflowError):
+                pass  # left to the run, where it gives NaN or infinity as IEEE arithmetic does
+        if function == "where" and (values[0] is not None or args[1] == args[2]):
+            return args[2] if values[0] == 0.0 else args[1]
+        if function in ("sin", "atan", "tan", "asin", "sinh", "tanh"):
+            return self._odd(function, args[0])
+        if function in ("cos", "abs", "cosh"):
+            minus = self._negated(args[0])
+            args = args if minus is None else (minus,)
+        return self._make(function, args, table)
+
+    def _odd(self, function: str, a: int) -> int:
+        minus = self._negated(a)
+        return self._make(function, (a,)) if minus is None else self.neg(self._make(function, (minus,)))
+
+    def power(self, a: int, exponent: int) -> int:
+        """a to a whole power, by squaring."""
+        if exponent < 0:
+            return self.div(self.const(1.0), self.power(a, -exponent))
+        if exponent == 0:
+            return self.const(1.0)
+        half = self.power(a, exponent // 2)
+        square = self.mul(half, half) if exponent > 1 else self.const(1.0)
+        return self.mul(square, a) if exponent % 2 else square
+
+    def reachable(self, roots: list[int]) -> list[int]:
+        """The nodes that the roots depend on, arguments first."""
+        wanted = set(roots)
+        stack = list(roots)
+        while stack:
+            for a in self.nodes[stack.pop()].args:
+                if a not in wanted:
+                    wanted.add(a)
+                    stack.append(a)
+        return sorted(wanted)

@@ -1,0 +1,65 @@
+"""Blocks of named functions -> Program: lower, drop what no result needs, split by binding time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.lower import Lowering
+from cutjoint.program.records import LoweredFunction, Program, Result
+from cutjoint.program.scalars import Graph
+
+
+def schedule(builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block]]]) -> Program:
+    """Lower the functions onto one graph.
+
+    Work that depends on parameters or on time alone leaves the functions for the two earlier stages.
+    """
+    lowering = Lowering()
+    lowering.lower(block for _, results in functions for block in results.values())
+    graph = lowering.graph
+    lowered = tuple(_function(graph, name, results, lowering) for name, results in functions)
+    early = _early(graph, lowered)
+    stepped = tuple(n for n in early if graph.nodes[n].binding is BindingTime.STEP)
+    loaded = tuple(n for n in early if graph.nodes[n].binding is BindingTime.PARAM)
+    return Program(
+        graph=graph, sections=tuple(builder.sections), elements=lowering.elements, labels=dict(builder.labels),
+        functions=lowered, loaded=loaded, stepped=stepped, kept=_kept(graph, lowered, loaded, stepped),
+    )  # fmt: skip
+
+
+def _function(graph: Graph, name: str, results: Mapping[str, Block], lowering: Lowering) -> LoweredFunction:
+    scalars = tuple(
+        Result(target=target, index=i, scalar=row[0])
+        for target, block in results.items()
+        for i, row in enumerate(lowering.elements[block])
+    )
+    reached = graph.reachable([r.scalar for r in scalars])
+    late = tuple(n for n in reached if graph.nodes[n].binding is BindingTime.ITERATION)
+    return LoweredFunction(name=name, results=scalars, statements=late)
+
+
+def _early(graph: Graph, functions: Sequence[LoweredFunction]) -> list[int]:
+    """The nodes of parameter and step time that the functions depend on."""
+    reached = graph.reachable([r.scalar for f in functions for r in f.results])
+    return [n for n in reached if graph.nodes[n].binding in (BindingTime.PARAM, BindingTime.STEP)]
+
+
+def _kept(
+    graph: Graph, functions: Sequence[LoweredFunction], loaded: Sequence[int], stepped: Sequence[int]
+) -> frozenset[int]:
+    """Early nodes that a later stage reads."""
+    kept: set[int] = set()
+    late = [n for f in functions for n in f.statements]
+    for n in (*stepped, *late):
+        when = graph.nodes[n].binding
+        kept.update(a for a in graph.nodes[n].args if BindingTime.CONST < graph.nodes[a].binding < when)
+    results = [r.scalar for f in functions for r in f.results]
+    kept.update(n for n in results if BindingTime.CONST < graph.nodes[n].binding < BindingTime.ITERATION)
+    return frozenset(_signless(graph, n) for n in kept) & (set(loaded) | set(stepped))
+
+
+def _signless(graph: Graph, n: int) -> int:
+    """The node behind a negation, which costs nothing to repeat."""
+    node = graph.nodes[n]
+    return node.args[0] if node.op == "neg" else n

@@ -1,0 +1,68 @@
+"""What a simulator gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailureReport:
+    """Where a run stopped: ``time`` in s, the ``element`` with the worst residual, and what to try."""
+
+    message: str
+    time: float
+    step: int
+    element: str
+    residual: float
+    advice: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}; {self.advice}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
+
+    ``seconds`` is the processor time of the steps alone; ``failure`` is None when the run reached its end.
+    """
+
+    t: Array
+    columns: Mapping[str, Array]
+    units: Mapping[str, str]
+    steps: int
+    evaluations: int
+    seconds: float
+    failure: FailureReport | None
+
+    def __getitem__(self, column: str) -> Array:
+        return self.columns[column]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equilibrium:
+    """A static equilibrium: the value and unit of each quantity by ``element.quantity``."""
+
+    values: Mapping[str, float]
+    units: Mapping[str, str]
+
+    def __getitem__(self, column: str) -> float:
+        return self.values[column]
+
+
+def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
+    """Time and columns of a CSV with one header row."""
+    with path.open(encoding="utf-8") as stream:
+        header = stream.readline().rstrip("\n").split(",")
+        rows = np.loadtxt(stream, delimiter=",", ndmin=2).reshape(-1, len(header))
+    return rows[:, 0], {name: rows[:, i] for i, name in enumerate(header) if i > 0}

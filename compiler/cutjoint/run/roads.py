@@ -1,0 +1,175 @@
+"""Road segments -> pieces that a wheel can look up.
+
+A point follower sees the profile itself.  A rigid disc of radius R sees the envelope of the profile's polygon::
+
+    h_env(x) = max over |u| <= R of h(x + u) + sqrt(R^2 - u^2) - R
+
+whose pieces are straight lines (offset by the disc) and arcs about the corners.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from cutjoint.model.records import Road, RoadSegment, SegmentKind
+
+#: Parts into which a cosine bump is cut where a disc rolls over it.
+BUMP_PARTS = 400
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """From x = begin on: "line" a + b (x - begin); "arc" a + sqrt(b^2 - (x - c)^2); "cosine" a + b (1 - cos(c (x - begin))), in m."""
+
+    kind: str
+    begin: float
+    a: float
+    b: float
+    c: float
+
+    def height(self, x: float) -> float:
+        """Height at x, m."""
+        if self.kind == "arc":
+            return self.a + math.sqrt(max(self.b**2 - (x - self.c) ** 2, 0.0))
+        if self.kind == "cosine":
+            return self.a + self.b * (1 - math.cos(self.c * (x - self.begin)))
+        return self.a + self.b * (x - self.begin)
+
+
+def profile_pieces(segments: Sequence[RoadSegment], start: float) -> list[Piece]:
+    """The profile as a point follower sees it: flat before ``start`` and after the last segment."""
+    x, z = start, 0.0
+    pieces = [Piece(kind="line", begin=start, a=0.0, b=0.0, c=0.0)]
+    for segment in segments:
+        match segment.kind:
+            case SegmentKind.STEP:
+                z += segment.rise
+                continue
+            case SegmentKind.COSINE:
+                pieces.append(Piece(kind="cosine", begin=x, a=z, b=segment.rise, c=2 * math.pi / segment.length))
+            case SegmentKind.RAMP:
+                pieces.append(Piece(kind="line", begin=x, a=z, b=segment.rise / segment.length, c=0.0))
+                z += segment.rise
+            case SegmentKind.FLAT:
+                pieces.append(Piece(kind="line", begin=x, a=z, b=0.0, c=0.0))
+        x += segment.length
+    pieces.append(Piece(kind="line", begin=x, a=z, b=0.0, c=0.0))
+    first_flat = Piece(kind="line", begin=start - 1.0, a=0.0, b=0.0, c=0.0)
+    return [first_flat, *(p for p, after in pairwise([*pieces, pieces[-1]]) if p is pieces[-1] or after.begin > p.begin)]
+
+
+def disc_pieces(segments: Sequence[RoadSegment], start: float, radius: float) -> list[Piece]:
+    """The envelope of a disc of the given radius, minus the radius."""
+    corners = _polygon(segments, start)
+    candidates = [*_offset_lines(corners, radius), *_arcs(corners, radius)]
+    breaks = sorted({x for c in candidates for x in (c.first, c.last)} | set(_crossings(candidates)))
+    pieces: list[Piece] = []
+    for left, right in pairwise([b for b in breaks if math.isfinite(b)]):
+        if right - left < 1e-12:
+            continue
+        middle = (left + right) / 2
+        best = max((c for c in candidates if c.first <= middle <= c.last), key=lambda c: c.piece.height(middle))
+        if not pieces or not _continues(pieces[-1], best.piece):
+            pieces.append(_from(best.piece, left))
+    return pieces
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    piece: Piece
+    first: float
+    last: float
+
+
+def _polygon(segments: Sequence[RoadSegment], start: float) -> list[tuple[float, float]]:
+    """Corners (x, z) of the profile; bumps are cut into short straight parts."""
+    x, z = start, 0.0
+    corners = [(x, z)]
+    for segment in segments:
+        if segment.kind is SegmentKind.COSINE:
+            corners.extend(
+                (x + segment.length * i / BUMP_PARTS, z + segment.rise * (1 - math.cos(2 * math.pi * i / BUMP_PARTS)))
+                for i in range(1, BUMP_PARTS + 1)
+            )
+        else:
+            z += segment.rise if segment.kind is not SegmentKind.FLAT else 0.0
+            corners.append((x + segment.length, z))
+        x += segment.length
+    return corners
+
+
+def _offset_lines(corners: Sequence[tuple[float, float]], radius: float) -> Iterable[_Candidate]:
+    """Where the disc touches a straight part between its ends."""
+    (x0, z0), (x1, z1) = corners[0], corners[-1]
+    margin = 10 * radius + 1.0
+    ends = [(x0 - margin, z0), *corners, (x1 + margin, z1)]
+    for (xa, za), (xb, zb) in pairwise(ends):
+        if xb <= xa:
+            continue
+        slope = (zb - za) / (xb - xa)
+        lean = radius * slope / math.hypot(1, slope)  # the contact stands ahead of the centre by this
+        lift = radius * (math.hypot(1, slope) - 1)
+        piece = Piece(kind="line", begin=xa, a=za + lift, b=slope, c=0.0)
+        yield _Candidate(piece, xa - lean, xb - lean)
+
+
+def _arcs(corners: Sequence[tuple[float, float]], radius: float) -> Iterable[_Candidate]:
+    for x, z in corners:
+        yield _Candidate(Piece(kind="arc", begin=x - radius, a=z - radius, b=radius, c=x), x - radius, x + radius)
+
+
+def _crossings(candidates: Sequence[_Candidate]) -> Iterable[float]:
+    ordered = sorted(candidates, key=lambda c: c.first)
+    for i, one in enumerate(ordered):
+        for other in ordered[i + 1 :]:
+            if other.first > one.last:
+                break
+            for x in _meet(one.piece, other.piece):
+                if max(one.first, other.first) < x < min(one.last, other.last):
+                    yield x
+
+
+def _meet(one: Piece, other: Piece) -> list[float]:
+    """The abscissas where two pieces' curves can cross."""
+    if one.kind == other.kind == "line":
+        if one.b == other.b:
+            return []
+        return [(other.a - other.b * other.begin - one.a + one.b * one.begin) / (one.b - other.b)]
+    if one.kind == other.kind == "arc":
+        dx, dz = other.c - one.c, other.a - one.a
+        distance = math.hypot(dx, dz)
+        if distance == 0 or distance > 2 * one.b:
+            return []
+        height = math.sqrt(one.b**2 - distance**2 / 4)
+        return [(one.c + other.c) / 2 - sign * height * dz / distance for sign in (1, -1)]
+    line, arc = (one, other) if one.kind == "line" else (other, one)
+    # (m x + k)^2 + (x - c)^2 = R^2 with k the line's height over the arc's centre at x = 0
+    m, k = line.b, line.a - line.b * line.begin - arc.a
+    a, b, c = 1 + m * m, 2 * (m * k - arc.c), k * k + arc.c**2 - arc.b**2
+    root = b * b - 4 * a * c
+    return [] if root < 0 else [(-b + sign * math.sqrt(root)) / (2 * a) for sign in (1, -1)]
+
+
+def _continues(before: Piece, piece: Piece) -> bool:
+    if before.kind != piece.kind:
+        return False
+    if before.kind == "arc":
+        return (before.a, before.c) == (piece.a, piece.c)
+    return before.b == piece.b and abs(before.height(piece.begin) - piece.a) < 1e-12
+
+
+def _from(piece: Piece, begin: float) -> Piece:
+    """The same curve, beginning elsewhere."""
+    a = piece.height(begin) if piece.kind == "line" else piece.a
+    return Piece(kind=piece.kind, begin=begin, a=a, b=piece.b, c=piece.c)
+
+
+def road_pieces(road: Road, radius: float) -> dict[str, list[Piece]]:
+    """Both tracks of a road for a wheel of the given radius."""
+    tracks = {"left": road.left, "right": road.right}
+    if road.contact == "disc":
+        return {side: disc_pieces(segments, road.start, radius) for side, segments in tracks.items()}
+    return {side: profile_pieces(segments, road.start) for side, segments in tracks.items()}

@@ -1,0 +1,82 @@
+"""What a simulator is told: the run file, plain data for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+from cutjoint.formulate.inputs import open_parameters
+from cutjoint.model.records import Binding, Model, Scalar, Scene, Tyre
+from cutjoint.run.roads import road_pieces
+
+
+class RunError(ValueError):
+    """A run was asked for that the model cannot do."""
+
+
+def with_numerics(scene: Scene, *, dt: float | None = None, end: float | None = None) -> Scene:
+    """The scene with another step or end; rows are then written at the multiple of dt nearest to the scene's output step."""
+    numerics = scene.numerics if dt is None else replace(scene.numerics, dt=dt)
+    return replace(scene, numerics=numerics, end=scene.end if end is None else end)
+
+
+def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
+    """The open parameters with their values after ``changes`` (SI units).
+
+    Raises:
+        RunError: a change names no open parameter.
+    """
+    values = {p.name: p.value for p in open_parameters(model)}
+    for name, value in changes.items():
+        if name not in values:
+            raise RunError(_unknown(model, name, sorted(values)))
+        values[name] = value
+    return values
+
+
+def _unknown(model: Model, name: str, known: list[str]) -> str:
+    for p in model.parameters:
+        if p.name == name:
+            return f"{p.span}: parameter '{name}' has binding {p.binding}; write 'binding: param' to change it without recompiling"
+    return f"model '{model.name}' has no parameter '{name}'; it has {', '.join(known) or 'none'}"
+
+
+def make_run_file(model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "") -> dict[str, Any]:
+    """The run file of a task: "simulate", "equilibrium" or "evaluate".
+
+    Raises:
+        RunError: a change names no open parameter.
+    """
+    parameters = parameter_values(model, changes)
+    value = Evaluator(model, parameters)
+    return {
+        "task": task,
+        "parameters": parameters,
+        "numerics": asdict(scene.numerics),
+        "end": scene.end,
+        "output_step": scene.output_step,
+        "pose": scene.pose,
+        "positions": {name: value(e) for name, e in scene.positions.items()},
+        "rates": {name: value(e) for name, e in scene.rates.items()},
+        "roads": {f.name: _road(scene, value(f.constants["radius"])) for f in model.forces if isinstance(f, Tyre)},
+        "out": out,
+    }
+
+
+
+
+class Evaluator:
+    """Numbers from expressions over parameters; inputs have their default values."""
+
+    def __init__(self, model: Model, changed: Mapping[str, float]) -> None:
+        self._values = {p.symbol: changed.get(p.name, p.value) for p in model.parameters if p.binding is not Binding.INPUT}
+
+    def __call__(self, expression: Scalar) -> float:
+        """The value of an expression."""
+        return float(expression.subs(self._values)) if hasattr(expression, "subs") else float(expression)
+
+
+def _road(scene: Scene, radius: float) -> dict[str, Any]:
+    tracks = {side: [asdict(p) for p in pieces] for side, pieces in road_pieces(scene.road, radius).items()}
+    return {**tracks, "disc": scene.road.contact == "disc"}

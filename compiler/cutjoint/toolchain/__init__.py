@@ -1,0 +1,1 @@
+"""The toolchain stage: C++ source becomes a binary, once for each content."""

@@ -1,0 +1,138 @@
+"""Generated source -> simulator binary, by CMake, cached by content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import platformdirs
+
+from cutjoint.emit.source import Source
+from cutjoint.locations import runtime_folder
+
+#: Optimisation of generated code: measured on the Iltis, see docs/performance.md.
+FLAGS = ("-O3", "-march=native")
+
+PACKAGES = "g++ cmake ninja-build libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
+
+
+class ToolchainError(RuntimeError):
+    """The C++ side is missing something or refused the code."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Binary:
+    """A built simulator: ``path`` to run, ``fresh`` when it was built now rather than found, with what it was built."""
+
+    path: Path
+    fresh: bool
+    compiler: str
+    flags: tuple[str, ...]
+
+
+def write_source(source: Source, folder: Path) -> None:
+    """Put the generated files into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in source.files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None = None) -> Binary:
+    """Build the simulator of a source, or find it in the cache.
+
+    The cache key covers the generated files, the runtime headers, compiler and flags.  ``folder`` keeps source and binary there as well.
+
+    Raises:
+        ToolchainError: a tool is missing, or the compiler refused the code.
+    """
+    compiler = find_compiler()
+    key = _digest([source.digest, runtime_digest(), compiler_version(compiler), *flags])
+    kept = cache_folder() / key / "simulator"
+    fresh = not kept.exists()
+    if fresh:
+        build_into(kept.parent, flags, lambda folder: write_source(source, folder))
+    if folder is not None:
+        write_source(source, folder)
+        shutil.copy2(kept, folder / "simulator")
+    return Binary(path=kept, fresh=fresh, compiler=compiler_version(compiler), flags=tuple(flags))
+
+
+def build_into(target: Path, flags: Sequence[str], write: object) -> None:
+    """Configure and build in a temporary folder, then move the simulator into place at once."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as name:
+        folder = Path(name)
+        assert callable(write)
+        write(folder / "source")
+        _cmake(folder / "source", folder / "out", flags)
+        ready = folder / "ready"
+        ready.mkdir()
+        shutil.move(folder / "out" / "simulator", ready / "simulator")
+        try:
+            ready.rename(target)
+        except OSError:  # another process was faster
+            if not (target / "simulator").exists():
+                raise
+
+
+def _cmake(source: Path, out: Path, flags: Sequence[str]) -> None:
+    command = [
+        "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
+        f"-DCMAKE_CXX_COMPILER={find_compiler()}", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG", f"-DCUTJOINT_FLAGS={' '.join(flags)}",
+        f"-DCUTJOINT_RUNTIME={runtime_folder() / 'include'}",
+    ]  # fmt: skip
+    _call(command)
+    _call(["cmake", "--build", str(out)])
+
+
+def _call(command: Sequence[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        lines = [x for x in (done.stdout + done.stderr).splitlines() if "error" in x.lower() or "not find" in x]
+        hint = f"install the C++ side: apt-get install {PACKAGES}" if "CMakeLists" in done.stderr else "please report this"
+        raise ToolchainError(f"{command[0]} failed: {'; '.join(lines[:5]) or done.stderr[-800:]} ({hint})")
+
+
+def find_compiler() -> str:
+    """The C++ compiler: $CXX, else g++, else clang++.
+
+    Raises:
+        ToolchainError: a tool is missing.
+    """
+    missing = [tool for tool in ("cmake", "ninja") if shutil.which(tool) is None]
+    for name in (os.environ.get("CXX", ""), "g++", "clang++"):
+        found = shutil.which(name) if name else None
+        if found and not missing:
+            return found
+    missing += [] if shutil.which("g++") or shutil.which("clang++") else ["a C++ compiler"]
+    raise ToolchainError(f"missing: {', '.join(missing) or os.environ.get('CXX', '')}; apt-get install {PACKAGES}")
+
+
+@cache
+def compiler_version(compiler: str) -> str:
+    """The compiler's first line about itself."""
+    return subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+
+
+@cache
+def runtime_digest() -> str:
+    """A digest of the runtime's headers and sources."""
+    folder = runtime_folder()
+    files = sorted(p for p in folder.rglob("*") if p.suffix in (".hpp", ".cpp", ".txt"))
+    return _digest([part for p in files for part in (str(p.relative_to(folder)), p.read_text(encoding="utf-8"))])
+
+
+def cache_folder() -> Path:
+    """Where binaries are kept: $CUTJOINT_CACHE, else the user's cache folder."""
+    return Path(os.environ.get("CUTJOINT_CACHE") or platformdirs.user_cache_path("cutjoint"))
+
+
+def _digest(parts: Sequence[str]) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]

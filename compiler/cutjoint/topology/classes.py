@@ -1,0 +1,89 @@
+"""Classes of isomorphic subtrees, found by comparing signatures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import sympy
+
+from cutjoint.model.records import (
+    GROUND, AxialForce, BodyLoad, Force, Joint, JointForce, Model, PointSpring, Scalar, Tyre,
+)  # fmt: skip
+from cutjoint.topology.records import SubtreeClass, TreeJoint
+
+Signature: TypeAlias = tuple[Any, ...]
+
+
+def find_classes(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[SubtreeClass, ...]:
+    """The classes with two or more members whose subtrees are not parts of larger members, largest subtrees first.
+
+    Two subtrees are isomorphic when their joints, cut joints, forces and massless bodies agree in kind and place; numbers may
+    differ, and so may the bodies outside that they are attached to.
+    """
+    children: dict[str, list[str]] = {}
+    for t in tree:
+        children.setdefault(t.parent, []).append(t.child)
+    members = {t.child: _subtree(t.child, children) for t in tree}
+    groups: dict[Signature, list[str]] = {}
+    for t in tree:
+        groups.setdefault(_signature(t.child, model, tree, cuts, members[t.child]), []).append(t.child)
+    classes = []
+    covered: set[str] = set()
+    for roots in sorted(groups.values(), key=lambda g: (-len(members[g[0]]), g[0])):
+        fresh = [r for r in roots if r not in covered]
+        if len(fresh) > 1:
+            classes.append(SubtreeClass(roots=tuple(fresh), size=len(members[fresh[0]])))
+            covered.update(b for r in fresh for b in members[r])
+    return tuple(classes)
+
+
+def _subtree(body: str, children: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """The bodies of a subtree, innermost first, then breadth by breadth."""
+    bodies = [body]
+    for b in bodies:
+        bodies.extend(children.get(b, ()))
+    return tuple(bodies)
+
+
+def _signature(
+    root: str, model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint], bodies: tuple[str, ...]
+) -> Signature:
+    place = {b: i for i, b in enumerate(bodies)}
+
+    def where(body: str) -> int:
+        return place.get(body, -2 if body == GROUND else -1)
+
+    massless = tuple(next(b.mass == 0 for b in model.bodies if b.name == name) for name in bodies)
+    joints = tuple(
+        (t.joint.kind, where(t.parent), place[t.child], t.reversed, t.joint.guide is not None) for t in tree if t.child in place
+    )
+    closures = sorted((c.kind, where(c.base), where(c.follower)) for c in cuts if c.base in place or c.follower in place)
+    child_of = {t.joint.name: t.child for t in tree}
+    forces = sorted(_force(f, where, child_of) for f in model.forces if any(b in place for b in _bodies(f, child_of)))
+    return massless, joints, tuple(closures), tuple(forces)
+
+
+def _bodies(force: Force, child_of: Mapping[str, str]) -> tuple[str, ...]:
+    if isinstance(force, PointSpring | AxialForce):
+        return force.base, force.follower
+    if isinstance(force, JointForce):
+        return (child_of[force.joint],)
+    return (force.body,)
+
+
+def _force(force: Force, where: Any, child_of: Mapping[str, str]) -> tuple[str, tuple[int, ...], str]:
+    shape = ""
+    if isinstance(force, PointSpring | AxialForce | JointForce):
+        shape = _shape(force.law)
+    elif isinstance(force, BodyLoad):
+        shape = ";".join(_shape(c) for c in force.components)
+    else:
+        assert isinstance(force, Tyre)
+    return type(force).__name__, tuple(where(b) for b in _bodies(force, child_of)), shape
+
+
+def _shape(law: Scalar) -> str:
+    """A law with its numbers taken out."""
+    placeholder = sympy.Symbol("number")
+    return sympy.srepr(law.replace(lambda e: e.is_Number, lambda e: placeholder)) if law.args else type(law).__name__

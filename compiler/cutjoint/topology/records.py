@@ -1,0 +1,70 @@
+"""The records of the body graph."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutjoint.model.records import GROUND, Joint, Model
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeJoint:
+    """A joint of the spanning tree, seen from its inner body.
+
+    ``reversed`` tells that the tree passes from the joint's follower to its base.
+    """
+
+    joint: Joint
+    parent: str
+    child: str
+    reversed: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """The loop that a cut joint closes: ``bodies`` of both branches below ``base``, their deepest common ancestor.
+
+    ``width`` is the largest number of bodies to which an eliminated body of the loop is coupled.
+    """
+
+    cut: str
+    base: str
+    bodies: tuple[str, ...]
+    width: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubtreeClass:
+    """Subtrees of one shape: ``roots`` are their innermost bodies, ``size`` the number of bodies in each."""
+
+    roots: tuple[str, ...]
+    size: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topology:
+    """The spanning tree (parents first), the cut joints, and what follows from them."""
+
+    model: Model
+    tree: tuple[TreeJoint, ...]
+    cuts: tuple[Joint, ...]
+    loops: tuple[Loop, ...]
+    classes: tuple[SubtreeClass, ...]
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The bodies, parents first."""
+        return tuple(t.child for t in self.tree)
+
+    @property
+    def joint_of(self) -> Mapping[str, TreeJoint]:
+        """Each body's joint to its parent."""
+        return {t.child: t for t in self.tree}
+
+    def root_of(self, body: str) -> str:
+        """The body of a branch that stands next to the ground; ground is its own root."""
+        joint_of = self.joint_of
+        while body != GROUND and joint_of[body].parent != GROUND:
+            body = joint_of[body].parent
+        return body

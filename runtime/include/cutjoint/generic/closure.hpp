@@ -1,0 +1,206 @@
+// Cut joints: residual, Jacobian and velocity-dependent acceleration of each kind, as the base sees them.
+//
+// Over what is fixed in the base (its point and directions b) and what is fixed in the follower (its point and directions f), only the
+// latter move, with the relative twist Z = Z_follower - Z_base: p' = V + W x p, f' = W x f.  So Phi' = A Z, A_base = -A.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "cutjoint/generic/kinematics.hpp"
+#include "cutjoint/mechanism.hpp"
+
+namespace cutjoint::generic {
+
+/// The equations of one cut joint: Phi, its Jacobian A transposed (6, size), the drift dA/dt Z seen from the base.
+template <class Real>
+struct Equations {
+  int size = 0;
+  Matrix6<Real> At;
+  Vector6<Real> phi, drift;
+
+  void append(Real residual, const Vector3<Real>& by_v, const Vector3<Real>& by_w, Real curvature) {
+    phi[size] = residual;
+    At.col(size) << by_v, by_w;
+    drift[size] = curvature;
+    ++size;
+  }
+};
+
+/// What moves: the gap between the joint's points, the follower's point p from its pole, its velocity P and the relative twist's W.
+template <class Real>
+struct Encounter {
+  Vector3<Real> gap, p, P, W;
+};
+
+/// The directions of a cut joint, fixed in its bodies; set when parameters are loaded.
+template <class Real>
+struct Directions {
+  std::array<Vector3<Real>, 3> base, follower;
+};
+
+/// A cut joint at an instant: its equations, the rate A Z, s = gamma + 2 xi w Phi' + w^2 Phi, and the way from the base's pole to the
+/// follower's.
+template <class Real>
+struct Closure {
+  Equations<Real> equations;
+  Vector6<Real> rate, s;
+  Vector3<Real> step;
+  bool one_pole = true;
+};
+
+template <class Real>
+class Closures {
+ public:
+  Closures(const Model<Real>& model, const Kinematics<Real>& kinematics)
+      : model_(model), k_(kinematics), directions_(model.cuts.size()), closures_(model.cuts.size()) {}
+
+  void load(const Stabilisation<Real>& stabilisation) {
+    stabilisation_ = stabilisation;
+    for (std::size_t i = 0; i < directions_.size(); ++i) directions_[i] = directions_of(model_.cuts[i].joint);
+  }
+
+  void update() {
+    for (std::size_t i = 0; i < closures_.size(); ++i) update(i);
+  }
+
+  const Closure<Real>& operator[](std::size_t i) const { return closures_[i]; }
+  Real penalty() const { return stabilisation_.penalty; }
+
+ private:
+  Directions<Real> directions_of(const Joint& joint) const {
+    const auto axis = [&](std::size_t i) { return model_.vectors[joint.axes.at(i)]; };
+    switch (joint.kind) {
+      case JointKind::universal: return {{axis(0)}, {axis(1)}};
+      case JointKind::fixed: {
+        const std::array<Vector3<Real>, 3> frame{Vector3<Real>::UnitX(), Vector3<Real>::UnitY(), Vector3<Real>::UnitZ()};
+        return {frame, frame};
+      }
+      case JointKind::spherical:
+      case JointKind::distance: return {};
+      default: {
+        const auto [first, second] = tangents<Real>(axis(0));
+        const std::array<Vector3<Real>, 3> frame{axis(0), first, second};
+        return {frame, frame};
+      }
+    }
+  }
+
+  void update(std::size_t i) {
+    const Cut& cut = model_.cuts[i];
+    Closure<Real>& c = closures_[i];
+    const int base = cut.base.body, follower = cut.follower.body;
+    c.one_pole = model_.same_branch(base, follower);
+    c.step = k_.pole_step(base, follower);
+    const Vector6<Real> carried = twist_at<Real>(k_.frame(base).Z, c.step);
+    const Vector6<Real> Z = k_.frame(follower).Z - carried;
+    Encounter<Real> e;
+    e.p = k_.point(cut.follower);
+    e.gap = e.p - (k_.point(cut.base) - c.step);
+    e.W = Z.template tail<3>();
+    e.P = Z.template head<3>() + e.W.cross(e.p);
+    c.equations.size = 0;
+    write(cut.joint, e, turned(directions_[i], base, follower), c.equations);
+    stabilise(c, Z, carried);
+  }
+
+  /// gamma is the drift less A crm(Z_base) Z, which carries it from the base's axes to the common ones.
+  void stabilise(Closure<Real>& c, const Vector6<Real>& Z, const Vector6<Real>& carried) const {
+    const Vector6<Real> spun = motion_cross<Real>(carried, Z);
+    const Real w = stabilisation_.frequency, doubled = 2 * stabilisation_.damping_ratio * w;
+    for (int n = 0; n < c.equations.size; ++n) {
+      const auto A = c.equations.At.col(n);
+      c.rate[n] = A.dot(Z);
+      c.s[n] = c.equations.drift[n] - A.dot(spun) + doubled * c.rate[n] + w * w * c.equations.phi[n];
+    }
+  }
+
+  /// The directions in global axes.
+  Directions<Real> turned(const Directions<Real>& fixed, int base, int follower) const {
+    Directions<Real> d;
+    for (std::size_t n = 0; n < 3; ++n) {
+      d.base[n] = k_.frame(base).R * fixed.base[n];
+      d.follower[n] = k_.frame(follower).R * fixed.follower[n];
+    }
+    return d;
+  }
+
+  void write(const Joint& joint, const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) const {
+    const auto across = [&] { along(e, d.base[1], out), along(e, d.base[2], out); };
+    switch (joint.kind) {
+      case JointKind::spherical: return close_gap(e, out);
+      case JointKind::revolute: return close_gap(e, out), align(e, d, out);
+      case JointKind::universal: return close_gap(e, out), cross_axes(e, d, out);
+      case JointKind::fixed: return close_gap(e, out), hold_attitude(e, d, out);
+      case JointKind::distance: return keep_length(e, (model_.vectors[joint.to] - model_.vectors[joint.at]).norm(), out);
+      case JointKind::point_on_line: return across();
+      case JointKind::cylindrical: return across(), align(e, d, out);
+      case JointKind::prismatic: return across(), hold_attitude(e, d, out);
+      case JointKind::planar: return along(e, d.base[0], out), align(e, d, out);
+      case JointKind::screw: return across(), align(e, d, out), advance(e, d, model_.expressions[joint.pitch], out);
+      case JointKind::free: throw std::runtime_error("a free joint cannot be a cut joint");
+    }
+  }
+
+  /// Phi = b . gap
+  static void along(const Encounter<Real>& e, const Vector3<Real>& b, Equations<Real>& out) {
+    out.append(b.dot(e.gap), b, e.p.cross(b), b.dot(e.W.cross(e.P)));
+  }
+
+  /// Phi = gap
+  static void close_gap(const Encounter<Real>& e, Equations<Real>& out) {
+    for (int i = 0; i < 3; ++i) along(e, Vector3<Real>::Unit(i), out);
+  }
+
+  /// Phi = f - b
+  static void align(const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) {
+    const Vector3<Real> f = d.follower[0], curvature = e.W.cross(e.W.cross(f));
+    for (int i = 0; i < 3; ++i) out.append(f[i] - d.base[0][i], Vector3<Real>::Zero(), f.cross(Vector3<Real>::Unit(i)), curvature[i]);
+  }
+
+  /// Phi = f . b
+  static void cross_axes(const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) {
+    const Vector3<Real>&f = d.follower[0], &b = d.base[0];
+    out.append(f.dot(b), Vector3<Real>::Zero(), f.cross(b), b.dot(e.W.cross(e.W.cross(f))));
+  }
+
+  /// Phi = sum b_k x f_k / 2: the sine of a small relative rotation.
+  static void hold_attitude(const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) {
+    Vector3<Real> phi = Vector3<Real>::Zero(), curvature = Vector3<Real>::Zero();
+    Matrix3<Real> by_w = Matrix3<Real>::Zero();
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vector3<Real>&b = d.base[k], &f = d.follower[k];
+      phi += b.cross(f) / 2;
+      by_w += (b.dot(f) * Matrix3<Real>::Identity() - f * b.transpose()) / 2;
+      curvature += b.cross(e.W.cross(e.W.cross(f))) / 2;
+    }
+    for (int i = 0; i < 3; ++i) out.append(phi[i], Vector3<Real>::Zero(), by_w.row(i), curvature[i]);
+  }
+
+  /// Phi = (gap^2 - L^2) / (2 L)
+  static void keep_length(const Encounter<Real>& e, Real length, Equations<Real>& out) {
+    const Vector3<Real> n = e.gap / length;
+    out.append((e.gap.squaredNorm() - length * length) / (2 * length), n, e.p.cross(n), e.P.squaredNorm() / length + n.dot(e.W.cross(e.P)));
+  }
+
+  /// Phi = f_1 . c, where c = b_2 cos(angle) - b_1 sin(angle), angle = b_0 . gap / h; c' = o angle', o' = -c angle'.
+  static void advance(const Encounter<Real>& e, const Directions<Real>& d, Real pitch, Equations<Real>& out) {
+    using std::cos, std::sin;
+    const Vector3<Real>&f = d.follower[1], axis = d.base[0] / pitch;
+    const Real angle = axis.dot(e.gap), rate = axis.dot(e.P);
+    const Vector3<Real> c = d.base[2] * cos(angle) - d.base[1] * sin(angle), o = -d.base[2] * sin(angle) - d.base[1] * cos(angle);
+    const Vector3<Real> turning = e.W.cross(f);
+    const Real lead = f.dot(o);
+    const Real curvature =
+        c.dot(e.W.cross(turning)) + 2 * rate * o.dot(turning) - rate * rate * f.dot(c) + lead * axis.dot(e.W.cross(e.P));
+    out.append(f.dot(c), lead * axis, f.cross(c) + lead * e.p.cross(axis), curvature);
+  }
+
+  const Model<Real>& model_;
+  const Kinematics<Real>& k_;
+  Stabilisation<Real> stabilisation_;
+  std::vector<Directions<Real>> directions_;
+  std::vector<Closure<Real>> closures_;
+};
+
+}  // namespace cutjoint::generic

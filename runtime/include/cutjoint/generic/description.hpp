@@ -1,0 +1,41 @@
+// The description of a model that is interpreted at run time.
+#pragma once
+
+#include "cutjoint/generic/model.hpp"
+#include "cutjoint/mechanism.hpp"
+
+namespace cutjoint::generic {
+
+inline std::vector<std::string_view> views_of(const std::vector<std::string>& names) { return {names.begin(), names.end()}; }
+
+inline std::vector<Named> views_of(const std::vector<Names::Item>& items) {
+  std::vector<Named> named;
+  for (const Names::Item& item : items) named.push_back({item.name, item.unit, item.value});
+  return named;
+}
+
+/// How a joint's coordinates follow its speeds: a ball has three speeds and a quaternion, all others a coordinate a speed.
+inline Chart chart_of(const Body& body) {
+  const JointKind kind = body.joint.kind;
+  const bool ball = kind == JointKind::spherical || kind == JointKind::point_on_line || kind == JointKind::distance || kind == JointKind::free;
+  return {body.q, body.v, ball ? body.speeds - 3 : body.speeds, ball};
+}
+
+/// The description; its views stand in the model's names.
+template <class Real>
+Description describe(const Model<Real>& model) {
+  const Names& names = model.names;
+  Description d;
+  d.name = names.model;
+  for (const Body& body : model.bodies)
+    if (body.speeds > 0) d.charts.push_back(chart_of(body));
+  d.coordinates = views_of(names.coordinates);
+  d.speeds = views_of(names.speeds);
+  d.equations = views_of(names.equations);
+  d.parameters = views_of(names.parameters);
+  d.roads = views_of(names.roads);
+  d.columns = views_of(names.columns);
+  return d;
+}
+
+}  // namespace cutjoint::generic

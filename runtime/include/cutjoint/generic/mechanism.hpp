@@ -1,0 +1,102 @@
+// The generic twin of generated code: the same mechanics, with the model read and interpreted at run time.
+#pragma once
+
+#include <vector>
+
+#include "cutjoint/generic/description.hpp"
+#include "cutjoint/generic/force.hpp"
+#include "cutjoint/generic/loops.hpp"
+#include "cutjoint/generic/read_model.hpp"
+#include "cutjoint/generic/recursion.hpp"
+#include "cutjoint/generic/report.hpp"
+
+namespace cutjoint::generic {
+
+/// Interprets a model that the compiler has described (emit/generic.py).  Satisfies the concept Mechanism; nothing allocates after `load`.
+template <class Real>
+class GenericMechanism {
+ public:
+  using real_type = Real;
+
+  explicit GenericMechanism(const Json& document)
+      : model_(read_model<Real>(document)), description_(describe(model_)), plan_(Planner().plan(model_)), kinematics_(model_),
+        closures_(model_, kinematics_), forces_(model_, kinematics_), system_(model_.bodies.size(), plan_.slots),
+        recursion_(model_, kinematics_, plan_), reporter_(model_, kinematics_, forces_, closures_), inertias_(model_.bodies.size()) {}
+
+  GenericMechanism(const GenericMechanism&) = delete;
+  GenericMechanism& operator=(const GenericMechanism&) = delete;
+
+  const Description& description() const { return description_; }
+
+  /// What depends on parameters alone; `roads` must outlive the mechanism.
+  void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) {
+    model_.expressions.load(parameters);
+    model_.vectors.load(model_.expressions);
+    kinematics_.load();
+    closures_.load(stabilisation);
+    forces_.load(roads);
+    for (std::size_t i = 1; i < inertias_.size(); ++i) inertias_[i] = inertia_of(model_.expressions, model_.bodies[i]);
+  }
+
+  /// What depends on time.
+  void begin_step(Real t, Real motion) {
+    model_.expressions.begin_step(t);
+    kinematics_.begin_step(motion);
+  }
+
+  /// Accelerations for given multipliers, and the correction that the augmented update adds to these.
+  void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) {
+    kinematics_.update(q, v);
+    closures_.update();
+    assemble(q, v, lambda);
+    recursion_.condense(system_);
+    recursion_.expand(vdot);
+    correct_multipliers(model_, closures_, [this](int body) -> const Vector6<Real>& { return recursion_.Zdd(body); }, correction);
+  }
+
+  /// Residual of the cut joints and its rate.
+  void close(const Real* q, const Real* v, Real* residual, Real* rate) {
+    kinematics_.update(q, v);
+    closures_.update();
+    for (std::size_t i = 0; i < model_.cuts.size(); ++i) {
+      for (int n = 0; n < model_.cuts[i].size; ++n) {
+        residual[model_.cuts[i].first + n] = closures_[i].equations.phi[n];
+        rate[model_.cuts[i].first + n] = closures_[i].rate[n];
+      }
+    }
+  }
+
+  /// The reported columns.
+  void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) {
+    kinematics_.update(q, v);
+    closures_.update();
+    forces_.add(system_, q, v);
+    forces_.add_tangents();
+    reporter_.report({q, v, vdot, lambda}, column);
+  }
+
+ private:
+  void assemble(const Real* q, const Real* v, const Real* lambda) {
+    system_.clear();
+    const Vector3<Real>& gravity = model_.vectors[model_.gravity];
+    for (int i = ground + 1; i < static_cast<int>(model_.bodies.size()); ++i) {
+      const Body& body = model_.body(i);
+      if (!body.massless) add_body(system_, kinematics_, gravity, i, body, inertias_[static_cast<std::size_t>(i)]);
+    }
+    forces_.add(system_, q, v);
+    add_closures(system_, model_, closures_, plan_, lambda);
+  }
+
+  Model<Real> model_;
+  Description description_;
+  Plan plan_;
+  Kinematics<Real> kinematics_;
+  Closures<Real> closures_;
+  Forces<Real> forces_;
+  BodySystem<Real> system_;
+  Recursion<Real> recursion_;
+  Reporter<Real> reporter_;
+  std::vector<Inertia<Real>> inertias_;
+};
+
+}  // namespace cutjoint::generic

@@ -1,0 +1,116 @@
+// The elimination of the joints, played through once on the body graph: which couplings meet which, and where they are kept.
+#pragma once
+
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "cutjoint/generic/model.hpp"
+
+namespace cutjoint::generic {
+
+/// A coupling C_ij of body i with `body`: a slot, or its transpose.
+struct Link {
+  int body, slot;
+  bool transposed;
+};
+
+/// Where a coupling is added: nowhere (with the ground), to a body's own matrix (of a body with itself), or to a slot or its transpose.
+struct Target {
+  enum class Kind { nothing, diagonal, slot };
+  Kind kind = Kind::nothing;
+  int index = -1;
+  bool transposed = false;
+};
+
+/// How a joint's unknowns go.
+enum class Pivot { none, scalars, free_root, ball };
+
+/// The elimination of one body.  `coupled` are its couplings, `inherited` those of its parent with the same bodies.  `rows` are the bodies
+/// on which its own acceleration comes to depend, kept from `first_row` on; the parent's is `parent_row`, -1 where there is none.
+/// `fills` are the couplings between the rows' bodies, for each row those with the later ones.
+struct Elimination {
+  Pivot pivot = Pivot::none;
+  std::vector<Link> coupled;
+  std::vector<Target> inherited, fills;
+  std::vector<int> rows;
+  int first_row = 0, parent_row = -1;
+};
+
+struct Plan {
+  std::vector<Target> closures;            ///< couplings of follower and base of each cut joint
+  std::vector<Elimination> eliminations;   ///< by body
+  std::size_t slots = 0, rows = 0;
+};
+
+/// Makes the plan of a model; bodies are eliminated in reverse order.
+class Planner {
+ public:
+  template <class Real>
+  Plan plan(const Model<Real>& model) {
+    for (const Cut& cut : model.cuts) plan_.closures.push_back(couple(cut.follower.body, cut.base.body));
+    plan_.eliminations.resize(model.bodies.size());
+    for (int i = static_cast<int>(model.bodies.size()) - 1; i > ground; --i) eliminate(i, model.body(i));
+    return std::move(plan_);
+  }
+
+ private:
+  static Pivot pivot_of(const Body& body) {
+    if (body.speeds == 0) return Pivot::none;
+    if (body.joint.kind == JointKind::spherical) return Pivot::ball;
+    return body.free_root() ? Pivot::free_root : Pivot::scalars;
+  }
+
+  void eliminate(int i, const Body& body) {
+    Elimination& e = plan_.eliminations[static_cast<std::size_t>(i)];
+    e.pivot = pivot_of(body);
+    e.coupled = links(i);
+    if (e.pivot != Pivot::none) choose_rows(e, body.parent);
+    for (const Link& link : e.coupled) e.inherited.push_back(couple(body.parent, link.body));
+    for (std::size_t j = 0; j < e.rows.size(); ++j)
+      for (std::size_t k = j + 1; k < e.rows.size(); ++k) e.fills.push_back(couple(e.rows[j], e.rows[k]));
+    std::erase_if(open_, [i](const auto& entry) { return entry.first.first == i || entry.first.second == i; });
+  }
+
+  /// The coupled bodies, then the parent; a ball passes on to its parent by a formula of its own.
+  void choose_rows(Elimination& e, int parent) {
+    for (const Link& link : e.coupled) e.rows.push_back(link.body);
+    if (e.pivot != Pivot::ball && parent != ground) {
+      for (std::size_t n = 0; n < e.rows.size(); ++n)
+        if (e.rows[n] == parent) e.parent_row = static_cast<int>(n);
+      if (e.parent_row < 0) {
+        e.parent_row = static_cast<int>(e.rows.size());
+        e.rows.push_back(parent);
+      }
+    }
+    e.first_row = static_cast<int>(plan_.rows);
+    plan_.rows += e.rows.size();
+  }
+
+  /// Body i's couplings in the order in which they came to be.
+  std::vector<Link> links(int i) const {
+    std::map<int, Link> found;
+    for (const auto& [bodies, slot] : open_) {
+      if (bodies.first == i) found[slot] = {bodies.second, slot, false};
+      if (bodies.second == i) found[slot] = {bodies.first, slot, true};
+    }
+    std::vector<Link> list;
+    for (const auto& [slot, link] : found) list.push_back(link);
+    return list;
+  }
+
+  Target couple(int i, int j) {
+    if (i == ground || j == ground) return {};
+    if (i == j) return {Target::Kind::diagonal, i, false};
+    const auto reverse = open_.find({j, i});
+    if (reverse != open_.end()) return {Target::Kind::slot, reverse->second, true};
+    const auto [entry, is_new] = open_.try_emplace({i, j}, static_cast<int>(plan_.slots));
+    if (is_new) ++plan_.slots;
+    return {Target::Kind::slot, entry->second, false};
+  }
+
+  Plan plan_;
+  std::map<std::pair<int, int>, int> open_;  ///< slots of the couplings between bodies that are not yet eliminated
+};
+
+}  // namespace cutjoint::generic

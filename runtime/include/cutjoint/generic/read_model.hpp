@@ -1,0 +1,242 @@
+// From the compiler's description of a model (JSON, see emit/generic.py) to its records.
+#pragma once
+
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "cutjoint/generic/model.hpp"
+
+namespace cutjoint::generic {
+
+inline JointKind joint_kind_of(const std::string& name) {
+  static const std::map<std::string, JointKind> kinds = {
+      {"fixed", JointKind::fixed}, {"revolute", JointKind::revolute}, {"prismatic", JointKind::prismatic},
+      {"cylindrical", JointKind::cylindrical}, {"screw", JointKind::screw}, {"universal", JointKind::universal},
+      {"planar", JointKind::planar}, {"spherical", JointKind::spherical}, {"point_on_line", JointKind::point_on_line},
+      {"distance", JointKind::distance}, {"free", JointKind::free}};
+  return kinds.at(name);
+}
+
+/// Reads one model.  Throws std::runtime_error or a nlohmann exception on a description that does not hold together.
+template <class Real>
+class ModelReader {
+ public:
+  explicit ModelReader(const Json& document) : document_(document), model_(document.at("parameters").size()) {
+    if (document.at("format") != "cutjoint-generic-1") throw std::runtime_error("not a description of a model for the generic mechanism");
+  }
+
+  Model<Real> read() {
+    read_names();
+    model_.gravity = model_.vectors.add(triple(document_.at("gravity")));
+    model_.bodies.emplace_back();
+    bodies_["ground"] = ground;
+    origins_.push_back(-1);
+    for (const Json& body : document_.at("bodies")) read_body(body);
+    for (const Json& cut : document_.at("cuts")) read_cut(cut);
+    for (const Json& force : document_.at("forces")) read_force(force);
+    for (const Json& output : document_.at("outputs")) read_output(output);
+    return std::move(model_);
+  }
+
+ private:
+  void read_names() {
+    Names& names = model_.names;
+    names.model = document_.at("name");
+    names.roads = document_.at("roads").template get<std::vector<std::string>>();
+    for (const Json& p : document_.at("parameters")) names.parameters.push_back({p.at("name"), p.at("unit"), p.at("default")});
+  }
+
+  /// "prefix.name" for each name.
+  static void append_names(std::vector<std::string>& to, const Json& element, const char* key) {
+    for (const std::string name : element.at(key)) to.push_back(element.at("name").template get<std::string>() + "." + name);
+  }
+
+  int number(const Json& tree) { return model_.expressions.read(tree); }
+
+  std::array<int, 3> triple(const Json& trees) { return {number(trees.at(0)), number(trees.at(1)), number(trees.at(2))}; }
+
+  int body(const Json& name) const { return bodies_.at(name.get<std::string>()); }
+
+  Fixed point(int body, const Json& trees) {
+    const int origin = origins_[static_cast<std::size_t>(body)];
+    return {body, origin < 0 ? model_.vectors.add(triple(trees)) : model_.vectors.add(triple(trees), origin)};
+  }
+
+  Fixed direction(int body, const Json& trees) { return {body, model_.vectors.add(triple(trees))}; }
+
+  Joint read_joint(const Json& json) {
+    Joint joint;
+    joint.kind = joint_kind_of(json.at("kind"));
+    joint.at = model_.vectors.add(triple(json.at("at")));
+    joint.to = json.at("to").is_null() ? joint.at : model_.vectors.add(triple(json.at("to")));
+    for (const Json& axis : json.at("axes")) joint.axes.push_back(model_.vectors.add(triple(axis)));
+    if (!json.at("pitch").is_null()) joint.pitch = number(json.at("pitch"));
+    return joint;
+  }
+
+  /// Of a distance joint the inner body has one end and the outer body the other; its origin is the joint's point of the outer body.
+  void read_body(const Json& json) {
+    const Json& joint = json.at("joint");
+    const int self = static_cast<int>(model_.bodies.size());
+    Body b;
+    b.parent = body(json.at("parent"));
+    b.root = b.parent == ground ? self : model_.body(b.parent).root;
+    b.reversed = json.at("reversed");
+    b.joint = read_joint(joint);
+    b.inner = point(b.parent, joint.at(b.reversed && !joint.at("to").is_null() ? "to" : "at"));
+    origins_.push_back(b.reversed ? b.joint.at : b.joint.to);
+    read_coordinates(b, joint);
+    read_inertia(b, self, json);
+    bodies_[json.at("name")] = self;
+    model_.bodies.push_back(b);
+  }
+
+  void read_coordinates(Body& b, const Json& joint) {
+    b.guided = !joint.at("guide").is_null();
+    if (b.guided) {
+      const auto guide = triple(joint.at("guide"));
+      b.guide = {guide[0], guide[1], guide[2]};
+    }
+    if (joint.at("q").is_null()) return;  // fixed or guided
+    b.q = joint.at("q");
+    b.v = joint.at("v");
+    b.speeds = static_cast<int>(joint.at("speeds").size());
+    append_names(model_.names.coordinates, joint, "coordinates");
+    append_names(model_.names.speeds, joint, "speeds");
+  }
+
+  void read_inertia(Body& b, int self, const Json& json) {
+    b.mass = number(json.at("mass"));
+    b.massless = model_.expressions.is_constant(b.mass, 0.0);
+    b.centre = point(self, json.at("centre_of_mass"));
+    for (std::size_t i = 0; i < 6; ++i) b.inertia[i] = number(json.at("inertia").at(i));
+  }
+
+  void read_cut(const Json& json) {
+    Cut cut;
+    cut.joint = read_joint(json);
+    cut.base = point(body(json.at("base")), json.at("at"));
+    cut.follower = point(body(json.at("follower")), json.at(json.at("to").is_null() ? "at" : "to"));
+    cut.first = static_cast<int>(model_.names.equations.size());
+    cut.size = static_cast<int>(json.at("equations").size());
+    append_names(model_.names.equations, json, "equations");
+    cuts_[json.at("name")] = static_cast<int>(model_.cuts.size());
+    model_.cuts.push_back(cut);
+  }
+
+  void read_force(const Json& json) {
+    const std::string kind = json.at("kind");
+    const int first = model_.quantities;
+    const std::vector<std::string> names = json.at("quantities").template get<std::vector<std::string>>();
+    for (std::size_t i = 0; i < names.size(); ++i) quantities_[json.at("name").template get<std::string>() + "." + names[i]] = first + static_cast<int>(i);
+    model_.quantities += static_cast<int>(names.size());
+    if (kind == "point_spring") read_point_spring(json, first);
+    else if (kind == "axial_force") read_axial_force(json, first);
+    else if (kind == "load") read_load(json, first);
+    else if (kind == "joint_force") read_joint_force(json, first);
+    else if (kind == "tyre") read_tyre(json, first);
+    else throw std::runtime_error("unknown kind of force '" + kind + "'");
+  }
+
+  Law read_law(const Json& json, const char* position) {
+    Law law;
+    Expressions<Real>& e = model_.expressions;
+    law.position = e.variable(position);
+    law.rate = e.variable("rate");
+    law.value = e.routine([&] { law.force = e.read(json.at("force")); });
+    law.tangents = e.routine([&] {
+      law.stiffness = e.read(json.at("stiffness"));
+      law.damping = e.read(json.at("damping"));
+    });
+    return law;
+  }
+
+  void read_point_spring(const Json& json, int quantity) {
+    const int base = body(json.at("base")), follower = body(json.at("follower"));
+    model_.point_springs.push_back(
+        {point(base, json.at("start")), point(follower, json.at("end")), read_law(json.at("law"), "length"), quantity});
+  }
+
+  void read_axial_force(const Json& json, int quantity) {
+    const int base = body(json.at("base")), follower = body(json.at("follower"));
+    model_.axial_forces.push_back({point(base, json.at("origin")), point(follower, json.at("point")), direction(base, json.at("axis")),
+                                   read_law(json.at("law"), "travel"), quantity});
+  }
+
+  /// A torque has no point; its law may use the place of the body's origin.
+  void read_load(const Json& json, int quantity) {
+    BodyLoad load{};
+    const int on = body(json.at("body"));
+    load.torque = json.at("point").is_null();
+    load.point = load.torque ? Fixed{on, -1} : point(on, json.at("point"));
+    load.body_axes = json.at("axes") == "body";
+    load.quantity = quantity;
+    Expressions<Real>& e = model_.expressions;
+    const char* const names[] = {"x", "y", "z", "vx", "vy", "vz"};
+    for (std::size_t i = 0; i < 6; ++i) load.place[i] = e.variable(names[i]);
+    load.value = e.routine([&] { load.components = triple(json.at("components")); });
+    model_.loads.push_back(load);
+  }
+
+  void read_joint_force(const Json& json, int quantity) {
+    model_.joint_forces.push_back({body(json.at("body")), read_law(json.at("law"), "position"), quantity});
+  }
+
+  void read_tyre(const Json& json, int quantity) {
+    const Json& c = json.at("constants");
+    const auto of = [&](const char* name) { return number(c.at(name)); };
+    const int on = body(json.at("body"));
+    Tyre tyre{};
+    tyre.centre = point(on, json.at("centre"));
+    tyre.axis = direction(on, json.at("axis"));
+    tyre.constants = {of("stiffness"), of("radius"), of("A0"), of("A1"), of("A2"), of("A3"), of("A4"),
+                      of("B1"), of("B3"), of("B4"), of("SN"), of("AF1"), of("AF2")};
+    tyre.road = json.at("road");
+    tyre.quantity = quantity;
+    model_.tyres.push_back(tyre);
+  }
+
+  void read_output(const Json& json) {
+    model_.names.columns.push_back({json.at("name"), json.at("unit")});
+    const std::string kind = json.at("kind");
+    Output output;
+    if (kind == "motion") output = read_motion(json);
+    else if (kind == "reaction") output = {Quantity::reaction, direction(body(json.at("body")), json.at("direction")), 0, cuts_.at(json.at("cut"))};
+    else if (kind == "force") output = {Quantity::force, {}, quantities_.at(json.at("quantity")), -1};
+    else if (kind == "joint_position") output = {Quantity::joint_position, {body(json.at("body")), -1}, json.at("index"), -1};
+    else if (kind == "joint_rate") output = {Quantity::joint_rate, {body(json.at("body")), -1}, json.at("index"), -1};
+    else if (kind != "zero") throw std::runtime_error("unknown kind of output '" + kind + "'");
+    model_.outputs.push_back(output);
+  }
+
+  /// x y z, vx vy vz, wx wy wz, ax ay az, roll pitch yaw.
+  Output read_motion(const Json& json) {
+    const std::string name = json.at("quantity");
+    const Fixed at = point(body(json.at("body")), json.at("point"));
+    if (name == "roll") return {Quantity::roll, at};
+    if (name == "pitch") return {Quantity::pitch, at};
+    if (name == "yaw") return {Quantity::yaw, at};
+    const int axis = name.back() - 'x';
+    const std::string what = name.substr(0, name.size() - 1);
+    if (axis < 0 || axis > 2) throw std::runtime_error("a body has no quantity '" + name + "'");
+    if (what.empty()) return {Quantity::position, at, axis};
+    if (what == "v") return {Quantity::velocity, at, axis};
+    if (what == "w") return {Quantity::angular_velocity, at, axis};
+    if (what == "a") return {Quantity::acceleration, at, axis};
+    throw std::runtime_error("a body has no quantity '" + name + "'");
+  }
+
+  const Json& document_;
+  Model<Real> model_;
+  std::map<std::string, int> bodies_, cuts_, quantities_;
+  std::vector<int> origins_;
+};
+
+template <class Real>
+Model<Real> read_model(const Json& document) {
+  return ModelReader<Real>(document).read();
+}
+
+}  // namespace cutjoint::generic

@@ -1,0 +1,103 @@
+// Reported quantities: motion of bodies and markers, joint coordinates, forces, reactions.
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+#include "cutjoint/generic/closure.hpp"
+#include "cutjoint/generic/force.hpp"
+
+namespace cutjoint::generic {
+
+/// What a column can depend on.
+template <class Real>
+struct Instant {
+  const Real *q, *v, *vdot, *lambda;
+};
+
+template <class Real>
+class Reporter {
+ public:
+  Reporter(const Model<Real>& model, const Kinematics<Real>& kinematics, const Forces<Real>& forces, const Closures<Real>& closures)
+      : model_(model), k_(kinematics), forces_(forces), closures_(closures), Zdd_(model.bodies.size(), Vector6<Real>::Zero()) {}
+
+  /// Kinematics, forces and closures must belong to the instant.
+  void report(const Instant<Real>& instant, Real* column) {
+    accelerate(instant.vdot);
+    for (std::size_t i = 0; i < model_.outputs.size(); ++i) column[i] = value(model_.outputs[i], instant);
+  }
+
+ private:
+  /// Zdd of every body from the joints' accelerations.
+  void accelerate(const Real* vdot) {
+    for (int i = ground + 1; i < static_cast<int>(model_.bodies.size()); ++i) {
+      const Body& body = model_.body(i);
+      Vector6<Real>& Zdd = Zdd_[static_cast<std::size_t>(i)];
+      Zdd = Zdd_[static_cast<std::size_t>(body.parent)] + k_.motion(i).d;
+      if (body.speeds > 0) add_own(Zdd, i, body, vdot + body.v);
+    }
+  }
+
+  /// b zdd, with the b that kinematics does not form.
+  void add_own(Vector6<Real>& Zdd, int i, const Body& body, const Real* vdot) const {
+    if (body.free_root()) Zdd += Eigen::Map<const Vector6<Real>>(vdot);
+    else if (body.joint.kind == JointKind::spherical) {
+      const Vector3<Real> wd = k_.frame(body.parent).R * Eigen::Map<const Vector3<Real>>(vdot);
+      Zdd.template head<3>() += k_.motion(i).point.cross(wd);
+      Zdd.template tail<3>() += wd;
+    } else {
+      for (int n = 0; n < body.speeds; ++n) Zdd += vdot[n] * k_.motion(i).b.col(n);
+    }
+  }
+
+  Real value(const Output& output, const Instant<Real>& instant) const {
+    switch (output.quantity) {
+      case Quantity::zero: return Real(0);
+      case Quantity::reaction: return reaction(output, instant.lambda);
+      case Quantity::force: return forces_.quantity(output.index);
+      case Quantity::joint_position: return k_.position(output.at.body, output.index, instant.q);
+      case Quantity::joint_rate: return k_.rate(output.at.body, output.index, instant.v);
+      default: return motion(output);
+    }
+  }
+
+  /// Place, velocity, acceleration of a point; angular velocity and attitude (yaw, pitch, roll about z, y, x in turn) of its body.
+  Real motion(const Output& output) const {
+    using std::asin, std::atan2;
+    const Frame<Real>& frame = k_.frame(output.at.body);
+    const Vector3<Real> point = k_.point(output.at);
+    switch (output.quantity) {
+      case Quantity::position: return point[output.index] + frame.pole[output.index];
+      case Quantity::velocity: return k_.velocity(output.at.body, point)[output.index];
+      case Quantity::angular_velocity: return frame.Z[3 + output.index];
+      case Quantity::acceleration: return acceleration(output.at.body, point)[output.index];
+      case Quantity::roll: return atan2(frame.R(2, 1), frame.R(2, 2));
+      case Quantity::pitch: return asin(-frame.R(2, 0));
+      default: return atan2(frame.R(1, 0), frame.R(0, 0));
+    }
+  }
+
+  /// a_0 + wd x p + w x (v_0 + w x p).
+  Vector3<Real> acceleration(int body, const Vector3<Real>& point) const {
+    const Vector6<Real>& Zdd = Zdd_[static_cast<std::size_t>(body)];
+    const Vector3<Real> w = k_.frame(body).Z.template tail<3>(), wd = Zdd.template tail<3>();
+    return Zdd.template head<3>() + wd.cross(point) + w.cross(k_.velocity(body, point));
+  }
+
+  /// The linear part of the cut joint's force on its follower, -A^T lambda, along a direction.
+  Real reaction(const Output& output, const Real* lambda) const {
+    const Cut& cut = model_.cuts[static_cast<std::size_t>(output.cut)];
+    const Equations<Real>& equations = closures_[static_cast<std::size_t>(output.cut)].equations;
+    Vector3<Real> pull = Vector3<Real>::Zero();
+    for (int n = 0; n < cut.size; ++n) pull -= lambda[cut.first + n] * equations.At.col(n).template head<3>();
+    return k_.direction(output.at).dot(pull);
+  }
+
+  const Model<Real>& model_;
+  const Kinematics<Real>& k_;
+  const Forces<Real>& forces_;
+  const Closures<Real>& closures_;
+  std::vector<Vector6<Real>> Zdd_;
+};
+
+}  // namespace cutjoint::generic

@@ -1,0 +1,75 @@
+// What a mechanism is to the runtime: the contract between generated code (or the generic twin) and the integrators.
+#pragma once
+
+#include <concepts>
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace cutjoint {
+
+/// How one joint's coordinates follow its speeds: `scalars` coordinates from `q` on, their rates from `v` on; a ball adds a unit
+/// quaternion (scalar first) after the scalars and, after their rates, an angular velocity in the inner body's axes.
+struct Chart {
+  int q;
+  int v;
+  int scalars;
+  bool ball;
+};
+
+/// A name with its unit and default value; what it names depends on the list that it stands in.
+struct Named {
+  std::string_view name;
+  std::string_view unit;
+  double value = 0.0;
+};
+
+/// Everything about a mechanism that does not change in a run.
+struct Description {
+  std::string_view name;
+  std::vector<Chart> charts;
+  std::vector<std::string_view> coordinates;  ///< names of q
+  std::vector<std::string_view> speeds;       ///< names of v
+  std::vector<std::string_view> equations;    ///< names of the cut joints' equations
+  std::vector<Named> parameters;              ///< open parameters with defaults, SI units
+  std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
+  std::vector<Named> columns;                 ///< reported quantities
+};
+
+/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).
+template <class Real>
+struct Stabilisation {
+  Real penalty{1e9};
+  Real damping_ratio{1};
+  Real frequency{10};
+};
+
+template <class Real>
+class Road;
+
+/// A mechanism.  All arrays belong to the caller and have the lengths of its description's lists; nothing allocates.
+///
+/// - `load` computes what depends on parameters alone,
+/// - `begin_step` what depends on time; `motion` is 1 in a run and 0 where a mechanism is held at rest, which stops guides and drives,
+/// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
+/// - `close` the residual of the cut joints and its rate,
+/// - `report` the columns.
+template <class M>
+concept Mechanism = requires(M m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
+                             const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
+  typename M::real_type;
+  { m.description() } -> std::convertible_to<const Description&>;
+  m.load(in, s, roads);
+  m.begin_step(t, t);
+  m.evaluate(in, in, in, out, out);
+  m.close(in, in, out, out);
+  m.report(in, in, in, in, out);
+};
+
+/// condition ? yes : no, both evaluated.
+template <class Real>
+constexpr Real where(bool condition, Real yes, Real no) {
+  return condition ? yes : no;
+}
+
+}  // namespace cutjoint

@@ -1,0 +1,189 @@
+// A consistent start: closed loops, speeds that keep them closed, accelerations with their multipliers, static equilibrium.
+#pragma once
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/retraction.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint {
+
+/// Finds starts of a mechanism; a speed that is `held` (given by the user) is not changed, nor is its coordinate.
+template <Mechanism M>
+class Starter {
+ public:
+  using Real = typename M::real_type;
+  using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
+  using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
+
+  explicit Starter(M& mechanism)
+      : mechanism_(mechanism), d_(mechanism.description()), n_(static_cast<Eigen::Index>(d_.speeds.size())),
+        m_(static_cast<Eigen::Index>(d_.equations.size())) {}
+
+  /// Close the loops by the shortest way from the given coordinates (Gauss-Newton with least-norm steps).
+  /// Throws Failure naming the equation that stays open.
+  void assemble(State<Real>& state, const std::vector<bool>& held, Real motion) const {
+    mechanism_.begin_step(state.t, motion);
+    Vector gap = residual(state);
+    for (int iteration = 0; iteration < 50 && largest(gap) > closed(); ++iteration) {
+      const Vector step = least_norm(held_out(jacobian(state), held), gap);
+      move(state, step, -std::min(Real(1), Real(0.5) / std::max(largest(step), Real(1e-30))));
+      gap = residual(state);
+    }
+    if (!(largest(gap) <= Real(1e-9))) open_loop("the loop cannot close from the given coordinates", state, gap);
+  }
+
+  /// Change the speeds that are not held, least in the mean square, so that the loops stay closed.
+  void make_consistent(State<Real>& state, const std::vector<bool>& held, Real motion) const {
+    mechanism_.begin_step(state.t, motion);
+    const Vector gap = rate(state);
+    const Vector step = least_norm(held_out(jacobian(state), held), gap);
+    for (Eigen::Index i = 0; i < n_; ++i) state.v[static_cast<std::size_t>(i)] -= step[i];
+    const Vector left = rate(state);
+    if (!(largest(left) <= Real(1e-9) * (Real(1) + largest(gap)))) open_loop("the given speeds contradict the loops", state, left);
+  }
+
+  /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay.
+  /// Returns whether they did.
+  bool accelerate(State<Real>& state, Real motion) const {
+    mechanism_.begin_step(state.t, motion);
+    std::vector<Real> before, correction(state.lambda.size());
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      before = state.vdot;
+      mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction.data());
+      for (std::size_t i = 0; i < correction.size(); ++i) state.lambda[i] += correction[i];
+      Real change(0), size(1);
+      for (std::size_t i = 0; i < before.size(); ++i) {
+        change = std::max(change, std::abs(state.vdot[i] - before[i]));
+        size = std::max(size, std::abs(state.vdot[i]));
+      }
+      if (iteration > 1 && change <= Real(1e-12) * size) return true;
+    }
+    return false;
+  }
+
+  /// The pose near the given one in which nothing accelerates at rest: Newton's method on vdot(q) = 0 with differences and least-norm
+  /// steps, since directions without stiffness (a car's x, y and yaw) are free.  A held coordinate stays and may carry a force.
+  /// Throws Failure naming what still accelerates.
+  void equilibrate(State<Real>& state, const std::vector<bool>& held) const {
+    std::fill(state.v.begin(), state.v.end(), Real(0));
+    Vector a = rest_acceleration(state, held);
+    for (int iteration = 0; iteration < 60 && largest(a) > Real(1e-9); ++iteration) {
+      const Vector step = least_norm(held_out(stiffness(state, held), held), a);
+      const State<Real> from = state;
+      Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step), Real(1e-30)));
+      Vector next;
+      for (int halving = 0; halving < 12; ++halving, fraction /= 2) {
+        state = from;
+        move(state, step, -fraction);
+        next = rest_acceleration(state, held);
+        if (next.norm() < a.norm()) break;
+      }
+      if (!(next.norm() < a.norm())) {
+        state = from;
+        break;
+      }
+      a = next;
+    }
+    if (!(largest(a) <= Real(1e-6))) {
+      const auto worst = static_cast<std::size_t>(index_of_largest(a));
+      throw Failure("no static equilibrium was found near the given pose", 0, 0, std::string(d_.speeds[worst]),
+                    static_cast<double>(largest(a)), "check that every free direction has a spring or is held");
+    }
+  }
+
+  /// The Jacobian of the residual by the speeds, (equations, speeds); exact, since the rate is linear in the speeds.
+  Matrix jacobian(const State<Real>& state) const {
+    State<Real> probe = state;
+    std::fill(probe.v.begin(), probe.v.end(), Real(0));
+    const Vector still = rate(probe);
+    Matrix J(m_, n_);
+    for (Eigen::Index i = 0; i < n_; ++i) {
+      probe.v[static_cast<std::size_t>(i)] = Real(1);
+      J.col(i) = rate(probe) - still;
+      probe.v[static_cast<std::size_t>(i)] = Real(0);
+    }
+    return J;
+  }
+
+  Vector residual(const State<Real>& state) const { return closure(state).first; }
+  Vector rate(const State<Real>& state) const { return closure(state).second; }
+
+ private:
+  static constexpr Real closed() { return Real(1e-14); }
+
+  std::pair<Vector, Vector> closure(const State<Real>& state) const {
+    Vector phi(m_), phid(m_);
+    mechanism_.close(state.q.data(), state.v.data(), phi.data(), phid.data());
+    return {phi, phid};
+  }
+
+  void move(State<Real>& state, const Vector& step, Real factor) const {
+    const Vector delta = factor * step;
+    const std::vector<Real> from = state.q;
+    retract<Real>(d_.charts, from.data(), delta.data(), state.q.data());
+  }
+
+  /// The accelerations at rest of what is not held.
+  Vector rest_acceleration(State<Real>& state, const std::vector<bool>& held) const {
+    accelerate(state, Real(0));
+    Vector a = Eigen::Map<const Vector>(state.vdot.data(), n_);
+    for (std::size_t i = 0; i < held.size(); ++i)
+      if (held[i]) a[static_cast<Eigen::Index>(i)] = Real(0);
+    return a;
+  }
+
+  /// d vdot / d q at rest, by central differences.
+  Matrix stiffness(const State<Real>& state, const std::vector<bool>& held) const {
+    const Real h(1e-5);
+    Matrix K(n_, n_);
+    Vector unit = Vector::Zero(n_);
+    for (Eigen::Index i = 0; i < n_; ++i) {
+      unit[i] = Real(1);
+      State<Real> forward = state, backward = state;
+      move(forward, unit, h);
+      move(backward, unit, -h);
+      K.col(i) = (rest_acceleration(forward, held) - rest_acceleration(backward, held)) / (2 * h);
+      unit[i] = Real(0);
+    }
+    return K;
+  }
+
+  static Matrix held_out(Matrix matrix, const std::vector<bool>& held) {
+    for (std::size_t i = 0; i < held.size(); ++i)
+      if (held[i]) matrix.col(static_cast<Eigen::Index>(i)).setZero();
+    return matrix;
+  }
+
+  static Vector least_norm(const Matrix& matrix, const Vector& right) {
+    if (matrix.size() == 0) return Vector::Zero(matrix.cols());
+    Eigen::CompleteOrthogonalDecomposition<Matrix> solver;
+    solver.setThreshold(Real(1e-7));
+    solver.compute(matrix);
+    return solver.solve(right);
+  }
+
+  static Real largest(const Vector& x) { return x.size() ? x.cwiseAbs().maxCoeff() : Real(0); }
+
+  static Eigen::Index index_of_largest(const Vector& x) {
+    Eigen::Index i = 0;
+    x.cwiseAbs().maxCoeff(&i);
+    return i;
+  }
+
+  [[noreturn]] void open_loop(const char* what, const State<Real>& state, const Vector& gap) const {
+    const auto worst = static_cast<std::size_t>(index_of_largest(gap));
+    throw Failure(what, static_cast<double>(state.t), 0, std::string(d_.equations[worst]), static_cast<double>(largest(gap)),
+                  "check the joints' points and the given coordinates and speeds of this loop");
+  }
+
+  M& mechanism_;
+  const Description& d_;
+  Eigen::Index n_, m_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,106 @@
+// The trapezoidal rule with fixed-point iteration on the accelerations (Cuadrado et al. 2000, eqs. 43-44).
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/retraction.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint {
+
+/// When the fixed point counts as reached: the accelerations change by at most `tolerance` times (1 + the largest of them).
+struct FixedPoint {
+  double tolerance = 1e-6;
+  int iterations = 100;
+};
+
+/// Integrates a mechanism with steps of equal length.
+template <Mechanism M>
+class Trapezoidal {
+ public:
+  using Real = typename M::real_type;
+
+  Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
+      : mechanism_(mechanism), charts_(mechanism.description().charts), dt_(dt), fixed_point_(fixed_point),
+        v_hat_(mechanism.description().speeds.size()), z_hat_(v_hat_.size()), delta_(v_hat_.size()), vdot_(v_hat_.size()),
+        correction_(mechanism.description().equations.size()), before_(mechanism.description()) {}
+
+  /// One step; `state` is that at its end.
+  ///
+  ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
+  ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n
+  ///
+  /// Throws Failure when the iteration diverges or does not end; `state` is then the last one that converged.
+  void step(State<Real>& state, long number) {
+        before_ = state;
+    for (std::size_t i = 0; i < v_hat_.size(); ++i) {
+      v_hat_[i] = state.v[i] + dt_ / 2 * state.vdot[i];
+      z_hat_[i] = dt_ * state.v[i] + dt_ * dt_ / 4 * state.vdot[i];
+    }
+    const Real t = state.t + dt_;
+    mechanism_.begin_step(t, Real(1));
+    for (int iteration = 1;; ++iteration) {
+      follow(state);
+      mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
+      for (std::size_t i = 0; i < correction_.size(); ++i) state.lambda[i] += correction_[i];
+      state.vdot.swap(vdot_);
+      ++evaluations_;
+      if (converged(state, vdot_)) break;
+      if (iteration >= fixed_point_.iterations || !std::isfinite(static_cast<double>(change_))) give_up(state, number, t, iteration);
+    }
+    follow(state);
+    state.t = t;
+  }
+
+  long evaluations() const { return evaluations_; }
+
+ private:
+  /// Coordinates and speeds that belong to the state's accelerations.
+  void follow(State<Real>& state) {
+    for (std::size_t i = 0; i < v_hat_.size(); ++i) {
+      state.v[i] = dt_ / 2 * state.vdot[i] + v_hat_[i];
+      delta_[i] = dt_ * dt_ / 4 * state.vdot[i] + z_hat_[i];
+    }
+    retract<Real>(charts_, before_.q.data(), delta_.data(), state.q.data());
+  }
+
+  bool converged(const State<Real>& state, const std::vector<Real>& previous) {
+    using std::abs;
+    Real largest(0);
+    change_ = Real(0);
+    for (std::size_t i = 0; i < previous.size(); ++i) {
+      const Real change = abs(state.vdot[i] - previous[i]);
+      if (!(change <= change_)) {
+        change_ = change;
+        worst_ = i;
+      }
+      if (abs(state.vdot[i]) > largest) largest = abs(state.vdot[i]);
+    }
+    return change_ <= Real(fixed_point_.tolerance) * (Real(1) + largest);
+  }
+
+  [[noreturn]] void give_up(State<Real>& state, long number, Real t, int iteration) {
+    const bool finite = std::isfinite(static_cast<double>(change_));
+    const std::string what = finite ? "the fixed point did not converge in " + std::to_string(iteration) + " iterations"
+                                    : "the fixed point diverged to infinity";
+    state = before_;
+    throw Failure(what, static_cast<double>(t), number, std::string(mechanism_.description().speeds[worst_]),
+                  static_cast<double>(change_), "take a smaller dt, or softer springs and dampers");
+  }
+
+  M& mechanism_;
+  std::vector<Chart> charts_;
+  Real dt_;
+  FixedPoint fixed_point_;
+  std::vector<Real> v_hat_, z_hat_, delta_, vdot_, correction_;
+  State<Real> before_;
+  Real change_{0};
+  std::size_t worst_ = 0;
+  long evaluations_ = 0;
+};
+
+}  // namespace cutjoint
