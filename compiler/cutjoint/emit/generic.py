@@ -1,7 +1,7 @@
 """Topology -> a description (JSON) for the generic mechanism, which interprets the model at run time.
 
 Numbers that depend on open parameters, and laws, are trees: a number, ``["p", i]`` for parameter i, ``["t"]`` or another variable of the
-law by name, or ``[operation, tree, ...]`` with the operations of the block IR.  Parameters of binding const are numbers.
+law by name, ``["motion"]`` (0 where the mechanism is held at rest, else 1), or ``[operation, tree, ...]`` with the operations of the block IR.  Parameters of binding const are numbers.
 """
 
 from __future__ import annotations
@@ -101,7 +101,6 @@ def _tree(block: Block) -> Any:
 
 
 def _body(trees: _Trees, body: Body, t: TreeJoint, chart: Chart | None, model: Model, scene: Scene) -> Json:
-    guide = t.joint.guide
     return {
         "name": body.name,
         "parent": t.parent,
@@ -111,13 +110,23 @@ def _body(trees: _Trees, body: Body, t: TreeJoint, chart: Chart | None, model: M
         "inertia": trees.all(body.inertia),
         "joint": {
             **_geometry(trees, t.joint),
-            "guide": None if guide is None else trees.all(guide_rates(guide, model, scene)),
+            "guide": None if t.joint.guide is None else _guide(trees, t.joint.guide, model, scene),
             "q": None if chart is None else chart.q,
             "v": None if chart is None else chart.v,
             "coordinates": [] if chart is None else list(chart.coordinate_names),
             "speeds": [] if chart is None else list(chart.speed_names),
         },
     }
+
+
+def _guide(trees: _Trees, guide: Scalar, model: Model, scene: Scene) -> list[Any]:
+    position, *rates = trees.all(guide_rates(guide, model, scene))
+    return [position, *map(_in_motion, rates)]
+
+
+def _in_motion(tree: Any) -> Any:
+    """Zero where the mechanism is held at rest."""
+    return ["mul", ["motion"], tree]
 
 
 def _cut(trees: _Trees, joint: Joint) -> Json:
@@ -149,9 +158,10 @@ def _force(trees: _Trees, force: Force, topology: Topology, tyres: Sequence[str]
                 "axis": trees.all(force.axis), "law": _law(trees, force.law, "travel"),
             }  # fmt: skip
         case BodyLoad():
+            components = trees.all(force.components)
             kind, details = "load", {
                 "body": force.body, "point": None if force.point is None else trees.all(force.point), "axes": force.axes,
-                "components": trees.all(force.components),
+                "components": [_in_motion(c) for c in components] if force.moving_only else components,
             }  # fmt: skip
         case JointForce():
             body = next(t.child for t in topology.tree if t.joint.name == force.joint)

@@ -14,7 +14,7 @@ from cutjoint.formulate.kinematics import Kinematics, halves
 from cutjoint.formulate.recursion import BodySystem
 from cutjoint.formulate.tyre import tyre_force
 from cutjoint.model.records import AxialForce, Body, BodyLoad, Force, JointForce, Model, PointSpring, Scalar, Scene, Tyre
-from cutjoint.program.blocks import Block
+from cutjoint.program.blocks import BindingTime, Block
 
 _LENGTH, _RATE = sympy.Symbol("length", real=True), sympy.Symbol("rate", real=True)
 _TRAVEL, _POSITION = sympy.Symbol("travel", real=True), sympy.Symbol("position", real=True)
@@ -153,6 +153,8 @@ def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block
     values = dict(zip(_PLACE, [b.element(x, i) for x in (place, speed) for i in range(3)], strict=True))
     translator = k.translator.with_values(values)
     components = b.column([translator.scalar(c) for c in force.components])
+    if force.moving_only:
+        components = b.scale(b.symbol("motion", 1, BindingTime.STEP), components)
     vector = b.mul(frame.R, components) if force.axes == "body" else components
     if force.point is None:
         system.add_force(force.body, b.stack([[b.zero(3)], [vector]]))

@@ -62,20 +62,25 @@ class _Offset:
 _Motion: TypeAlias = _Slide | _Turn | _Ball | _Offset
 
 
+#: Kinds whose motions a reversed joint undoes in the opposite order.
+_UNDONE = frozenset({JointKind.UNIVERSAL, JointKind.PLANAR, JointKind.POINT_ON_LINE})
+
+
 def derive_joint(tree_joint: TreeJoint) -> JointKernel:
     """The kernel of a tree joint.
 
-    A reversed joint moves its base: its axes are turned round, so that a coordinate keeps its sign and meaning.
+    A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps its sign and meaning.
     """
     kind = tree_joint.joint.kind
     names = COORDINATES[kind]
     chain = _motions(tree_joint)
     q = tuple(sympy.Symbol(f"q_{name}", real=True) for name in names)
     u = tuple(sympy.Symbol(f"u_{name}", real=True) for name in SPEEDS[kind])
-    rotation, displacement, columns = _compose(chain, q)
+    in_chain = q[::-1] if tree_joint.reversed and kind in _UNDONE else q
+    rotation, displacement, columns = _compose(chain, in_chain)
     subspace = sympy.Matrix.hstack(*columns) if columns else sympy.zeros(6, 0)
     has_ball = any(isinstance(m, _Ball) for m in chain)
-    subspace = _speed_order(subspace, chain)
+    subspace = _speed_order(subspace, chain, in_chain, q)
     return JointKernel(
         q=q, u=u, has_ball=has_ball, rotation=rotation, displacement=displacement, subspace=subspace,
         drift=_drift(subspace, q, u, has_ball),
@@ -99,20 +104,24 @@ def _motions(tree_joint: TreeJoint) -> list[_Motion]:
         case JointKind.SCREW:
             return [_Turn(axes[0], joint.pitch)]
         case JointKind.UNIVERSAL:
-            first, second = reversed(axes) if tree_joint.reversed else axes
-            return [_Turn(first), _Turn(second)]
+            return _undone([_Turn(axes[0]), _Turn(axes[1])], tree_joint.reversed)
         case JointKind.PLANAR:
             first, second = tangents(joint.axes[0])
-            return [_Slide(sign * first), _Slide(sign * second), _Turn(axes[0])]
+            return _undone([_Slide(sign * first), _Slide(sign * second), _Turn(axes[0])], tree_joint.reversed)
         case JointKind.SPHERICAL:
             return [_Ball()]
         case JointKind.POINT_ON_LINE:
-            return [_Ball(), _Slide(axes[0])] if tree_joint.reversed else [_Slide(axes[0]), _Ball()]
+            return _undone([_Slide(axes[0]), _Ball()], tree_joint.reversed)
         case JointKind.DISTANCE:
             return _rod(joint.at, joint.to, tree_joint.reversed)
         case JointKind.FREE:
             return [_Slide(x), _Slide(y), _Slide(z), _Ball()]
     raise AssertionError(joint.kind)
+
+
+def _undone(chain: list[_Motion], is_reversed: bool) -> list[_Motion]:
+    """The chain as seen from the other end; a reversed motion keeps the number of its coordinate."""
+    return chain[::-1] if is_reversed else chain
 
 
 def _rod(at: Vector, to: Vector | None, is_reversed: bool) -> list[_Motion]:
@@ -159,8 +168,8 @@ def _compose(chain: Sequence[_Motion], q: tuple[Scalar, ...]) -> tuple[Matrix, M
     return rotation, displacement, columns
 
 
-def _speed_order(subspace: Matrix, chain: Sequence[_Motion]) -> Matrix:
-    """Columns of scalar motions first, the ball's behind."""
+def _speed_order(subspace: Matrix, chain: Sequence[_Motion], in_chain: tuple[Scalar, ...], q: tuple[Scalar, ...]) -> Matrix:
+    """Columns of scalar motions first, in the coordinates' order, the ball's behind."""
     ball: list[int] = []
     scalar: list[int] = []
     column = 0
@@ -171,7 +180,8 @@ def _speed_order(subspace: Matrix, chain: Sequence[_Motion]) -> Matrix:
         elif not isinstance(motion, _Offset):
             scalar.append(column)
             column += 1
-    return subspace[:, scalar + ball] if column else subspace
+    placed = [scalar[in_chain.index(x)] for x in q]
+    return subspace[:, placed + ball] if column else subspace
 
 
 def _drift(subspace: Matrix, q: tuple[Scalar, ...], u: tuple[Scalar, ...], has_ball: bool) -> Matrix:

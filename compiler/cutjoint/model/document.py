@@ -141,6 +141,7 @@ class Load(ForcePart):
     force: Triple | None = None
     torque: Triple | None = None
     axes: Literal["global", "body"] = "global"
+    moving_only: StrictBool = False
 
     @model_validator(mode="after")
     def _force_or_torque(self) -> Load:
@@ -289,8 +290,7 @@ Segment: TypeAlias = Annotated[
     | Annotated[Cosine, Tag("<cosine>")],
     told_by(
         {key: f"<{key}>" for key in ("flat", "ramp", "step", "cosine")},
-        "needs {flat: length}, {ramp: length, rise: height}, {step: height} "
-        "or {cosine: length, amplitude: height}",
+        "needs {flat: length}, {ramp: length, rise: height}, {step: height} or {cosine: length, amplitude: height}",
     ),
 ]
 
@@ -323,6 +323,7 @@ class Numerics(Part):
     frequency: Number = _NUMERICS.frequency
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
+    multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
 
 
 class Scene(Part):

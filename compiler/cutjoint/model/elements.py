@@ -52,16 +52,9 @@ def read_elements(scope: Scope, part: document.Elements) -> Elements:
     scope = with_points(scope, _read_points(scope, part))
     return Elements(
         tuple(_read_body(element(scope, "body", "bodies", name), body) for name, body in part.bodies.items()),
-        tuple(
-            _read_joint(element(scope, "joint", "joints", name), joint) for name, joint in part.joints.items()
-        ),
-        tuple(
-            _read_force(element(scope, "force", "forces", name), force) for name, force in part.forces.items()
-        ),
-        tuple(
-            _read_reaction(element(scope, "reaction", "reactions", name), r)
-            for name, r in part.reactions.items()
-        ),
+        tuple(_read_joint(element(scope, "joint", "joints", name), joint) for name, joint in part.joints.items()),
+        tuple(_read_force(element(scope, "force", "forces", name), force) for name, force in part.forces.items()),
+        tuple(_read_reaction(element(scope, "reaction", "reactions", name), r) for name, r in part.reactions.items()),
         tuple(_read_marker(element(scope, "marker", "markers", name), m) for name, m in part.markers.items()),
     )
 
@@ -98,9 +91,7 @@ def _bodies(element: Element, names: tuple[str, ...]) -> tuple[str, str]:
 
 def _read_joint(element: Element, joint: document.Joint) -> Joint:
     base, follower = _bodies(element, joint.bodies)
-    pitch = (
-        element.scalar(joint.pitch, LENGTH, ("pitch",)) if isinstance(joint, document.ScrewJoint) else None
-    )
+    pitch = element.scalar(joint.pitch, LENGTH, ("pitch",)) if isinstance(joint, document.ScrewJoint) else None
     at = read_point(element, joint.at, ("at",))
     to = read_point(element, joint.to, ("to",)) if isinstance(joint, document.DistanceJoint) else None
     if to is not None and coincide(element, at, to):
@@ -201,6 +192,7 @@ def _read_load(element: Element, load: document.Load) -> BodyLoad:
         point=None if load.at is None else read_point(element, load.at, ("at",)),
         axes=load.axes,
         components=components,
+        moving_only=load.moving_only,
         active=load.active,
         span=element.span,
     )
@@ -257,6 +249,4 @@ def _read_reaction(element: Element, reaction: document.Reaction) -> Reaction:
 
 def _read_marker(element: Element, marker: document.Marker) -> Marker:
     body = element.body(marker.body, ("body",))
-    return Marker(
-        name=element.name, body=body, point=read_point(element, marker.at, ("at",)), span=element.span
-    )
+    return Marker(name=element.name, body=body, point=read_point(element, marker.at, ("at",)), span=element.span)

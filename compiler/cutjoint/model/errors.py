@@ -41,9 +41,7 @@ class Problems:
 
     def add(self, span: Span, element: str, message: str, hint: str = "") -> None:
         """Note one problem."""
-        problem = Problem(
-            span=span, element=printable(element), message=printable(message), hint=printable(hint)
-        )
+        problem = Problem(span=span, element=printable(element), message=printable(message), hint=printable(hint))
         self._found.setdefault((span, message), problem)
 
     def __bool__(self) -> bool:

@@ -74,9 +74,7 @@ def _directory(shaped: Shaped) -> Directory:
     return Directory(frozenset(bodies), joints, shaped.removed | broken)
 
 
-def _read_parameters(
-    scope: Scope, model: document.Document
-) -> tuple[tuple[Parameter, ...], Mapping[str, Dimension | None]]:
+def _read_parameters(scope: Scope, model: document.Document) -> tuple[tuple[Parameter, ...], Mapping[str, Dimension | None]]:
     """The parameters, and their dimensions where a unit is given."""
     parameters, dimensions = [], {}
     for name, entry in model.parameters.items():
@@ -175,9 +173,7 @@ def _connectors(where: Element, instance: document.Instance, submodel: document.
     return {name: given.get(name, UNKNOWN) for name in submodel.connectors}
 
 
-def _match_keys(
-    where: Element, field: str, given: Mapping[str, Scalar], wanted: tuple[str, ...], what: str, submodel: str
-) -> None:
+def _match_keys(where: Element, field: str, given: Mapping[str, Scalar], wanted: tuple[str, ...], what: str, submodel: str) -> None:
     for name in (name for name in given if name not in wanted):
         hint = nearest(name, wanted, f"{what}s") or f"it has no {what}s"
         where.fail(f"the submodel '{submodel}' has no {what} '{name}'", hint, (field, name), at_key=True)

@@ -91,9 +91,7 @@ def _syntax_tree(text: str) -> ast.expr:
             warnings.simplefilter("ignore")
             return ast.parse(text.replace("\n", " ").strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise ExpressionError(
-            f"'{_short(text)}' is not an expression", "write for example '2*pi*radius'"
-        ) from None
+        raise ExpressionError(f"'{_short(text)}' is not an expression", "write for example '2*pi*radius'") from None
 
 
 def _short(text: str) -> str:
@@ -176,9 +174,7 @@ class _Parser:
                 parts = [self.condition(value, depth + 1) for value in values]
                 join = all_of if isinstance(word, ast.And) else any_of
                 return join([part for part, _ in parts]), 1 + sum(size for _, size in parts)
-        raise ExpressionError(
-            "the first argument of where must be a condition", "write for example where(x < 0, a, b)"
-        )
+        raise ExpressionError("the first argument of where must be a condition", "write for example where(x < 0, a, b)")
 
 
 _CHAINS: tuple[tuple[type[ast.operator], ...], ...] = ((ast.Add, ast.Sub), (ast.Mult, ast.Div))
@@ -189,9 +185,7 @@ def _refusal(node: ast.expr) -> ExpressionError:
         case ast.Compare() | ast.BoolOp():
             return ExpressionError("a condition stands outside where", "write where(condition, value, other)")
         case ast.IfExp():
-            return ExpressionError(
-                "'if' is not allowed in an expression", "write where(condition, value, other)"
-            )
+            return ExpressionError("'if' is not allowed in an expression", "write where(condition, value, other)")
     return ExpressionError(
         f"'{_short(ast.unparse(node))}' is not allowed in an expression",
         "use numbers, names, + - * / **, comparisons inside where, and the listed functions",

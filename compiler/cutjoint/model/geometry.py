@@ -35,9 +35,7 @@ def read_point(element: Element, point: Any, keys: Path) -> Vector:
 def _named_point(element: Element, name: str, keys: Path) -> Vector:
     points = element.scope.points
     if name not in points:
-        element.fail(
-            f"unknown point '{name}'", nearest(name, points, "points here") or "define it under points", keys
-        )
+        element.fail(f"unknown point '{name}'", nearest(name, points, "points here") or "define it under points", keys)
         return (FAILED, FAILED, FAILED)
     return points[name]
 
@@ -103,14 +101,13 @@ def _principal_inertia(element: Element, inertia: values.Principal) -> Inertia:
     axes = _principal_axes(element, inertia)
 
     def entry(row: int, column: int) -> Scalar:
-        return sum(
-            (m * axis[row] * axis[column] for m, axis in zip(moments, axes, strict=True)), sympy.Integer(0)
-        )
+        return sum((m * axis[row] * axis[column] for m, axis in zip(moments, axes, strict=True)), sympy.Integer(0))
 
     return (entry(0, 0), entry(1, 1), entry(2, 2), entry(0, 1), entry(0, 2), entry(1, 2))
 
 
 def _principal_axes(element: Element, inertia: values.Principal) -> tuple[Vector, Vector, Vector]:
+    """The three directions x, y, z; the sign of the one that is not given does not matter to the inertia."""
     given = {key: getattr(inertia, key) for key in "xyz" if getattr(inertia, key) is not None}
     failed = (FAILED, FAILED, FAILED)
     if len(given) != 2:
@@ -119,11 +116,10 @@ def _principal_axes(element: Element, inertia: values.Principal) -> tuple[Vector
     axes = {key: read_direction(element, value, ("inertia", key)) for key, value in given.items()}
     (first, a), (second, b) = axes.items()
     if not perpendicular(element, a, b):
-        element.fail(
-            f"the principal directions {first} and {second} are not perpendicular", "", ("inertia", second)
-        )
+        message = f"the principal directions {first} and {second} are not perpendicular"
+        element.fail(message, "", ("inertia", second))
     third = ({"x", "y", "z"} - axes.keys()).pop()
-    axes[third] = cross(a, b) if third != "y" else cross(b, a)
+    axes[third] = cross(a, b)
     return (axes["x"], axes["y"], axes["z"])
 
 

@@ -31,9 +31,7 @@ class LawKind:
         return None if self.result is None else self.result / self.variables[name] ** power
 
 
-def read_law(
-    element: Element, law: Any, kind: LawKind, keys: Path, names: Mapping[str, Term] | None = None
-) -> Scalar:
+def read_law(element: Element, law: Any, kind: LawKind, keys: Path, names: Mapping[str, Term] | None = None) -> Scalar:
     """The expression of a law over its variables and over ``names`` (by default all parameters)."""
     symbols = element.with_variables(*kind.variables) if names is None else names
     return _Law(element, kind, symbols).read(law, keys)
@@ -71,10 +69,7 @@ class _Law:
     def polynomial(self, coefficients: tuple[Any, ...], of: str, keys: Path) -> Scalar:
         """The polynomial in Horner's form."""
         x = variable(of)
-        terms = [
-            self.element.scalar(value, self.kind.per(of, power), (*keys, power))
-            for power, value in enumerate(coefficients)
-        ]
+        terms = [self.element.scalar(value, self.kind.per(of, power), (*keys, power)) for power, value in enumerate(coefficients)]
         value = terms[-1]
         for term in reversed(terms[:-1]):
             value = term + x * value
@@ -106,9 +101,7 @@ class _Law:
         below = self.element.scalar(piece.below, self.kind.variables[of], (*keys, "below"))
         limits.append(self.element.value(below))
         if limits[-1] <= limits[-2]:
-            self.element.fail(
-                "the limits of the pieces do not rise", "sort the pieces by 'below'", (*keys, "below")
-            )
+            self.element.fail("the limits of the pieces do not rise", "sort the pieces by 'below'", (*keys, "below"))
         return sympy.StrictLessThan(variable(of), below, evaluate=False)
 
     def table(self, law: values.Table, keys: Path) -> Scalar:
@@ -146,9 +139,7 @@ class _Law:
         for name, free, other, sign in _SPRINGS:
             if name in self.kind.variables:
                 return self.linear(law, name, free, other, keys) * sign
-        self.element.fail(
-            "stiffness and damping belong to a point_spring or a joint_force", "write an expression", keys
-        )
+        self.element.fail("stiffness and damping belong to a point_spring or a joint_force", "write an expression", keys)
         return FAILED
 
     def linear(self, law: values.SpringDamper, name: str, free: str, other: str, keys: Path) -> Scalar:

@@ -134,9 +134,7 @@ def _common(terms: list[Term]) -> Dimension | None:
     """The dimension shared by all terms.  Raises ExpressionError when two known ones differ."""
     known = [term.dimension for term in terms if term.dimension is not None]
     if len(set(known)) > 1:
-        raise ExpressionError(
-            f"{known[0]} and {next(d for d in known if d != known[0])} cannot be added or compared"
-        )
+        raise ExpressionError(f"{known[0]} and {next(d for d in known if d != known[0])} cannot be added or compared")
     return known[0] if len(known) == len(terms) else None
 
 
@@ -199,9 +197,7 @@ def where(condition: Scalar, yes: Term, no: Term, size: int) -> Term:
     if condition in (sympy.true, sympy.false):
         chosen = yes if condition is sympy.true else no
         return Term(chosen.value, dimension, chosen.number, chosen.size)
-    return Term(
-        choice((yes.value, condition), (no.value, sympy.true)), dimension, None, 1 + size + yes.size + no.size
-    )
+    return Term(choice((yes.value, condition), (no.value, sympy.true)), dimension, None, 1 + size + yes.size + no.size)
 
 
 def choice(*branches: tuple[Scalar, Scalar]) -> Scalar:
@@ -215,9 +211,7 @@ def _plain_condition(value: Scalar, condition: Scalar) -> Scalar:
     folded = ExprCondPair(value, condition).cond
     if not folded.has(sympy.ITE):
         return folded
-    return folded.replace(
-        sympy.ITE, lambda test, yes, no: sympy.Or(sympy.And(test, yes), sympy.And(sympy.Not(test), no))
-    )
+    return folded.replace(sympy.ITE, lambda test, yes, no: sympy.Or(sympy.And(test, yes), sympy.And(sympy.Not(test), no)))
 
 
 def _extreme(sign: ast.cmpop) -> Callable[[list[Term]], Term]:

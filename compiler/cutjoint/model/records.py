@@ -202,6 +202,7 @@ class BodyLoad:
     point: Vector | None
     axes: str
     components: Vector
+    moving_only: bool
     active: bool
     span: Span
 
@@ -315,7 +316,8 @@ class Numerics:
     """Figures of the numerical method.
 
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
-    ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point.
+    ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
+    first ``multiplier_updates`` iterations of a step the multipliers are corrected.
     """
 
     dt: float = 1e-3
@@ -324,6 +326,7 @@ class Numerics:
     frequency: float = 10.0
     tolerance: float = 1e-6
     iterations: int = 100
+    multiplier_updates: int = 4
 
 
 @dataclass(frozen=True, kw_only=True)

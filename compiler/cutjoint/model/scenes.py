@@ -55,10 +55,7 @@ def read_scenes(model: document.Document, expansion: Expansion) -> dict[str, Sce
     joints = {joint.name: joint for joint in elements.joints}
     stage = _Stage(expansion, known, joints, ())
     stage = _Stage(expansion, known, joints, _default_outputs(model, stage))
-    return {
-        name: _read_scene(element(expansion.scope, "scene", "scenes", name), s, stage)
-        for name, s in model.scenes.items()
-    }
+    return {name: _read_scene(element(expansion.scope, "scene", "scenes", name), s, stage) for name, s in model.scenes.items()}
 
 
 def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
@@ -105,7 +102,9 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         if numbers[key] < 0:
             where.fail(f"{key} must not be negative", "", ("numerics", key))
     _positive(where, part.iterations, ("numerics", "iterations"))
-    return Numerics(**numbers, iterations=part.iterations)
+    if part.multiplier_updates < 0:
+        where.fail("multiplier_updates must not be negative", "", ("numerics", "multiplier_updates"))
+    return Numerics(**numbers, iterations=part.iterations, multiplier_updates=part.multiplier_updates)
 
 
 def _states(
@@ -121,9 +120,7 @@ def _states(
         name, _, component = key.rpartition(".")
         joint = stage.joints.get(name)
         if not name:
-            where.fail(
-                f"{section}: '{key}' names no component", "write joint.component", (section, key), at_key=True
-            )
+            where.fail(f"{section}: '{key}' names no component", "write joint.component", (section, key), at_key=True)
         elif joint is None:
             if not where.scope.directory.misses(name):
                 options = [joint.name for joint in stage.joints.values() if not joint.cut]
@@ -209,9 +206,7 @@ def _segment(where: Element, part: Any, keys: Path) -> RoadSegment:
     rise = where.number(getattr(part, rise_key), LENGTH, (*keys, rise_key)) if rise_key else 0.0
     if length_key:
         _positive(where, length, (*keys, length_key))
-    return RoadSegment(
-        kind=kind, length=length, rise=rise, span=where.scope.source.value_span((*where.path, *keys))
-    )
+    return RoadSegment(kind=kind, length=length, rise=rise, span=where.scope.source.value_span((*where.path, *keys)))
 
 
 def _default_outputs(model: document.Document, stage: _Stage) -> tuple[Output, ...]:
@@ -220,15 +215,11 @@ def _default_outputs(model: document.Document, stage: _Stage) -> tuple[Output, .
     outputs = [*_outputs(Element(scope, "outputs", "", ()), model.outputs, ("outputs",), "", stage)]
     for name, instance, submodel in used_submodels(model):
         where = Element(scope, f"instance '{name}'", name, ())
-        outputs += _outputs(
-            where, submodel.outputs, ("submodels", instance.use, "outputs"), f"{name}.", stage
-        )
+        outputs += _outputs(where, submodel.outputs, ("submodels", instance.use, "outputs"), f"{name}.", stage)
     return tuple(outputs)
 
 
-def _outputs(
-    where: Element, names: tuple[str, ...], path: Path, prefix: str, stage: _Stage
-) -> tuple[Output, ...]:
+def _outputs(where: Element, names: tuple[str, ...], path: Path, prefix: str, stage: _Stage) -> tuple[Output, ...]:
     found: dict[str, Output] = {}
     for index, name in enumerate(names):
         span = where.scope.source.value_span((*path, index))

@@ -126,9 +126,7 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
         case "union_tag_not_found":
             return "the field 'kind' is missing", ""
         case "union_tag_invalid":
-            return _unknown_kind(
-                element_of(path)[0].split()[0], str(context["tag"]), context["expected_tags"]
-            )
+            return _unknown_kind(element_of(path)[0].split()[0], str(context["tag"]), context["expected_tags"])
         case "literal_error":
             return f"must be {context['expected']}, not {str(detail['input'])[:40]!r}", ""
         case "too_short":
@@ -219,9 +217,7 @@ def _without_broken(source: Source, found: list[_Flaw]) -> Shaped | None:
 
 def _pruned(data: Any, path: Path, drop: set[Path]) -> Any:
     if isinstance(data, dict):
-        return {
-            key: _pruned(value, (*path, key), drop) for key, value in data.items() if (*path, key) not in drop
-        }
+        return {key: _pruned(value, (*path, key), drop) for key, value in data.items() if (*path, key) not in drop}
     if isinstance(data, tuple):
         return tuple(_pruned(value, (*path, index), drop) for index, value in enumerate(data))
     return data

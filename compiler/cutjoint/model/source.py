@@ -115,9 +115,7 @@ def parse_yaml(text: str, file: str) -> Source:
         raise _error(Span(file=file, line=1, column=1), f"the file is larger than {MAX_BYTES} bytes")
     node = _compose(text, file)
     if node is None:
-        raise _error(
-            Span(file=file, line=1, column=1), "the file is empty", "a model starts with 'cutjoint: 1'"
-        )
+        raise _error(Span(file=file, line=1, column=1), "the file is empty", "a model starts with 'cutjoint: 1'")
     converter = _Converter(file)
     data = converter.convert(node, ())
     if converter.problems:
@@ -164,9 +162,7 @@ class _Converter:
         if len(self.values) >= MAX_EXPANDED:
             raise _error(self.span(node), f"aliases expand the file to more than {MAX_EXPANDED} values")
         if id(node) in self._open:
-            raise _error(
-                self.span(node), "an alias stands inside the value it names", "remove the recursive alias"
-            )
+            raise _error(self.span(node), "an alias stands inside the value it names", "remove the recursive alias")
         if len(path) > MAX_DEPTH:
             raise _error(self.span(node), f"aliases nest the file deeper than {MAX_DEPTH} levels")
         self.values[path] = self.span(node)
@@ -215,9 +211,7 @@ class _Converter:
                 self.fail(key, "a key must be a name, not a list or a mapping")
             elif key.value in own:
                 first = own[key.value][0].start_mark.line + 1
-                self.fail(
-                    key, f"duplicate key '{key.value}', first defined at line {first}", "keep one of them"
-                )
+                self.fail(key, f"duplicate key '{key.value}', first defined at line {first}", "keep one of them")
             else:
                 own[key.value] = (key, value)
         return merged, own
@@ -225,9 +219,7 @@ class _Converter:
     def _flat(self, node: yaml.MappingNode) -> dict[str, Any]:
         """All entries of a mapping that is merged into another."""
         if id(node) in self._open:
-            raise _error(
-                self.span(node), "an alias stands inside the value it names", "remove the recursive alias"
-            )
+            raise _error(self.span(node), "an alias stands inside the value it names", "remove the recursive alias")
         if id(node) not in self._flattened:
             self._open.add(id(node))
             merged, own = self._entries(node)

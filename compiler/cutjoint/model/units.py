@@ -68,9 +68,7 @@ _SI_TEXT: Mapping[Dimension, str] = {
 
 
 def _spell(dimension: Dimension) -> str:
-    factors = [
-        (name, power) for name, power in zip(_BASE.values(), dimension.exponents, strict=True) if power
-    ]
+    factors = [(name, power) for name, power in zip(_BASE.values(), dimension.exponents, strict=True) if power]
     above = "*".join(_power(name, power) for name, power in factors if power > 0)
     below = "".join("/" + _power(name, -power) for name, power in factors if power < 0)
     return (above or "1") + below

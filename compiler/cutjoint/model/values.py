@@ -118,9 +118,7 @@ class FromTo(Part):
 
 
 Point: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")]
-    | Annotated[StrictStr, Tag("<text>")]
-    | Annotated[Midpoint, Tag("<midpoint>")],
+    Annotated[Triple, Tag("<list>")] | Annotated[StrictStr, Tag("<text>")] | Annotated[Midpoint, Tag("<midpoint>")],
     told_by(
         {tuple: "<list>", str: "<text>", "midpoint": "<midpoint>"},
         "needs three numbers, a point's name or {midpoint: [P, Q]}",

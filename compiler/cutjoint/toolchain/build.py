@@ -57,36 +57,37 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None =
     kept = cache_folder() / key / "simulator"
     fresh = not kept.exists()
     if fresh:
-        build_into(kept.parent, flags, lambda folder: write_source(source, folder))
+        _build_into(kept.parent, source, flags)
     if folder is not None:
         write_source(source, folder)
         shutil.copy2(kept, folder / "simulator")
     return Binary(path=kept, fresh=fresh, compiler=compiler_version(compiler), flags=tuple(flags))
 
 
-def build_into(target: Path, flags: Sequence[str], write: object) -> None:
+def _build_into(target: Path, source: Source, flags: Sequence[str]) -> None:
     """Configure and build in a temporary folder, then move the simulator into place at once."""
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as name:
         folder = Path(name)
-        assert callable(write)
-        write(folder / "source")
-        _cmake(folder / "source", folder / "out", flags)
-        ready = folder / "ready"
-        ready.mkdir()
-        shutil.move(folder / "out" / "simulator", ready / "simulator")
-        try:
-            ready.rename(target)
-        except OSError:  # another process was faster
-            if not (target / "simulator").exists():
-                raise
+        write_source(source, folder / "source")
+        driver = cache_folder() / f"driver-{_digest([runtime_digest(), compiler_version(find_compiler())])}" / "libdriver.a"
+        _cmake(folder / "source", folder / "out", flags, driver if driver.exists() else None)
+        _keep(folder / "out" / "simulator", target / "simulator")
+        if not driver.exists():
+            _keep(folder / "out" / "libdriver.a", driver)
 
 
-def _cmake(source: Path, out: Path, flags: Sequence[str]) -> None:
+def _keep(file: Path, target: Path) -> None:
+    """Move a file into the cache at once, so that no other process sees half of it."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    file.replace(target)
+
+
+def _cmake(source: Path, out: Path, flags: Sequence[str], driver: Path | None) -> None:
     command = [
         "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
         f"-DCMAKE_CXX_COMPILER={find_compiler()}", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG", f"-DCUTJOINT_FLAGS={' '.join(flags)}",
-        f"-DCUTJOINT_RUNTIME={runtime_folder() / 'include'}",
+        f"-DCUTJOINT_RUNTIME={runtime_folder()}", *([f"-DCUTJOINT_DRIVER={driver}"] if driver else []),
     ]  # fmt: skip
     _call(command)
     _call(["cmake", "--build", str(out)])

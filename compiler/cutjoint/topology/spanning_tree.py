@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 
-from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.model.records import GROUND, Joint, JointForce, JointKind, Model
 from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.records import TreeJoint
 
@@ -25,18 +25,30 @@ def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
         TopologyError: the given cuts tear a body off, or joints that must not be cut close a loop.
     """
     joints = [j for j in model.joints if j.cut is not True]
-    chosen = _shortest_paths(model, joints)
-    _check(model, joints, chosen)
-    chosen = _improve(model, joints, chosen)
+    bound = tree_only(model)
+    chosen = _shortest_paths(joints, bound)
+    _check(model, joints, chosen, bound)
+    chosen = _improve(model, joints, chosen, bound)
     tree = _orient(model, [j for j in joints if j.name in chosen])
     return tree, tuple(j for j in model.joints if j.name not in chosen)
 
 
-def _shortest_paths(model: Model, joints: Sequence[Joint]) -> set[str]:
+def tree_only(model: Model) -> frozenset[str]:
+    """The joints whose coordinates are used, so that they cannot be cut: wanted in the tree, guided, with a force on the coordinate, with
+    an initial coordinate or speed, reported; and free joints, which close nothing."""
+    wanted = {j.name for j in model.joints if j.cut is False or j.guide is not None or j.kind is JointKind.FREE}
+    forced = {f.joint for f in model.forces if isinstance(f, JointForce)}
+    names = {j.name for j in model.joints}
+    used: set[str] = set()
+    for scene in model.scenes.values():
+        used |= {key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} | {o.element for o in scene.outputs}
+    return frozenset(wanted | forced | (used & names))
+
+
+def _shortest_paths(joints: Sequence[Joint], bound: frozenset[str]) -> set[str]:
     """A breadth-first tree; joints that must not be cut go first."""
     known, chosen = {GROUND}, set()
-    for group in (lambda j: j.cut is False or j.guide is not None, lambda j: True):
-        candidates = [j for j in joints if group(j)]
+    for candidates in ([j for j in joints if j.name in bound], joints):
         queue = deque(sorted(known))
         while queue:
             body = queue.popleft()
@@ -55,25 +67,26 @@ def _other(joint: Joint, body: str) -> str | None:
     return joint.base if joint.follower == body else None
 
 
-def _check(model: Model, joints: Sequence[Joint], chosen: set[str]) -> None:
+def _check(model: Model, joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> None:
     reached = {GROUND} | {b for j in joints if j.name in chosen for b in (j.base, j.follower)}
     problems = [
         f"{b.span}: body '{b.name}': the cut joints tear it off the ground; leave one of its joints uncut"
         for b in model.bodies if b.name not in reached
     ] + [
-        f"{j.span}: joint '{j.name}': it must not be cut but closes a loop; cut another joint of the loop"
-        for j in joints if j.name not in chosen and (j.cut is False or j.guide is not None)
+        f"{j.span}: joint '{j.name}': it closes a loop but must not be cut, since its coordinate is used; "
+        "leave another joint of the loop free to be cut"
+        for j in joints if j.name not in chosen and j.name in bound
     ]  # fmt: skip
     if problems:
         raise TopologyError("\n".join(problems))
 
 
-def _improve(model: Model, joints: Sequence[Joint], chosen: set[str]) -> set[str]:
+def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> set[str]:
     best, cost = chosen, _cost(model, joints, chosen)
     improved = True
     while improved:
         improved = False
-        for candidate in _exchanges(joints, best):
+        for candidate in _exchanges(joints, best, bound):
             price = _cost(model, joints, candidate)
             if price < cost:
                 best, cost, improved = candidate, price, True
@@ -88,12 +101,11 @@ def _cost(model: Model, joints: Sequence[Joint], chosen: set[str]) -> tuple[int,
     return max((len(s) for s in elimination.coupled.values()), default=0), elimination.operations
 
 
-def _exchanges(joints: Sequence[Joint], chosen: set[str]) -> Iterable[set[str]]:
-    """Every tree that differs from the chosen one by one exchange of a free cut joint for a joint of its loop."""
-    by_name = {j.name: j for j in joints}
+def _exchanges(joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> Iterable[set[str]]:
+    """Every tree that differs from the chosen one by one exchange of a compiler's cut joint for a joint of its loop."""
     for cut in (j for j in joints if j.name not in chosen):
         for name in _loop(joints, chosen, cut):
-            if by_name[name].cut is not False and by_name[name].guide is None:
+            if name not in bound:
                 yield (chosen - {name}) | {cut.name}
 
 

@@ -66,6 +66,21 @@ concept Mechanism = requires(M m, typename M::real_type* out, const typename M::
   m.report(in, in, in, in, out);
 };
 
+/// The base of generated mechanisms: the same contract behind virtual functions, so that one driver serves all models.
+template <class Real>
+class AnyMechanism {
+ public:
+  using real_type = Real;
+
+  virtual ~AnyMechanism() = default;
+  virtual const Description& description() const = 0;
+  virtual void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) = 0;
+  virtual void begin_step(Real t, Real motion) = 0;
+  virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
+  virtual void close(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
+  virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
+};
+
 /// condition ? yes : no, both evaluated.
 template <class Real>
 constexpr Real where(bool condition, Real yes, Real no) {

@@ -8,6 +8,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cutjoint/mechanism.hpp"
@@ -68,7 +69,7 @@ class Run {
  public:
   using Real = typename M::real_type;
 
-  Run(M& mechanism, const Json& file) : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_) {
+  Run(M& mechanism, Json file) : mechanism_(mechanism), d_(mechanism.description()), file_(std::move(file)), state_(d_) {
     for (const auto& name : d_.roads) roads_.push_back(read_road(name));
     for (const Named& p : d_.parameters) parameters_.push_back(Real(file_.at("parameters").at(std::string(p.name)).template get<double>()));
     const Json& numerics = file_.at("numerics");
@@ -181,7 +182,8 @@ class Run {
   Json simulate() {
     const Json& numerics = file_.at("numerics");
     const double dt = numerics.at("dt"), end = file_.at("end"), every = file_.at("output_step");
-    const FixedPoint fixed_point{numerics.at("tolerance").template get<double>(), numerics.at("iterations").template get<int>()};
+    const FixedPoint fixed_point{numerics.at("tolerance").template get<double>(), numerics.at("iterations").template get<int>(),
+                                 numerics.at("multiplier_updates").template get<int>()};
     Trapezoidal<M> integrator(mechanism_, Real(dt), fixed_point);
     Table table(file_.at("out"));
     table.header(d_.columns);
@@ -228,7 +230,7 @@ class Run {
 
   M& mechanism_;
   const Description& d_;
-  const Json& file_;
+  Json file_;
   State<Real> state_;
   std::vector<Road<Real>> roads_;
   std::vector<Real> parameters_;
@@ -237,22 +239,17 @@ class Run {
   double seconds_ = 0.0;
 };
 
-/// The program of a simulator: `simulator RUN.json`.  Exit status 0 when done, 1 when the run failed, 2 when it could not begin.
-template <Mechanism M>
-int run_main(int argc, char** argv) {
-  try {
-    if (argc != 2) throw std::runtime_error("usage: simulator RUN.json");
-    std::ifstream in(argv[1]);
-    if (!in) throw std::runtime_error(std::string("cannot read ") + argv[1]);
-    const Json file = Json::parse(in);
-    M mechanism;
-    const Json summary = Run<M>(mechanism, file).perform();
-    std::cout << summary << std::endl;
-    return summary.at("status") == "done" ? 0 : 1;
-  } catch (const std::exception& error) {
-    std::cerr << "error: " << error.what() << std::endl;
-    return 2;
-  }
+/// A JSON file's content.
+inline Json read_json(const std::string& path) {
+  std::ifstream in(path);
+  if (!in) throw std::runtime_error("cannot read " + path);
+  return Json::parse(in);
+}
+
+/// Print a summary; the exit status that goes with it.
+inline int conclude(const Json& summary) {
+  std::cout << summary << std::endl;
+  return summary.at("status") == "done" ? 0 : 1;
 }
 
 }  // namespace cutjoint

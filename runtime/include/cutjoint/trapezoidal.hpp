@@ -12,10 +12,15 @@
 
 namespace cutjoint {
 
-/// When the fixed point counts as reached: the accelerations change by at most `tolerance` times (1 + the largest of them).
+/// How the fixed point is sought.
+///
+/// It counts as reached when the accelerations change by at most `tolerance` times (1 + the largest of them).  The multipliers are
+/// corrected in the first `multiplier_updates` iterations of a step and then kept: the penalty carries what is left.  Near a singular
+/// pose the multipliers of the vanishing direction have no limit, and correcting them further would never end.
 struct FixedPoint {
-  double tolerance = 1e-6;
-  int iterations = 100;
+  double tolerance;
+  int iterations;
+  int multiplier_updates;
 };
 
 /// Integrates a mechanism with steps of equal length.
@@ -46,7 +51,8 @@ class Trapezoidal {
     for (int iteration = 1;; ++iteration) {
       follow(state);
       mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
-      for (std::size_t i = 0; i < correction_.size(); ++i) state.lambda[i] += correction_[i];
+      if (iteration <= fixed_point_.multiplier_updates)
+        for (std::size_t i = 0; i < correction_.size(); ++i) state.lambda[i] += correction_[i];
       state.vdot.swap(vdot_);
       ++evaluations_;
       if (converged(state, vdot_)) break;

@@ -1,0 +1,1 @@
+"""What can be said of a formulated model without compiling it."""

@@ -1,0 +1,157 @@
+"""The command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from cutjoint import pipeline
+from cutjoint.analysis.mobility import find_mobility
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model
+from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
+from cutjoint.run.run_file import RunError
+from cutjoint.run.simulator import SimulatorError
+from cutjoint.toolchain.build import ToolchainError
+from cutjoint.topology.spanning_tree import TopologyError
+
+_ERRORS = (ModelError, TopologyError, RunError, SimulatorError, ToolchainError, NoEquilibriumError, OSError)
+
+_out = Console(highlight=False, soft_wrap=True)
+_err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+_model = click.argument("model", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+_scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
+_method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
+_set = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
+
+
+def _reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Errors of the user's making end in their message and exit status 1."""
+
+    @wraps(command)
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return command(*args, **kwargs)
+        except _ERRORS as error:
+            _err.print(str(error), markup=False)
+            raise SystemExit(1) from None
+
+    return wrapped
+
+
+@contextmanager
+def _progress(label: str) -> Iterator[Callable[[float], None]]:
+    """A progress bar on standard error; it yields the function that moves it."""
+    with Progress(console=_err, transient=True) as bar:
+        task = bar.add_task(label, total=None)
+        yield lambda share: bar.update(task, total=1.0, completed=share)
+
+
+@click.group()
+@click.version_option(package_name="cutjoint")
+def main() -> None:
+    """A model compiler for multibody dynamics: from one YAML file to case-specific C++."""
+
+
+@main.command()
+@_model
+@_reports_errors
+def check(model: Path) -> None:
+    """Validate MODEL; print topology, loops, cut joints, degrees of freedom and rank."""
+    from cutjoint.report import tables
+
+    checked = read_model(model)
+    scene = next(iter(checked.scenes), None)
+    equations, _, _ = pipeline.generate(checked, pipeline.find_scene(checked, scene), ())
+    _out.print(tables.topology_facts(equations.topology, find_mobility(equations)))
+    if equations.topology.loops:
+        _out.print(tables.loop_table(equations.topology))
+    _out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
+
+
+@main.command("compile")
+@_model
+@_scene
+@_method
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the C++ and the simulator.")
+@_reports_errors
+def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
+    """Generate and compile the C++ of MODEL for one scene."""
+    with _progress(f"compiling {model.name}"):
+        artifact = pipeline.compile_model(model, scene=scene, method=method, out=out)
+    _out.print(f"{artifact.program.operations('evaluate')} operations an evaluation; source and simulator in {out}", markup=False)
+
+
+@main.command()
+@_model
+@_scene
+@_method
+@click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
+@click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
+@_set
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
+@click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
+@_reports_errors
+def simulate(
+    model: Path, scene: str | None, method: str, dt: float | None, end: float | None, changes: tuple[str, ...], out: Path,
+    plots: Path | None,
+) -> None:  # fmt: skip
+    """Compile MODEL when needed, run one scene, and write its outputs."""
+    from cutjoint.report import tables
+
+    parameters = _parameters(changes)
+    with _progress(f"compiling {model.name}"):
+        artifact = pipeline.compile_model(model, scene=scene, method=method)
+    with _progress(f"running {artifact.scene.name}") as progress:
+        run = pipeline.simulate(artifact, out=out, dt=dt, end=end, parameters=parameters, progress=progress)
+    _out.print(tables.topology_facts(artifact.topology, find_mobility(artifact.equations)))
+    _out.print(tables.run_facts(artifact, run))
+    _out.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
+    if plots is not None:
+        _plot(artifact, run, plots)
+    if run.failure is not None:
+        _err.print(f"{model}: scene '{artifact.scene.name}': {run.failure}; the results up to then are kept", markup=False)
+        raise SystemExit(1)
+
+
+def _plot(artifact: Artifact, run: pipeline.Trajectory, folder: Path) -> None:
+    from cutjoint.report.plots import plot_run
+
+    title = f"{artifact.topology.model.name}, {artifact.scene.name}"
+    _out.print(f"plots: {', '.join(str(p) for p in plot_run(run, title, folder))}", markup=False)
+
+
+def _parameters(changes: tuple[str, ...]) -> dict[str, float]:
+    parameters = {}
+    for change in changes:
+        name, _, value = change.partition("=")
+        try:
+            parameters[name] = float(value)
+        except ValueError:
+            raise RunError(f"--set {change}: write NAME=NUMBER") from None
+    return parameters
+
+
+@main.command()
+@_model
+@_scene
+@_set
+@_reports_errors
+def equilibrium(model: Path, scene: str | None, changes: tuple[str, ...]) -> None:
+    """Find the static equilibrium of MODEL and print every element's force."""
+    from cutjoint.report import tables
+
+    parameters = _parameters(changes)
+    if scene is None:
+        scene = next(iter(read_model(model).scenes), None)
+    with _progress(f"compiling {model.name}"):
+        found = pipeline.find_equilibrium(model, scene=scene, parameters=parameters)
+    _out.print(tables.equilibrium_table(found))

@@ -1,0 +1,40 @@
+"""Plots of a run: one picture a dimension, one panel a quantity, one line an element."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from cutjoint.run.results import Trajectory
+
+_DIMENSIONS = {"m": "position", "m/s": "velocity", "m/s^2": "acceleration", "rad": "angle", "rad/s": "angular velocity", "N": "force",
+               "N*m": "torque"}  # fmt: skip
+
+
+def plot_run(run: Trajectory, title: str, folder: Path) -> list[Path]:
+    """Write the pictures of a run as PNG files and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    groups: dict[str, dict[str, list[str]]] = {}
+    for column, unit in run.units.items():
+        groups.setdefault(unit, {}).setdefault(column.rpartition(".")[2], []).append(column)
+    return [_picture(run, title, unit, quantities, folder) for unit, quantities in groups.items()]
+
+
+def _picture(run: Trajectory, title: str, unit: str, quantities: dict[str, list[str]], folder: Path) -> Path:
+    dimension = _DIMENSIONS.get(unit, unit)
+    figure = Figure(figsize=(9, 1 + 2.1 * len(quantities)), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(len(quantities), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, (quantity, columns) in zip(panels, quantities.items(), strict=True):
+        for column in columns:
+            panel.plot(run.t, run[column], linewidth=1.0, label=column.rpartition(".")[0])
+        panel.set_ylabel(f"{quantity} [{unit}]")
+        panel.grid(visible=True, linewidth=0.3)
+        panel.legend(loc="upper right", fontsize="small", frameon=False)
+    panels[-1].set_xlabel("t [s]")
+    figure.suptitle(f"{title}: {dimension}")
+    path = folder / f"{dimension.replace(' ', '_').replace('/', '_').replace('*', '_').replace('^', '')}.png"
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+    return path
