@@ -1,7 +1,8 @@
 """Topology -> a description (JSON) for the generic mechanism, which interprets the model at run time.
 
-Numbers that depend on open parameters, and laws, are trees: a number, ``["p", i]`` for parameter i, ``["t"]`` or another variable of the
-law by name, ``["motion"]`` (0 where the mechanism is held at rest, else 1), or ``[operation, tree, ...]`` with the operations of the block IR.  Parameters of binding const are numbers.
+Numbers that depend on open parameters, and laws, are trees: a number, ``["p", i]`` for parameter i, ``["t"]``, ``["motion"]``
+(0 where the mechanism is held at rest, else 1), a variable of the law by name, or ``[operation, tree, ...]`` with the
+operations of the block IR.  Parameters of binding const are numbers.
 """
 
 from __future__ import annotations
@@ -148,30 +149,39 @@ def _geometry(trees: _Trees, joint: Joint) -> Json:
 def _force(trees: _Trees, force: Force, topology: Topology, tyres: Sequence[str]) -> Json:
     match force:
         case PointSpring():
-            kind, details = "point_spring", {
-                "base": force.base, "follower": force.follower, "start": trees.all(force.start), "end": trees.all(force.end),
-                "law": _law(trees, force.law, "length"),
-            }  # fmt: skip
+            details = {"start": trees.all(force.start), "end": trees.all(force.end), **_pair(trees, force, "length")}
         case AxialForce():
-            kind, details = "axial_force", {
-                "base": force.base, "follower": force.follower, "origin": trees.all(force.origin), "point": trees.all(force.point),
-                "axis": trees.all(force.axis), "law": _law(trees, force.law, "travel"),
-            }  # fmt: skip
+            geometry = {name: trees.all(getattr(force, name)) for name in ("origin", "point", "axis")}
+            details = {**geometry, **_pair(trees, force, "travel")}
         case BodyLoad():
-            components = trees.all(force.components)
-            kind, details = "load", {
-                "body": force.body, "point": None if force.point is None else trees.all(force.point), "axes": force.axes,
-                "components": [_in_motion(c) for c in components] if force.moving_only else components,
-            }  # fmt: skip
+            details = _load(trees, force)
         case JointForce():
             body = next(t.child for t in topology.tree if t.joint.name == force.joint)
-            kind, details = "joint_force", {"body": body, "law": _law(trees, force.law, "position")}
+            details = {"body": body, "law": _law(trees, force.law, "position")}
         case Tyre():
-            kind, details = "tyre", {
-                "body": force.body, "centre": trees.all(force.centre), "axis": trees.all(force.axis), "road": tyres.index(force.name),
-                "constants": {name: trees.one(value) for name, value in force.constants.items()},
-            }  # fmt: skip
-    return {"name": force.name, "kind": kind, "quantities": _quantity_names(force), **details}
+            geometry = {"centre": trees.all(force.centre), "axis": trees.all(force.axis)}
+            constants = {name: trees.one(value) for name, value in force.constants.items()}
+            details = {"body": force.body, **geometry, "road": tyres.index(force.name), "constants": constants}
+    return {"name": force.name, "kind": _KINDS[type(force)], "quantities": _quantity_names(force), **details}
+
+
+_KINDS: Mapping[type, str] = {
+    PointSpring: "point_spring", AxialForce: "axial_force", BodyLoad: "load", JointForce: "joint_force", Tyre: "tyre",
+}  # fmt: skip
+
+
+def _pair(trees: _Trees, force: PointSpring | AxialForce, position: str) -> Json:
+    return {"base": force.base, "follower": force.follower, "law": _law(trees, force.law, position)}
+
+
+def _load(trees: _Trees, load: BodyLoad) -> Json:
+    components = trees.all(load.components)
+    return {
+        "body": load.body,
+        "point": None if load.point is None else trees.all(load.point),
+        "axes": load.axes,
+        "components": [_in_motion(c) for c in components] if load.moving_only else components,
+    }
 
 
 def _law(trees: _Trees, law: Scalar, position: str) -> Json:

@@ -85,7 +85,7 @@ class _Candidate:
 
 
 def _polygon(segments: Sequence[RoadSegment], start: float) -> list[tuple[float, float]]:
-    """Corners (x, z) of the profile; bumps are cut into short straight parts."""
+    """Corners (x, z) of the profile; bumps are cut into short straight parts, steps at one place are one step."""
     x, z = start, 0.0
     corners = [(x, z)]
     for segment in segments:
@@ -98,7 +98,7 @@ def _polygon(segments: Sequence[RoadSegment], start: float) -> list[tuple[float,
             z += segment.rise if segment.kind is not SegmentKind.FLAT else 0.0
             corners.append((x + segment.length, z))
         x += segment.length
-    return corners
+    return [c for i, c in enumerate(corners) if i in (0, len(corners) - 1) or not corners[i - 1][0] == c[0] == corners[i + 1][0]]
 
 
 def _offset_lines(corners: Sequence[tuple[float, float]], radius: float) -> Iterable[_Candidate]:

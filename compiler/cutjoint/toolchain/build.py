@@ -17,8 +17,8 @@ import platformdirs
 from cutjoint.emit.source import Source
 from cutjoint.locations import runtime_folder
 
-#: Optimisation of generated code: measured on the Iltis, see docs/performance.md.
-FLAGS = ("-O3", "-march=native")
+#: How generated code is optimised, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/performance.md.
+FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
 
 PACKAGES = "g++ cmake ninja-build libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
 

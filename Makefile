@@ -1,0 +1,32 @@
+# Two commands: `make demo` and `make test`.  Both set up what they need first.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test bench lint setup clean
+
+demo: setup
+	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
+
+test: setup
+	$(BIN)/python -m pytest
+
+bench: setup
+	$(BIN)/python benchmarks/iltis.py
+
+lint: setup
+	$(BIN)/ruff check
+	$(BIN)/mypy
+
+setup: $(VENV)/.ready
+	@scripts/require-cpp
+
+$(VENV)/.ready: pyproject.toml scripts/require-cpp
+	scripts/require-cpp
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+	$(BIN)/pip install --quiet --editable '.[test]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) results

@@ -1,0 +1,67 @@
+"""The Iltis against the published values of the IAVSD benchmark (Robotran model, 18c4286)."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.pipeline import compile_model, find_equilibrium
+from cutjoint.run.results import Trajectory
+from tests.conftest import DATA, MODELS
+from tests.physics.simulation import compile_text, completed, read_reference, simulate
+
+ILTIS = MODELS / "iltis.yaml"
+
+#: Static equilibrium: front and rear values, N and m.
+EQUILIBRIUM = {
+    "tyre.Fz": (3831.31, 3591.91), "shock.force": (-335.29, -241.64), "leaf.force": (3068.62, 2885.51),
+    "leaf_axial.force": (-1408.51, -1335.52),
+}  # fmt: skip
+
+
+def test_static_equilibrium() -> None:
+    found = find_equilibrium(ILTIS, scene="iavsd_equilibrium")
+    assert found["chassis.z"] - 0.570 == pytest.approx(-7.083e-3, abs=5e-6)
+    assert math.degrees(found["chassis.pitch"]) == pytest.approx(0.1465, abs=5e-4)
+    for quantity, (front, rear) in EQUILIBRIUM.items():
+        for corner, expected in (("front_left", front), ("front_right", front), ("rear_left", rear), ("rear_right", rear)):
+            assert found[f"{corner}.{quantity}"] == pytest.approx(expected, abs=0.5), (corner, quantity)
+    assert found["front_left.shock.length"] == pytest.approx(0.4348738, abs=5e-6)
+    assert found["rear_left.shock.length"] == pytest.approx(0.4379429, abs=5e-6)
+
+
+def test_nominal_forces(tmp_path: Path) -> None:
+    """In the design position, before anything moves."""
+    text = ILTIS.read_text().replace("    pose: equilibrium\n", "    pose: design\n")
+    run = completed(simulate(compile_text(tmp_path, text, "iavsd_equilibrium"), dt=1e-3, end=1e-3))
+    nominal = {"leaf.force": (2728.9, 2728.9), "shock.force": (-128.0, -128.0), "tyre.Fz": (3829.6, 3593.6)}
+    for quantity, (front, rear) in nominal.items():
+        assert run[f"front_right.{quantity}"][0] == pytest.approx(front, abs=0.1)
+        assert run[f"rear_left.{quantity}"][0] == pytest.approx(rear, abs=0.1)
+
+
+def check(run: Trajectory, reference: dict[str, np.ndarray], tyres: dict[str, str]) -> None:
+    """z within 0.2 mm, angles within 0.03 deg, tyre loads within 1 % of the largest load."""
+    for column, limit in (("z", 0.2e-3), ("pitch", math.radians(0.03)), ("roll", math.radians(0.03)), ("yaw", math.radians(0.03))):
+        found = np.interp(reference["t"], run.t, run[f"chassis.{column}"])
+        assert np.abs(found - reference[column]).max() < limit, column
+    for corner, column in tyres.items():
+        found = np.interp(reference["t"], run.t, run[f"{corner}.tyre.Fz"])
+        assert np.abs(found - reference[column]).max() < 0.01 * reference[column].max(), corner
+
+
+#: The reference's wheels: front a is the right one, rear a the left one.
+WHEELS = {"front_right": "Fz_front_a", "front_left": "Fz_front_b", "rear_left": "Fz_rear_a", "rear_right": "Fz_rear_b"}
+
+
+def test_in_phase_bump() -> None:
+    run = completed(simulate(compile_model(ILTIS, scene="iavsd_inphase_5")))
+    check(run, read_reference(DATA / "iavsd_inphase_5ms.csv"), WHEELS)
+
+
+def test_sine_steer() -> None:
+    run = completed(simulate(compile_model(ILTIS, scene="iavsd_sine_2mm")))
+    check(run, read_reference(DATA / "iavsd_sine_steer_2mm.csv"), WHEELS)

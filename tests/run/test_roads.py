@@ -1,0 +1,67 @@
+"""The disc's envelope against its definition, the profile against its shape."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from cutjoint.model.read import read_model
+from cutjoint.model.records import RoadSegment, SegmentKind, Span
+from cutjoint.run.roads import Piece, disc_pieces, profile_pieces
+from tests.conftest import MODELS
+
+RADIUS = 0.364325
+
+
+def height(pieces: Sequence[Piece]) -> Callable[[float], float]:
+    begins = [p.begin for p in pieces]
+    return lambda x: pieces[max(bisect_right(begins, x) - 1, 0)].height(x)
+
+
+def test_profile_of_simul1_goes_up_the_ramp_and_down_five_steps() -> None:
+    road = read_model(MODELS / "iltis.yaml").scenes["simul1"].road
+    z = height(profile_pieces(road.left, road.start))
+    assert [z(x) for x in (0, 8, 13, 18, 19.9, 20.1, 21.6, 23.1, 24.6, 26.1, 40)] == pytest.approx(
+        [0, 0, 0.625, 1.25, 1.25, 1.0, 0.75, 0.5, 0.25, 0.0, 0.0], abs=1e-12
+    )
+
+
+def segment(kind: SegmentKind, length: float, rise: float) -> RoadSegment:
+    return RoadSegment(kind=kind, length=length, rise=rise, span=Span(file="road", line=1, column=1))
+
+
+def random_road(seed: int) -> list[RoadSegment]:
+    rng = np.random.default_rng(seed)
+    choice = (SegmentKind.FLAT, SegmentKind.RAMP, SegmentKind.STEP)
+    kinds = [choice[i] for i in rng.integers(3, size=9)]
+    return [
+        segment(k, 0.0 if k is SegmentKind.STEP else rng.uniform(0.1, 1.2), 0.0 if k is SegmentKind.FLAT else rng.uniform(-0.2, 0.2))
+        for k in kinds
+    ]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_disc_envelope_is_the_largest_height_under_the_disc(seed: int) -> None:
+    """h_env(x) = max over |u| <= R of h(x + u) + sqrt(R^2 - u^2) - R, the maximum found by sampling the profile and its corners."""
+    segments, start = random_road(seed), 1.0
+    z, envelope = height(profile_pieces(segments, start)), height(disc_pieces(segments, start, RADIUS))
+    corners = [start]
+    for s in segments:
+        corners.append(corners[-1] + s.length)
+    ends = [c + side for c in corners for side in (-1e-9, 1e-9)]
+    for x in np.linspace(0.0, corners[-1] + 1.0, 60):
+        under = [u for u in (*np.linspace(-RADIUS, RADIUS, 4001), *(c - x for c in ends)) if abs(u) <= RADIUS]
+        expected = max(z(x + u) + math.sqrt(RADIUS**2 - u * u) - RADIUS for u in under)
+        # sampling finds the maximum of a smooth arc from below, to second order of the spacing; 1e-9 beside a step adds 1e-9 of slope
+        assert envelope(x) == pytest.approx(expected, abs=2e-7)
+
+
+def test_disc_rolls_over_a_bump_wider_than_itself_at_its_offset_curve() -> None:
+    bump = [segment(SegmentKind.COSINE, 5.0, 0.1)]
+    envelope = height(disc_pieces(bump, 0.0, RADIUS))
+    assert envelope(2.5) == pytest.approx(0.2, abs=1e-5)  # on the top, where the slope is zero
+    assert envelope(-1.0) == 0.0

@@ -1,0 +1,63 @@
+"""Spanning trees, cut joints, loops and classes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.spanning_tree import TopologyError
+from tests.conftest import MODELS
+from tests.mechanisms.four_bar import four_bar_text
+
+
+def test_the_four_suspensions_are_one_class() -> None:
+    (found,) = build_topology(read_model(MODELS / "iltis.yaml")).classes
+    assert found.size == 4
+    assert set(found.roots) == {"front_left.arm", "front_right.arm", "rear_left.arm", "rear_right.arm"}
+
+
+def test_given_cuts_are_honoured() -> None:
+    topology = build_topology(read_model(MODELS / "iltis.yaml"))
+    corners = ("front_left", "front_right", "rear_left", "rear_right")
+    assert {c.name for c in topology.cuts} == {f"{c}.{j}" for c in corners for j in ("leaf_hinge", "tie_rod_ball")}
+
+
+def test_every_loop_of_a_suspension_closes_at_the_chassis() -> None:
+    topology = build_topology(read_model(MODELS / "iltis.yaml"))
+    assert {loop.base for loop in topology.loops} == {"chassis"}
+    (leaf,) = [loop for loop in topology.loops if loop.cut == "rear_left.leaf_hinge"]
+    assert leaf.bodies == ("rear_left.leaf_link", "rear_left.carrier", "rear_left.arm")
+    assert leaf.width == 1
+
+
+@pytest.mark.parametrize("windows", [1, 2, 10, 40])
+def test_chosen_cuts_keep_the_n_four_bar_narrow(windows: int) -> None:
+    """With free choice the widest loop couples one body at any N, so that the cost is linear in N."""
+    text = four_bar_text(windows).replace(", cut: true", "")
+    topology = build_topology(read_model_text(text, "four_bar.yaml"))
+    assert len(topology.cuts) == windows
+    assert max(loop.width for loop in topology.loops) == 1
+
+
+def test_cuts_that_tear_a_body_off_are_refused() -> None:
+    text, _, _ = (MODELS / "four_bar.yaml").read_text().partition("outputs:")
+    text = text.replace("at: start, axis: [0, 0, 1]", "at: start, axis: [0, 0, 1], cut: true")
+    with pytest.raises(TopologyError) as error:
+        build_topology(read_model_text(text, "four_bar.yaml"))
+    assert "body 'crank_0.bar': the cut joints tear it off the ground; leave one of its joints uncut" in str(error.value)
+
+
+def test_a_loop_without_a_joint_to_cut_is_refused() -> None:
+    text = (MODELS / "four_bar.yaml").read_text().replace("cut: true", "cut: false")
+    text = text.replace("axis: [0, 0, 1]}\n\ninst", "axis: [0, 0, 1], cut: false}\n\ninst")
+    with pytest.raises(TopologyError, match="joint 'closure_1': it closes a loop but must not be cut"):
+        build_topology(read_model_text(text, "four_bar.yaml"))
+
+
+def test_a_joint_whose_coordinate_is_reported_stays_in_the_tree(tmp_path: Path) -> None:
+    text = four_bar_text(3).replace(", cut: true", "")
+    topology = build_topology(read_model_text(text, "four_bar.yaml"))
+    assert {"crank_0.pin", "crank_1.pin", "crank_2.pin", "crank_3.pin"} <= {t.joint.name for t in topology.tree}
