@@ -94,6 +94,8 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @_model
 @_scene
 @_method
+@click.option("--implementation", type=click.Choice(pipeline.IMPLEMENTATIONS), default="generated", show_default=True,
+              help="Code made for the model, or a generic program that interprets it.")
 @click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
 @click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
 @_set
@@ -101,15 +103,15 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @_reports_errors
 def simulate(
-    model: Path, scene: str | None, method: str, dt: float | None, end: float | None, changes: tuple[str, ...], out: Path,
-    plots: Path | None,
+    model: Path, scene: str | None, method: str, implementation: str, dt: float | None, end: float | None,
+    changes: tuple[str, ...], out: Path, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     from cutjoint.report import tables
 
     parameters = _parameters(changes)
     with _progress(f"compiling {model.name}"):
-        artifact = pipeline.compile_model(model, scene=scene, method=method)
+        artifact = pipeline.compile_model(model, scene=scene, method=method, implementation=implementation)
     with _progress(f"running {artifact.scene.name}") as progress:
         run = pipeline.simulate(artifact, out=out, dt=dt, end=end, parameters=parameters, progress=progress)
     _out.print(tables.topology_facts(artifact.topology, find_mobility(artifact.equations)))

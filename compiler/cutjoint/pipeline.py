@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
+from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.source import Source, emit
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.recursive import formulate_recursive
@@ -23,11 +24,14 @@ from cutjoint.program.schedule import schedule
 from cutjoint.run.results import Equilibrium, FailureReport, Trajectory, read_table
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
-from cutjoint.toolchain.build import FLAGS, Binary, build
+from cutjoint.toolchain.build import FLAGS, Binary, build, build_generic
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
 
 METHODS = ("recursive",)
+
+#: Code made for the model, or the generic twin that interprets the model at run time.
+IMPLEMENTATIONS = ("generated", "generic")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +44,7 @@ class Artifact:
     program: Program
     source: Source
     binary: Binary
+    implementation: str
     generate_seconds: float
     compile_seconds: float
 
@@ -87,7 +92,7 @@ def generate(model: Model, scene: Scene, outputs: Sequence[Output]) -> tuple[Equ
 
 def compile_model(
     path: Path, *, scene: str | None = None, method: str = "recursive", out: Path | None = None, flags: Sequence[str] = FLAGS,
-    outputs: Sequence[Output] | None = None,
+    outputs: Sequence[Output] | None = None, implementation: str = "generated",
 ) -> Artifact:  # fmt: skip
     """Compile a model file for one scene; ``out`` receives the generated source and the simulator.
 
@@ -106,10 +111,10 @@ def compile_model(
     equations, program, source = generate(model, chosen, chosen.outputs if outputs is None else outputs)
     generated = perf_counter()
     # Source -> Binary
-    binary = build(source, flags=flags, folder=out)
+    binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out)
     return Artifact(
         topology=equations.topology, scene=chosen, equations=equations, program=program, source=source, binary=binary,
-        generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
+        implementation=implementation, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
     )  # fmt: skip
 
 
@@ -131,6 +136,8 @@ def simulate(
     with TemporaryDirectory() as folder:
         table = Path(folder) / "table.csv" if out is None else out
         run_file = make_run_file(artifact.topology.model, scene, parameters or {}, task="simulate", out=str(table.resolve()))
+        if artifact.implementation == "generic":
+            run_file["model"] = str(_describe(artifact, Path(folder)))
         summary = call_simulator(artifact.binary.path, run_file, progress)
         failure = failure_of(summary)
         if not table.exists():
@@ -143,6 +150,13 @@ def simulate(
         t=t, columns=columns, units=units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), failure=failure,
     )  # fmt: skip
+
+
+def _describe(artifact: Artifact, folder: Path) -> Path:
+    """The model as the generic twin reads it."""
+    path = folder / "model.json"
+    path.write_text(json.dumps(describe_generic(artifact.topology, artifact.scene, artifact.equations.outputs)), encoding="utf-8")
+    return path
 
 
 def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> Equilibrium:

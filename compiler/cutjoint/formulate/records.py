@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.model.records import Parameter, Scene
+from cutjoint.model.records import Output, Parameter, Scene
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
 
@@ -61,7 +61,8 @@ class Function:
 class Equations:
     """The symbolic mechanics of one model in one scene.
 
-    ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables.
+    ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables,
+    ``columns`` the outputs with their units.
     """
 
     topology: Topology
@@ -71,6 +72,7 @@ class Equations:
     closures: tuple[Closure, ...]
     parameters: tuple[Parameter, ...]
     roads: tuple[str, ...]
+    outputs: tuple[Output, ...]
     columns: tuple[Column, ...]
     functions: tuple[Function, ...]
 

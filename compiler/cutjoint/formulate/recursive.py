@@ -48,7 +48,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     return Equations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=_closures(loops),
         parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
-        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
+        outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
     )  # fmt: skip
 
 

@@ -194,7 +194,8 @@ class BodyLoad:
 
     ``components`` are three expressions in N (or N m) in ``axes`` ("global" or "body") over ``x y z`` (m),
     ``vx vy vz`` (m/s) of the point in those axes' directions (positions always global), ``t`` and parameters;
-    those of a torque over ``t`` and parameters only.
+    those of a torque over ``t`` and parameters only.  With ``moving_only`` the load is absent while the
+    equilibrium is sought.
     """
 
     name: str

@@ -7,7 +7,8 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -64,17 +65,40 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None =
     return Binary(path=kept, fresh=fresh, compiler=compiler_version(compiler), flags=tuple(flags))
 
 
+def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
+    """Build the generic simulator, which interprets any model, or find it in the cache.
+
+    Raises:
+        ToolchainError: a tool is missing, or the compiler refused the code.
+    """
+    compiler = find_compiler()
+    kept = cache_folder() / f"generic-{_digest([runtime_digest(generic=True), compiler_version(compiler), *flags])}" / "simulator"
+    fresh = not kept.exists()
+    if fresh:
+        with _workplace() as folder:
+            _cmake(runtime_folder(), folder, flags)
+            _keep(folder / "generic", kept)
+    return Binary(path=kept, fresh=fresh, compiler=compiler_version(compiler), flags=tuple(flags))
+
+
 def _build_into(target: Path, source: Source, flags: Sequence[str]) -> None:
     """Configure and build in a temporary folder, then move the simulator into place at once."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent) as name:
-        folder = Path(name)
+    driver = cache_folder() / f"driver-{_digest([runtime_digest(), compiler_version(find_compiler())])}" / "libdriver.a"
+    known = [f"-DCUTJOINT_DRIVER={driver}"] if driver.exists() else []
+    with _workplace() as folder:
         write_source(source, folder / "source")
-        driver = cache_folder() / f"driver-{_digest([runtime_digest(), compiler_version(find_compiler())])}" / "libdriver.a"
-        _cmake(folder / "source", folder / "out", flags, driver if driver.exists() else None)
+        _cmake(folder / "source", folder / "out", flags, f"-DCUTJOINT_RUNTIME={runtime_folder()}", *known)
         _keep(folder / "out" / "simulator", target / "simulator")
-        if not driver.exists():
+        if not known:
             _keep(folder / "out" / "libdriver.a", driver)
+
+
+@contextmanager
+def _workplace() -> Iterator[Path]:
+    """A temporary folder on the cache's file system."""
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=cache_folder()) as name:
+        yield Path(name)
 
 
 def _keep(file: Path, target: Path) -> None:
@@ -83,11 +107,11 @@ def _keep(file: Path, target: Path) -> None:
     file.replace(target)
 
 
-def _cmake(source: Path, out: Path, flags: Sequence[str], driver: Path | None) -> None:
+def _cmake(source: Path, out: Path, flags: Sequence[str], *definitions: str) -> None:
     command = [
         "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
         f"-DCMAKE_CXX_COMPILER={find_compiler()}", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG", f"-DCUTJOINT_FLAGS={' '.join(flags)}",
-        f"-DCUTJOINT_RUNTIME={runtime_folder()}", *([f"-DCUTJOINT_DRIVER={driver}"] if driver else []),
+        *definitions,
     ]  # fmt: skip
     _call(command)
     _call(["cmake", "--build", str(out)])
@@ -123,10 +147,11 @@ def compiler_version(compiler: str) -> str:
 
 
 @cache
-def runtime_digest() -> str:
-    """A digest of the runtime's headers and sources."""
+def runtime_digest(*, generic: bool = False) -> str:
+    """A digest of the runtime's headers and sources, with or without those of the generic twin."""
     folder = runtime_folder()
     files = sorted(p for p in folder.rglob("*") if p.suffix in (".hpp", ".cpp", ".txt"))
+    files = [p for p in files if generic or "generic" not in p.relative_to(folder).parts]
     return _digest([part for p in files for part in (str(p.relative_to(folder)), p.read_text(encoding="utf-8"))])
 
 

@@ -13,7 +13,8 @@ template <class Real>
 class BodySystem {
  public:
   BodySystem(std::size_t bodies, std::size_t slots)
-      : M_(bodies, Matrix6<Real>::Zero()), Q_(bodies, Vector6<Real>::Zero()), joint_force_(bodies, Real(0)), C_(slots, Matrix6<Real>::Zero()) {}
+      : M_(bodies, Matrix6<Real>::Zero()), Q_(bodies, Vector6<Real>::Zero()), joint_force_(bodies, Real(0)),
+        C_(slots, Matrix6<Real>::Zero()) {}
 
   void clear() {
     for (auto& M : M_) M.setZero();
@@ -71,7 +72,8 @@ Inertia<Real> inertia_of(const Expressions<Real>& e, const Body& body) {
 
 /// M = [m, -m c~; m c~, J - m c~ c~], Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w] of a body (eqs. 24, 25).
 template <class Real>
-void add_body(BodySystem<Real>& system, const Kinematics<Real>& k, const Vector3<Real>& gravity, int i, const Body& body, const Inertia<Real>& inertia) {
+void add_body(BodySystem<Real>& system, const Kinematics<Real>& k, const Vector3<Real>& gravity, int i, const Body& body,
+              const Inertia<Real>& inertia) {
   const Frame<Real>& frame = k.frame(i);
   const Vector3<Real> c = k.point(body.centre), w = frame.Z.template tail<3>();
   const Matrix3<Real> J = frame.R * inertia.own * frame.R.transpose(), arm = skew<Real>(c), moment = inertia.mass * arm;

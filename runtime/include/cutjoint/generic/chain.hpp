@@ -1,8 +1,8 @@
 // A tree joint as a chain of elementary motions of the outer body, seen from the inner one: slides, turns, at most one ball.
 #pragma once
 
+#include <algorithm>
 #include <array>
-#include <initializer_list>
 
 #include "cutjoint/generic/model.hpp"
 
@@ -24,7 +24,7 @@ struct ChainStep {
 template <class Real>
 struct Chain {
   std::array<ChainStep<Real>, 4> steps;
-  int size = 0;
+  std::size_t size = 0;
   int scalars = 0;
 
   void slide(const Vector3<Real>& axis) { append({StepKind::slide, axis, scalars++, Real(0), true}); }
@@ -34,8 +34,11 @@ struct Chain {
   /// A ball's coordinates and speeds stand behind all `scalars` of the joint.
   void ball(int column, bool forms_b = true) { append({StepKind::ball, Vector3<Real>::Zero(), column, Real(0), forms_b}); }
 
+  /// The motions in the opposite order, each with the coordinate that it has.
+  void reverse() { std::reverse(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(size)); }
+
  private:
-  void append(const ChainStep<Real>& step) { steps[static_cast<std::size_t>(size++)] = step; }
+  void append(const ChainStep<Real>& step) { steps.at(size++) = step; }
 };
 
 /// The ball of a spherical joint; its b is not needed, since such a joint is eliminated about its centre.
@@ -58,7 +61,8 @@ Chain<Real> make_rod(const Vector3<Real>& rod) {
   return chain;
 }
 
-/// The chain of a body's joint.  A reversed joint moves its base: its axes are turned round.
+/// The chain of a body's joint.  A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps
+/// its sign and meaning.
 template <class Real>
 Chain<Real> make_chain(const Model<Real>& model, const Body& body) {
   const Joint& joint = body.joint;
@@ -71,23 +75,21 @@ Chain<Real> make_chain(const Model<Real>& model, const Body& body) {
     case JointKind::prismatic: chain.slide(axis(0)); break;
     case JointKind::cylindrical: chain.slide(axis(0)), chain.turn(axis(0)); break;
     case JointKind::screw: chain.turn(axis(0), model.expressions[joint.pitch]); break;
-    case JointKind::universal: chain.turn(axis(body.reversed ? 1 : 0)), chain.turn(axis(body.reversed ? 0 : 1)); break;
+    case JointKind::universal: chain.turn(axis(0)), chain.turn(axis(1)); break;
     case JointKind::planar: {
       const auto [first, second] = tangents<Real>(model.vectors[joint.axes.at(0)]);
       chain.slide(sign * first), chain.slide(sign * second), chain.turn(axis(0));
       break;
     }
     case JointKind::spherical: return make_ball<Real>();
-    case JointKind::point_on_line:
-      if (body.reversed) chain.ball(1), chain.slide(axis(0));
-      else chain.slide(axis(0)), chain.ball(1);
-      break;
+    case JointKind::point_on_line: chain.slide(axis(0)), chain.ball(1); break;
     case JointKind::distance: return make_rod<Real>(sign * (model.vectors[joint.to] - model.vectors[joint.at]));
     case JointKind::free:
       for (int i = 0; i < 3; ++i) chain.slide(Vector3<Real>::Unit(i));
       chain.ball(3);
-      break;
+      return chain;
   }
+  if (body.reversed) chain.reverse();
   return chain;
 }
 

@@ -25,6 +25,15 @@ struct Equations {
     drift[size] = curvature;
     ++size;
   }
+
+  /// Three equations; the Jacobians' transposes.
+  void append(const Vector3<Real>& residual, const Matrix3<Real>& by_v, const Matrix3<Real>& by_w, const Vector3<Real>& curvature) {
+    phi.template segment<3>(size) = residual;
+    At.template block<3, 3>(0, size) = by_v;
+    At.template block<3, 3>(3, size) = by_w;
+    drift.template segment<3>(size) = curvature;
+    size += 3;
+  }
 };
 
 /// What moves: the gap between the joint's points, the follower's point p from its pole, its velocity P and the relative twist's W.
@@ -149,13 +158,13 @@ class Closures {
 
   /// Phi = gap
   static void close_gap(const Encounter<Real>& e, Equations<Real>& out) {
-    for (int i = 0; i < 3; ++i) along(e, Vector3<Real>::Unit(i), out);
+    out.append(e.gap, Matrix3<Real>::Identity(), skew<Real>(e.p), e.W.cross(e.P));
   }
 
   /// Phi = f - b
   static void align(const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) {
-    const Vector3<Real> f = d.follower[0], curvature = e.W.cross(e.W.cross(f));
-    for (int i = 0; i < 3; ++i) out.append(f[i] - d.base[0][i], Vector3<Real>::Zero(), f.cross(Vector3<Real>::Unit(i)), curvature[i]);
+    const Vector3<Real>& f = d.follower[0];
+    out.append(f - d.base[0], Matrix3<Real>::Zero(), skew<Real>(f), e.W.cross(e.W.cross(f)));
   }
 
   /// Phi = f . b
@@ -171,10 +180,10 @@ class Closures {
     for (std::size_t k = 0; k < 3; ++k) {
       const Vector3<Real>&b = d.base[k], &f = d.follower[k];
       phi += b.cross(f) / 2;
-      by_w += (b.dot(f) * Matrix3<Real>::Identity() - f * b.transpose()) / 2;
+      by_w += (b.dot(f) * Matrix3<Real>::Identity() - b * f.transpose()) / 2;
       curvature += b.cross(e.W.cross(e.W.cross(f))) / 2;
     }
-    for (int i = 0; i < 3; ++i) out.append(phi[i], Vector3<Real>::Zero(), by_w.row(i), curvature[i]);
+    out.append(phi, Matrix3<Real>::Zero(), by_w, curvature);
   }
 
   /// Phi = (gap^2 - L^2) / (2 L)

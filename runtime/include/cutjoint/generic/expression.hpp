@@ -49,14 +49,15 @@ class Expressions {
  public:
   explicit Expressions(std::size_t parameters) : parameters_(parameters) {
     for (std::size_t i = 0; i < parameters; ++i) make_register(Stage::load);
-    time_ = make_register(Stage::step);
-    names_["t"] = time_;
+    names_["t"] = time_ = make_register(Stage::step);
+    names_["motion"] = motion_ = make_register(Stage::step);
   }
 
   /// A register that the caller sets before a routine runs; trees read from now on know it by this name.
   int variable(const std::string& name) { return names_[name] = make_register(Stage::routine); }
 
-  /// The register that will hold the value of a tree: a number, ["p", i], [variable], or [operation, tree ...].
+  /// The register that will hold the value of a tree: a number, ["p", i], ["t"], ["motion"] (0 where the mechanism is held at rest,
+  /// else 1), another [variable], or [operation, tree ...].
   int read(const Json& tree) {
     if (tree.is_number()) return constant(tree.get<double>());
     const std::string name = tree.at(0);
@@ -81,8 +82,9 @@ class Expressions {
     for (const Instruction& i : loading_) execute(i);
   }
 
-  void begin_step(Real t) {
+  void begin_step(Real t, Real motion) {
     set(time_, t);
+    set(motion_, motion);
     for (const Instruction& i : stepping_) execute(i);
   }
 
@@ -190,7 +192,7 @@ class Expressions {
   }
 
   std::size_t parameters_;
-  int time_ = -1;
+  int time_, motion_;
   std::vector<Real> registers_;
   std::vector<Stage> stages_;
   std::vector<Instruction> loading_, stepping_, running_;

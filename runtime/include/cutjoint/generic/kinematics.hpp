@@ -34,18 +34,19 @@ template <class Real>
 class Kinematics {
  public:
   explicit Kinematics(const Model<Real>& model)
-      : model_(model), chains_(model.bodies.size()), frames_(model.bodies.size()), motions_(model.bodies.size()), guides_(model.bodies.size()) {}
+      : model_(model), chains_(model.bodies.size()), frames_(model.bodies.size()), motions_(model.bodies.size()),
+        guides_(model.bodies.size()) {}
 
   void load() {
     for (std::size_t i = 1; i < chains_.size(); ++i) chains_[i] = make_chain<Real>(model_, model_.bodies[i]);
   }
 
-  /// Guided coordinates; `motion` 0 holds them at rest.
-  void begin_step(Real motion) {
+  /// Guided coordinates.
+  void begin_step() {
     for (std::size_t i = 1; i < guides_.size(); ++i) {
       if (!model_.bodies[i].guided) continue;
       const Guide& guide = model_.bodies[i].guide;
-      guides_[i] = {model_.expressions[guide.position], motion * model_.expressions[guide.rate], motion * model_.expressions[guide.acceleration]};
+      guides_[i] = {model_.expressions[guide.position], model_.expressions[guide.rate], model_.expressions[guide.acceleration]};
     }
   }
 
@@ -124,10 +125,12 @@ class Kinematics {
     frame.r = motion.point;
     frame.Z = parent.Z;
     motion.d.setZero();
-    for (int n = 0; n < chains_[i].size; ++n) step(chains_[i].steps[static_cast<std::size_t>(n)], parent, q, v, frame, motion);
+    const Chain<Real>& chain = chains_[i];
+    for (std::size_t n = 0; n < chain.size; ++n) step(chain.steps[n], parent, q, v, frame, motion);
   }
 
-  void step(const ChainStep<Real>& s, const Frame<Real>& parent, const Real* q, const Real* v, Frame<Real>& frame, JointMotion<Real>& motion) const {
+  static void step(const ChainStep<Real>& s, const Frame<Real>& parent, const Real* q, const Real* v, Frame<Real>& frame,
+                   JointMotion<Real>& motion) {
     switch (s.kind) {
       case StepKind::slide: return slide(s, q[s.column], v[s.column], frame, motion);
       case StepKind::turn: return turn(s, q[s.column], v[s.column], frame, motion);
@@ -159,7 +162,8 @@ class Kinematics {
   }
 
   /// b_k = [r x e_k; e_k] with the parent's axes e_k, which move with the parent alone.
-  static void ball(const ChainStep<Real>& s, const Frame<Real>& parent, const Real* e, const Real* u, Frame<Real>& frame, JointMotion<Real>& motion) {
+  static void ball(const ChainStep<Real>& s, const Frame<Real>& parent, const Real* e, const Real* u, Frame<Real>& frame,
+                   JointMotion<Real>& motion) {
     if (s.forms_b) {
       const Matrix3<Real> arm = skew<Real>(frame.r);
       motion.b.template block<3, 3>(0, s.column) = arm * parent.R;

@@ -18,7 +18,8 @@ Matrix6<Real> transport(const Vector3<Real>& step) {
 }
 
 template <int K, class Real>
-void add_closure(BodySystem<Real>& system, const Cut& cut, const Closure<Real>& closure, const Target& coupling, Real penalty, const Real* lambda) {
+void add_closure(BodySystem<Real>& system, const Cut& cut, const Closure<Real>& closure, const Target& coupling, Real penalty,
+                 const Real* lambda) {
   const auto At = closure.equations.At.template leftCols<K>();
   const Matrix6<Real> stiffness = penalty * (At * At.transpose());
   const Eigen::Map<const Eigen::Matrix<Real, K, 1>> multipliers(lambda);
@@ -41,7 +42,8 @@ void add_closure(BodySystem<Real>& system, const Cut& cut, const Closure<Real>& 
 
 /// Penalty masses, couplings and forces of every cut joint.
 template <class Real>
-void add_closures(BodySystem<Real>& system, const Model<Real>& model, const Closures<Real>& closures, const Plan& plan, const Real* lambda) {
+void add_closures(BodySystem<Real>& system, const Model<Real>& model, const Closures<Real>& closures, const Plan& plan,
+                  const Real* lambda) {
   for (std::size_t i = 0; i < model.cuts.size(); ++i) {
     const Cut& cut = model.cuts[i];
     with_size(cut.size, [&](auto k) {
@@ -57,7 +59,10 @@ void correct_multipliers(const Model<Real>& model, const Closures<Real>& closure
     const Cut& cut = model.cuts[i];
     const Closure<Real>& closure = closures[i];
     const Vector6<Real> relative = Zdd(cut.follower.body) - twist_at<Real>(Zdd(cut.base.body), closure.step);
-    for (int n = 0; n < cut.size; ++n) correction[cut.first + n] = closures.penalty() * (closure.equations.At.col(n).dot(relative) + closure.s[n]);
+    for (int n = 0; n < cut.size; ++n) {
+      const Real error = closure.equations.At.col(n).dot(relative) + closure.s[n];
+      correction[cut.first + n] = closures.penalty() * error;
+    }
   }
 }
 

@@ -40,8 +40,8 @@ class GenericMechanism {
 
   /// What depends on time.
   void begin_step(Real t, Real motion) {
-    model_.expressions.begin_step(t);
-    kinematics_.begin_step(motion);
+    model_.expressions.begin_step(t, motion);
+    kinematics_.begin_step();
   }
 
   /// Accelerations for given multipliers, and the correction that the augmented update adds to these.

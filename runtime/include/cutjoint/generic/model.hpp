@@ -36,8 +36,8 @@ struct Joint {
 
 /// A body and the tree joint that carries it, passed from the joint's follower to its base when `reversed`.
 ///
-/// `q`, `v` are the joint's first coordinate and the first of its `speeds`, which is 0 for fixed and guided joints; `root` is the body of this branch that
-/// stands next to the ground.  `mass` and `inertia` (xx, yy, zz, xy, xz, yz) are registers.
+/// `q`, `v` are the joint's first coordinate and the first of its `speeds`, which is 0 for fixed and guided joints; `root` is the body
+/// of this branch that stands next to the ground.  `mass` and `inertia` (xx, yy, zz, xy, xz, yz) are registers.
 struct Body {
   int parent = ground, root = ground;
   Joint joint;

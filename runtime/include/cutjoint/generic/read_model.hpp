@@ -129,9 +129,9 @@ class ModelReader {
   void read_force(const Json& json) {
     const std::string kind = json.at("kind");
     const int first = model_.quantities;
-    const std::vector<std::string> names = json.at("quantities").template get<std::vector<std::string>>();
-    for (std::size_t i = 0; i < names.size(); ++i) quantities_[json.at("name").template get<std::string>() + "." + names[i]] = first + static_cast<int>(i);
-    model_.quantities += static_cast<int>(names.size());
+    std::vector<std::string> names;
+    append_names(names, json, "quantities");
+    for (const std::string& name : names) quantities_[name] = model_.quantities++;
     if (kind == "point_spring") read_point_spring(json, first);
     else if (kind == "axial_force") read_axial_force(json, first);
     else if (kind == "load") read_load(json, first);
@@ -203,12 +203,16 @@ class ModelReader {
     const std::string kind = json.at("kind");
     Output output;
     if (kind == "motion") output = read_motion(json);
-    else if (kind == "reaction") output = {Quantity::reaction, direction(body(json.at("body")), json.at("direction")), 0, cuts_.at(json.at("cut"))};
+    else if (kind == "reaction") output = read_reaction(json);
     else if (kind == "force") output = {Quantity::force, {}, quantities_.at(json.at("quantity")), -1};
     else if (kind == "joint_position") output = {Quantity::joint_position, {body(json.at("body")), -1}, json.at("index"), -1};
     else if (kind == "joint_rate") output = {Quantity::joint_rate, {body(json.at("body")), -1}, json.at("index"), -1};
     else if (kind != "zero") throw std::runtime_error("unknown kind of output '" + kind + "'");
     model_.outputs.push_back(output);
+  }
+
+  Output read_reaction(const Json& json) {
+    return {Quantity::reaction, direction(body(json.at("body")), json.at("direction")), 0, cuts_.at(json.at("cut"))};
   }
 
   /// x y z, vx vy vz, wx wy wz, ax ay az, roll pitch yaw.

@@ -45,12 +45,13 @@ std::pair<Real, Real> calspan(const TyreValues<Real>& c, Real load, Real slip, R
   return {side, (c.AF1 * load + c.AF2 * abs(side)) * side};
 }
 
-/// The contact under the wheel centre: n the road's normal, e_x the rolling direction, e_y the lateral one (left), e_z in the wheel's plane.
-/// A standing wheel has no slip, no lateral force, and its contact below the centre along the normal.
+/// The contact under the wheel centre: n the road's normal, e_x the rolling direction, e_y the lateral one (left), e_z in the wheel's
+/// plane.  A standing wheel has no slip, no lateral force, and its contact below the centre along the normal.
 template <class Real>
 Contact<Real> meet_road(const Kinematics<Real>& k, const Tyre& tyre, const TyreValues<Real>& c, const Road<Real>& road) {
   using std::atan, std::sqrt;
-  const Vector3<Real> centre = k.point(tyre.centre), axis = k.direction(tyre.axis), velocity = k.velocity(tyre.centre.body, centre);
+  const Vector3<Real> centre = k.point(tyre.centre), axis = k.direction(tyre.axis);
+  const Vector3<Real> velocity = k.velocity(tyre.centre.body, centre);
   const Vector3<Real> place = centre + k.frame(tyre.centre.body).pole;
   const Real slope = road.slope(place.x(), place.y()), clearance = place.z() - road.height(place.x(), place.y());
   const Real n_z = 1 / sqrt(1 + slope * slope);
