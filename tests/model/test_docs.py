@@ -1,0 +1,73 @@
+"""The description of the format: its examples load, and it names all there is."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from cutjoint.model.document import json_schema
+from cutjoint.model.names import VARIABLES
+from cutjoint.model.operations import FUNCTIONS
+from cutjoint.model.quantities import JOINT_QUANTITIES, QUANTITIES
+from cutjoint.model.read import read_model_text
+from cutjoint.model.values import MAX_COEFFICIENTS, MAX_TABLE
+
+from .pendulum import read
+
+DOCS = Path(__file__).parents[2] / "docs" / "model-format.md"
+TEXT = DOCS.read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
+DRAG = 'drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}'
+
+
+def example(start: str) -> str:
+    return next(text for text in EXAMPLES if text.startswith(start))
+
+
+def test_the_first_example_is_a_model() -> None:
+    model = read_model_text(EXAMPLES[0], "docs")
+    assert [output.column for output in model.scenes["fall"].outputs] == ["hinge.angle", "arm.vz"]
+
+
+def test_the_submodel_example_makes_two_wheels() -> None:
+    head = "cutjoint: 1\nname: car\ngravity: [0, 0, -9.81]\nbodies: {chassis: {massless: true}}\n"
+    joint = "joints: {base: {kind: free, bodies: [ground, chassis], at: [0, 0, 0]}}\n"
+    model = read_model_text(head + joint + example("submodels:"), "docs")
+    assert [body.name for body in model.bodies] == ["chassis", "left.wheel", "right.wheel"]
+
+
+def test_the_parameter_and_point_examples_load() -> None:
+    old = "  arm_mass: {value: 2, unit: kg, binding: param}\n"
+    lines = example("parameters:").splitlines()[1:]
+    assert len(read(old, old + "\n".join(line for line in lines if "arm_length" not in line) + "\n").parameters) == 6
+    lines = example("points:").splitlines()[1:]
+    assert read("  tip: [arm_length, 0, 0]", "  tip: [0, 0, 0]\n" + "\n".join(lines)).bodies
+
+
+@pytest.mark.parametrize("line", example("law:").splitlines())
+def test_the_examples_of_laws_load(line: str) -> None:
+    law = line.removeprefix("law: ").split("  #")[0]
+    if "position" in law:
+        assert read('"-0.1*rate"', law).forces[0].law
+    else:
+        spring = "spring: {kind: point_spring, bodies: [ground, arm], from: [0, 0, 1], to: tip"
+        assert read(DRAG, f"{spring}, law: {law}}}").forces[0].law
+
+
+def test_the_road_example_loads() -> None:
+    road = example("road:").replace("\n", "\n    ")
+    assert len(read("fall: {end: 2}", f"fall:\n    end: 2\n    {road}").scenes["fall"].road.right) == 4
+
+
+def test_everything_is_named() -> None:
+    words = set(re.findall(r"[A-Za-z_0-9]+", TEXT))
+    quantities = {name for names in (*QUANTITIES.values(), *JOINT_QUANTITIES.values()) for name in names}
+    schema = json.loads(json_schema())
+    fields = {name for part in (schema, *schema["$defs"].values()) for name in part["properties"]}
+    assert fields <= words
+    assert quantities | set(JOINT_QUANTITIES) | set(FUNCTIONS) | set(VARIABLES) <= words
+    assert f"at most {MAX_COEFFICIENTS}" in TEXT
+    assert f"at most {MAX_TABLE} points" in TEXT

@@ -1,0 +1,203 @@
+"""Bodies, joints, parameters and scenes: what the forms of the file become."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+
+from cutjoint.model import quantities
+from cutjoint.model.document import json_schema
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.records import (
+    COORDINATES,
+    SPEEDS,
+    Binding,
+    BodyLoad,
+    JointKind,
+    Output,
+    Road,
+    RoadSegment,
+    SegmentKind,
+)
+
+from .pendulum import PENDULUM, read
+
+MASS = "mass: arm_mass, centre_of_mass: [1, 0, 0], inertia: [0.1, 0.2, 0.2]"
+HINGE = "hinge: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 1, 0]}"
+DRAG = 'drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}'
+
+
+def floats(values: tuple) -> list[float]:
+    return [float(value) for value in values]
+
+
+def test_bare_numbers_are_exact() -> None:
+    body = read("[1, 0, 0]", "[0.1, 1/3, 3e-2]").bodies[0]
+    assert float(body.centre_of_mass[0]) == 0.1
+    assert body.centre_of_mass[1] == sympy.Rational(1, 3)
+    assert float(body.centre_of_mass[2]) == 3e-2
+
+
+def test_bodies() -> None:
+    massless = read(MASS, "massless: true").bodies[0]
+    assert (massless.mass, massless.centre_of_mass, massless.inertia) == (0, (0, 0, 0), (0,) * 6)
+    point_mass = read(", inertia: [0.1, 0.2, 0.2]", "").bodies[0]
+    assert point_mass.inertia == (0,) * 6
+    full = read("[0.1, 0.2, 0.2]", "[1, 2, 2.5, 0.1, 0.2, 300 g*m^2]").bodies[0]
+    assert floats(full.inertia) == pytest.approx([1, 2, 2.5, 0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("given", [("x", "y"), ("x", "z"), ("y", "z"), ("z", "y")])
+def test_principal_inertia_by_any_two_directions(given: tuple[str, str]) -> None:
+    frame = np.array([[2, 2, 1], [-2, 1, 2], [1, -2, 2]]) / 3  # rows: x, y, z
+    axes = dict(zip("xyz", frame.tolist(), strict=True))
+    directions = ", ".join(f"{name}: {axes[name]}" for name in given)
+    body = read("[0.1, 0.2, 0.2]", f"{{principal: [1, 2, 2.5], {directions}}}").bodies[0]
+    expected = frame.T @ np.diag([1, 2, 2.5]) @ frame
+    rows, columns = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
+    assert floats(body.inertia) == pytest.approx(expected[rows, columns])
+
+
+def test_symbolic_directions_are_normalised() -> None:
+    model = read("axis: [0, 1, 0]", "axis: [0, arm_mass, 2*arm_mass]")
+    symbol = sympy.Symbol("p_arm_mass", real=True)
+    axis = [evaluate(component, {symbol: 2.0}) for component in model.joints[0].axes[0]]
+    assert axis == pytest.approx([0, 1 / math.sqrt(5), 2 / math.sqrt(5)])
+
+
+def test_unit_axes_stay_exact() -> None:
+    assert read().joints[0].axes[0] == (0, 1, 0)
+    assert floats(read("[0, 1, 0]", "[0, 0, -5]").joints[0].axes[0]) == [0, 0, -1]
+
+
+def test_points_build_on_each_other() -> None:
+    model = read("  tip: [arm_length, 0, 0]", "  foot: [1, 0, 0]\n  tip: {midpoint: [foot, foot]}")
+    assert model.markers[0].point == (1, 0, 0)
+
+
+JOINTS = {
+    "fixed": "",
+    "revolute": ", axis: [0, 0, 1]",
+    "prismatic": ", axis: [0, 0, 1]",
+    "cylindrical": ", axis: [0, 0, 1]",
+    "screw": ", axis: [0, 0, 1], pitch: 5 mm",
+    "universal": ", axis: [0, 0, 1], axis_2: [1, 0, 0]",
+    "planar": ", axis: [0, 0, 1]",
+    "spherical": "",
+    "point_on_line": ", axis: [0, 0, 1]",
+    "distance": ", to: [1, 0, 0]",
+    "free": "",
+}
+
+
+@pytest.mark.parametrize("kind", JOINTS)
+def test_every_kind_of_joint(kind: str) -> None:
+    text = f"bar: {{kind: {kind}, bodies: [ground, arm], at: [0, 0, 0]{JOINTS[kind]}, cut: false}}"
+    joint = read(HINGE, f"{HINGE}\n  {text}").joints[1]
+    assert joint.kind is JointKind(kind)
+    assert len(joint.axes) == JOINTS[kind].count("axis")
+    assert joint.cut is False
+    assert joint.to == ((1, 0, 0) if kind == "distance" else None)
+    assert joint.pitch is None if kind != "screw" else float(joint.pitch) == 0.005
+
+
+def test_every_kind_of_joint_has_quantities() -> None:
+    assert set(JOINTS) == set(JointKind)
+    for kind in JointKind:
+        names = [*COORDINATES[kind], *SPEEDS[kind]]
+        assert list(quantities.JOINT_QUANTITIES[kind]) == names
+    assert quantities.JOINT_QUANTITIES[JointKind.FREE]["vx"] == "m/s"
+    assert quantities.JOINT_QUANTITIES[JointKind.FREE]["wx"] == "rad/s"
+    assert quantities.JOINT_QUANTITIES[JointKind.CYLINDRICAL] == {
+        "displacement": "m", "angle": "rad", "displacement_rate": "m/s", "angle_rate": "rad/s",
+    }  # fmt: skip
+
+
+def test_loads() -> None:
+    force = read(DRAG, 'push: {kind: load, body: arm, at: tip, force: ["-vx", 0, 1], axes: body}').forces[0]
+    assert isinstance(force, BodyLoad)
+    assert (force.axes, force.moving_only) == ("body", False)
+    assert set(quantities.quantities(force, {})) == {"Fx", "Fy", "Fz"}
+    torque = read(DRAG, "push: {kind: load, body: arm, torque: [0, sin(t), 0], moving_only: true}").forces[0]
+    assert torque.moving_only
+    assert torque.point is None
+    assert set(quantities.quantities(torque, {})) == {"Mx", "My", "Mz"}
+
+
+def test_units_of_outputs() -> None:
+    model = read()
+    span = model.span
+    for element, quantity, unit in (
+        ("end", "x", "m"), ("hinge", "angle_rate", "rad/s"), ("drag", "force", "N*m"), ("arm", "roll", "rad"),
+    ):  # fmt: skip
+        assert quantities.unit_of(model, Output(element=element, quantity=quantity, span=span)) == unit
+
+
+@pytest.mark.parametrize(
+    ("written", "value", "unit"),
+    [
+        ("3", 3.0, ""),
+        ("{value: 3}", 3.0, ""),
+        ("{value: 3, unit: kg}", 3.0, "kg"),
+        ("{value: 250, unit: g}", 0.25, "kg"),
+        ("{value: 2, unit: kN/mm}", 2e6, "N/m"),
+        ("{value: 2, unit: N*s/m}", 2.0, "N*s/m"),
+        ("{value: 180, unit: deg}", math.pi, "rad"),
+        ("{value: 60, unit: rpm}", 2 * math.pi, "1/s"),
+        ("{value: 3, unit: 1}", 3.0, "1"),
+        ("{value: 1/4, unit: m^2}", 0.25, "m^2"),
+        ("5 ms", 0.005, "s"),
+        ("{value: 72 km/h}", 20.0, "m/s"),
+    ],
+)
+def test_parameters(written: str, value: float, unit: str) -> None:
+    parameter = read("swing: {value: 0, binding: input}", f"swing: {written}").parameters[2]
+    assert parameter.value == pytest.approx(value, rel=1e-15)
+    assert (parameter.unit, parameter.binding) == (unit, Binding.CONST)
+
+
+def test_scenes_have_defaults() -> None:
+    scene = read().scenes["fall"]
+    assert (scene.end, scene.output_step, scene.pose) == (2.0, 0.001, "design")
+    assert scene.road == Road()
+    assert (scene.inputs, scene.switches) == ({}, {})
+    assert [output.column for output in scene.outputs] == ["end.x"]
+
+
+def test_scenes_say_what_is_done() -> None:
+    scene = read(
+        "end: 2",
+        "end: 2 s, output_step: 5 ms, positions: {hinge.angle: 30 deg}, rates: {hinge.angle_rate: 2*pi}, "
+        "switches: {drag: true, 'd*': false}, outputs: [hinge.angle], numerics: {dt: 2 ms, iterations: 7}",
+    ).scenes["fall"]
+    assert float(scene.positions["hinge.angle"]) == pytest.approx(math.pi / 6)
+    assert scene.rates == {"hinge.angle_rate": 2 * sympy.pi}
+    assert scene.switches == {"drag": False}
+    assert [output.column for output in scene.outputs] == ["hinge.angle"]
+    assert (scene.output_step, scene.numerics.dt, scene.numerics.iterations) == (0.005, 0.002, 7)
+
+
+def test_roads_have_two_tracks() -> None:
+    road = "{contact: disc, start: 1, left: [{step: -10 cm}, {flat: 2}], right: [{ramp: 3, rise: 1}]}"
+    read_road = read("end: 2", f"end: 2, road: {road}").scenes["fall"].road
+    spans = {"span": read_road.left[0].span}
+    assert read_road.left[0] == RoadSegment(kind=SegmentKind.STEP, length=0.0, rise=-0.1, **spans)
+    assert (read_road.left[1].kind, read_road.left[1].length) == (SegmentKind.FLAT, 2.0)
+    assert [(s.kind, s.length, s.rise) for s in read_road.right] == [(SegmentKind.RAMP, 3.0, 1.0)]
+
+
+def test_a_model_keeps_its_text_and_needs_no_scenes() -> None:
+    model = read("scenes:\n  fall: {end: 2}\n", "")
+    assert model.scenes == {}
+    assert model.text == PENDULUM.replace("scenes:\n  fall: {end: 2}\n", "")
+
+
+def test_the_json_schema_on_disk_is_current() -> None:
+    path = Path(__file__).parents[2] / "docs" / "model.schema.json"
+    assert path.read_text(encoding="utf-8") == json_schema()
+    assert json.loads(json_schema())["properties"]["cutjoint"]["const"] == 1

@@ -1,0 +1,202 @@
+"""Expressions: what they may say, what they become, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import pytest
+import sympy
+
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions import read_term, variable
+from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.units import LENGTH, MASS, SPEED
+
+X, Y = variable("x"), variable("y")
+NAMES = {
+    "x": Term(X),
+    "y": Term(Y),
+    "length": Term(variable("length"), LENGTH),
+    "speed": Term(variable("speed"), SPEED),
+    "mass": Term(variable("mass"), MASS),
+}
+
+
+def refusal(text: str) -> tuple[str, str]:
+    with pytest.raises(ExpressionError) as caught:
+        read_term(text, NAMES)
+    return caught.value.message, caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("2*x + 3", 2 * X + 3),
+        ("-x**2", -(X**2)),
+        ("+x - -y", X + Y),
+        ("1/12", sympy.Rational(1, 12)),
+        ("pi/2", sympy.pi / 2),
+        ("x/y/2", X / Y / 2),
+        ("x**2.0", X**2),
+        ("sqrt(x)*exp(-x)", sympy.sqrt(X) * sympy.exp(-X)),
+        ("atan2(y, x)", sympy.atan2(Y, X, evaluate=False)),
+        ("x\n + y", X + Y),
+    ],
+)
+def test_expressions_become_sympy(text: str, expected: sympy.Expr) -> None:
+    assert read_term(text, NAMES).value == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("min(x, 1)", {-1.0: -1.0, 2.0: 1.0}),
+        ("max(x, 0, 1/2)", {-1.0: 0.5, 2.0: 2.0}),
+        ("where(abs(x) < 1 and max(x, 0) < 0.5, 1, 2)", {-2.0: 2.0, -0.5: 1.0, 0.2: 1.0, 0.7: 2.0}),
+        ("max(min(x, 1), -1, x/4)", {-8.0: -1.0, 0.0: 0.0, 3.0: 1.0, 8.0: 2.0}),
+        ("abs(x - 1)", {-1.0: 2.0, 3.0: 2.0}),
+        ("sqrt(x**2)", {-1.5: 1.5, 3.0: 3.0}),
+        ("sign(x)", {-3.0: -1.0, 0.0: 0.0, 3.0: 1.0}),
+        ("where(x < 0 and x > -2, 1, 2)", {-3.0: 2.0, -1.0: 1.0, 0.0: 2.0}),
+        ("where(0 < x <= 1 or x > 5, x, -x)", {-3.0: 3.0, 1.0: 1.0, 2.0: -2.0, 6.0: 6.0}),
+        ("where(abs(x) < 1 or sign(x) > 0, min(x, 3), 0)", {-2.0: 0.0, -0.5: -0.5, 2.0: 2.0, 4.0: 3.0}),
+        ("tanh(x)*log(x)", {2.0: math.tanh(2) * math.log(2)}),
+    ],
+)
+def test_kinks_keep_their_values(text: str, values: dict[float, float]) -> None:
+    expression = read_term(text, NAMES).value
+    for x, expected in values.items():
+        assert evaluate(expression, {X: x}) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("text", ["min(x, 1)", "abs(x)", "where(x < 1, x**2, 1)", "sqrt(x**2)"])
+def test_kinks_are_piecewise_with_exact_derivatives(text: str) -> None:
+    expression = read_term(text, NAMES).value
+    assert isinstance(expression, sympy.Piecewise)
+    slope = sympy.diff(expression, X)
+    assert not slope.has(sympy.Derivative, sympy.Heaviside)
+    step = 1e-6
+    for x in (-0.7, 0.3):
+        secant = (evaluate(expression, {X: x + step}) - evaluate(expression, {X: x - step})) / (2 * step)
+        assert float(slope.subs(X, x)) == pytest.approx(secant, abs=1e-8)
+
+
+def test_numbers_keep_all_bits() -> None:
+    for number in (0.1, 1 / 3, 5e-324, 1.7976931348623157e308):
+        assert float(read_term(number, {}).value) == number
+        assert float(read_term(repr(number), {}).value) == number
+
+
+def test_quantities_become_si() -> None:
+    angle = read_term("30 deg", {})
+    assert float(angle.value) == pytest.approx(math.pi / 6)
+    assert read_term("5 ms", {}).number == 0.005
+    assert str(read_term("2 kN/mm", {}).dimension) == "N/m"
+    assert read_term("3 1/s", {}).number == 3
+
+
+def test_a_quotient_is_not_a_unit() -> None:
+    assert read_term("11/x", NAMES).value == 11 / X
+
+
+def test_dimensions_follow_products() -> None:
+    assert str(read_term("mass*speed**2/length", NAMES).dimension) == "N"
+    assert str(read_term("sqrt(length**2)", NAMES).dimension) == "m"
+    assert read_term("2*length", NAMES).dimension is None
+    assert refusal("length + mass") == ("m and kg cannot be added or compared", "")
+    assert refusal("where(length < speed, 1, 2)")[0] == "m and m/s cannot be added or compared"
+
+
+LISTED = "use numbers, names, + - * / **, comparisons inside where, and the listed functions"
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "hint"),
+    [
+        ("x^2", "'^' is not a power", "use **"),
+        ("z + 1", "unknown symbol 'z'", "symbols here: length, mass, pi, speed, x, y"),
+        ("lenght", "unknown symbol 'lenght'", "did you mean 'length'?"),
+        ("sine(x)", "unknown function 'sine'", "did you mean 'sin'?"),
+        ("sin", "'sin' is a function", "write sin(...)"),
+        ("sin(x, y)", "sin needs 1 argument, got 2", ""),
+        ("min()", "min needs at least one argument, got 0", ""),
+        ("x < 1", "a condition stands outside where", "write where(condition, value, other)"),
+        ("1 if x else 2", "'if' is not allowed in an expression", "write where(condition, value, other)"),
+        ("where(x, 1, 2)", "the first argument of where must be a condition",
+         "write for example where(x < 0, a, b)"),
+        ("where(x == 1, 1, 2)", "a condition compares with < <= > >= only", ""),
+        ("x**y", "an exponent must be a number", "use exp and log for other powers"),
+        ("x**13", "the exponent 13 is larger than 12 in absolute value", ""),
+        ("x/(1 - 1)", "division by zero", ""),
+        ("sqrt(-1)", "'sqrt' of -1 has no finite real value", ""),
+        ("x // 2", "an operator is not allowed in an expression", "use + - * / **"),
+        ("x y", "'x y' is not an expression", "write for example '2*pi*radius'"),
+        ("3 foo", "unknown unit 'foo'", "write for example '30 deg' or '5 N*s/m'"),
+        ("1e999", "a number is not finite", ""),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named(text: str, message: str, hint: str) -> None:
+    assert refusal(text) == (message, hint)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("x.__class__", "x.__class__"),
+        ("(lambda: 1)()", "(lambda: 1)()"),
+        ("[x for x in (1,)]", "[x for x in (1,)]"),
+        ("x[0]", "x[0]"),
+        ("'text'", "'text'"),
+        ("True", "True"),
+        ("None", "None"),
+        ("sin(x=1)", "sin(x=1)"),
+        ("sin(*x)", "*x"),
+        ("(x := 1)", "(x := 1)"),
+        ("f'{x}'", "f'{x}'"),
+        ("await x", "await x"),
+    ],
+)
+def test_code_is_refused(text: str, shown: str) -> None:
+    assert refusal(text)[0].startswith(f"'{shown}' is not a")
+
+
+@pytest.mark.parametrize("text", ["__import__('os')", "eval('1')", "open('f')", "().__class__.__bases__[0]", "x; import os"])
+def test_attacks_are_refused(text: str) -> None:
+    message, _ = refusal(text)
+    assert "unknown function" in message or "is not a" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x" + "+x" * 1500, "the expression is longer than 2000 characters"),
+        ("-" * 100 + "x", "the expression is nested deeper than 60 levels"),
+        ("sin(" * 70 + "x" + ")" * 70, "the expression is nested deeper than 60 levels"),
+        ("min(" * 30 + "x" + ",1)" * 30, "the expression expands to more than 5000 operations"),
+        ("9**9**9", "the exponent 3.8742e+08 is larger than 12 in absolute value"),
+        ("((9**12)**12)**12", "'**' of 2.57585e+137, 12 has no finite real value"),
+        ("exp(exp(exp(10)))", "'exp' of 22026.5 has no finite real value"),
+        ("1e300*x*1e300", "a number in the expression is out of range"),
+        ("9" * 400, "a whole number is too large to be exact"),
+        ("x # y", "the expression has a character that does not belong there"),
+        ("\uff58 + 1", "the expression has a character that does not belong there"),
+        ("x\x00", "the expression has a character that does not belong there"),
+        ("(" * 300 + "x" + ")" * 300, None),
+    ],
+)
+def test_bounds_hold_quickly(text: str, message: str | None) -> None:
+    start = time.process_time()
+    found, _ = refusal(text)
+    assert message is None or found == message
+    assert time.process_time() - start < 5
+
+
+def test_long_sums_are_no_nesting() -> None:
+    assert read_term("+".join(["x"] * 500), NAMES).value == 500 * X
+
+
+def test_evaluation_of_what_has_no_value_is_nan() -> None:
+    assert math.isnan(evaluate(1 / X, {X: 0.0}))
+    assert math.isnan(evaluate(sympy.sqrt(X), {X: -1.0}))
+    assert math.isnan(evaluate(X + Y, {X: 1.0}))

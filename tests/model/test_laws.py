@@ -1,0 +1,120 @@
+"""Laws: every form becomes an expression with the right values."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import sympy
+from scipy.interpolate import PchipInterpolator
+
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions import variable
+from cutjoint.model.laws import monotone_cubic
+
+from .pendulum import read
+
+LENGTH, RATE, POSITION, T = (variable(name) for name in ("length", "rate", "position", "t"))
+DRAG = 'drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}'
+
+
+def joint_law(law: str):
+    return read('"-0.1*rate"', law).forces[0].law
+
+
+def spring_law(law: str):
+    spring = f"spring: {{kind: point_spring, bodies: [ground, arm], from: [0, 0, 1], to: tip, law: {law}}}"
+    return read(DRAG, spring).forces[0].law
+
+
+def test_expressions_and_numbers() -> None:
+    assert joint_law("3") == 3
+    assert joint_law('"2*rate + t"') == 2 * RATE + T
+    assert float(joint_law("5 kN*m")) == 5000
+
+
+def test_polynomials_are_in_horners_form() -> None:
+    law = joint_law("{polynomial: [1, 2, 0, 4], of: position}")
+    assert law == 1 + POSITION * (2 + 4 * POSITION * POSITION)
+    assert sympy.count_ops(joint_law("{polynomial: [1.5, 2.5, 3.5, 4.5], of: rate}")) == 6
+
+
+def test_piecewise_laws() -> None:
+    law = joint_law(
+        '{of: rate, piecewise: [{below: -1, polynomial: [-7]}, {below: 1, polynomial: [0, 2]}, {expression: "rate**2 + t"}]}'
+    )
+    for rate, expected in ((-2.0, -7.0), (-1.0, -2.0), (0.5, 1.0), (1.0, 4.0), (2.0, 7.0)):
+        assert evaluate(law, {RATE: rate, T: 3.0}) == expected
+    assert joint_law("{of: rate, piecewise: [{polynomial: [5]}]}") == 5
+
+
+def test_limits_may_be_parameters() -> None:
+    law = joint_law("{of: position, piecewise: [{below: arm_mass/arm_mass, polynomial: [1]}, {polynomial: [2]}]}")
+    assert evaluate(law, {POSITION: 0.5}) == 1
+    law = spring_law("{of: length, piecewise: [{below: arm_length, polynomial: [1]}, {polynomial: [2]}]}")
+    symbol = sympy.Symbol("p_arm_length", real=True)
+    assert evaluate(law, {LENGTH: 1.4, symbol: 1.5}) == 1
+    assert evaluate(law, {LENGTH: 1.6, symbol: 1.5}) == 2
+
+
+def test_sums() -> None:
+    law = spring_law("{sum: [{polynomial: [0, 3], of: length}, rate, {sum: [1, 2]}]}")
+    assert law == 3 * LENGTH + RATE + 3
+
+
+def test_springs_pull_and_joints_are_drawn_back() -> None:
+    law = spring_law("{stiffness: 100 N/m, damping: 5, free_length: 20 cm}")
+    assert evaluate(law, {LENGTH: 0.5, RATE: 2.0}) == pytest.approx(100 * 0.3 + 5 * 2)
+    law = joint_law("{stiffness: 100, damping: 5, free_position: 0.2}")
+    assert evaluate(law, {POSITION: 0.5, RATE: 2.0}) == pytest.approx(-(100 * 0.3 + 5 * 2))
+    assert joint_law("{damping: 5}") == -5 * RATE
+
+
+X = [0.0, 0.5, 1.0, 2.0, 3.5, 4.0]
+Y = [0.0, 1.0, 1.0, 4.0, 3.0, -2.0]
+
+
+@pytest.mark.parametrize("values", [Y, [0.0, 1.0, -9.0, -9.5, 3.0, -20.0], [1.0, 0.9, -20.0, 0.0, 0.0, 0.1]])
+def test_tables_are_pchip_curves(values: list[float]) -> None:
+    law = monotone_cubic(LENGTH, X, values)
+    oracle = PchipInterpolator(X, values)
+    for x in np.linspace(X[0], X[-1], 101):
+        assert evaluate(law, {LENGTH: float(x)}) == pytest.approx(float(oracle(x)), abs=1e-12)
+
+
+def test_tables_keep_monotone_data_monotone() -> None:
+    values = [0.0, 0.1, 0.1, 5.0, 5.1, 100.0]
+    law = monotone_cubic(LENGTH, X, values)
+    curve = [evaluate(law, {LENGTH: float(x)}) for x in np.linspace(-1, 5, 301)]
+    assert all(b >= a - 1e-12 for a, b in itertools.pairwise(curve))
+
+
+def test_tables_go_on_straight() -> None:
+    law = monotone_cubic(LENGTH, X, Y)
+    oracle = PchipInterpolator(X, Y).derivative()
+    for outside, end in ((-2.0, X[0]), (7.0, X[-1])):
+        expected = Y[X.index(end)] + float(oracle(end)) * (outside - end)
+        assert evaluate(law, {LENGTH: outside}) == pytest.approx(expected)
+
+
+def test_tables_have_continuous_slopes() -> None:
+    slope = sympy.diff(monotone_cubic(LENGTH, X, Y), LENGTH)
+    for x in X:
+        below, above = (float(slope.subs(LENGTH, x + step)) for step in (-1e-9, 1e-9))
+        assert below == pytest.approx(above, abs=1e-6)
+
+
+def test_two_points_make_a_line() -> None:
+    law = spring_law("{table: {length: [1 m, 150 cm], value: [0, 1 kN]}}")
+    for length in (0.5, 1.25, 2.0):
+        assert evaluate(law, {LENGTH: length}) == pytest.approx(2000 * (length - 1))
+
+
+def test_guides_and_inputs_are_laws_of_time() -> None:
+    model = read("axis: [0, 1, 0]", "axis: [0, 1, 0], guide: {polynomial: [10 deg, 20 deg/s], of: t}")
+    assert evaluate(model.joints[0].guide, {T: 2.0}) == pytest.approx(np.deg2rad(50))
+    model = read("end: 2", "end: 2, inputs: {swing: {table: {t: [0, 1], value: [0, 3]}}}")
+    assert evaluate(model.scenes["fall"].inputs["swing"], {T: 0.5}) == pytest.approx(1.5)
+    guided = read("axis: [0, 1, 0]", 'axis: [0, 1, 0], guide: "swing*sin(t)"')
+    assert guided.joints[0].guide == sympy.Symbol("p_swing", real=True) * sympy.sin(T)

@@ -1,0 +1,240 @@
+"""Shapes and names in the model file, by the text of their problems."""
+
+from __future__ import annotations
+
+import pytest
+
+from .pendulum import check, problems
+
+ARM = "arm: {mass: arm_mass, centre_of_mass: [1, 0, 0], inertia: [0.1, 0.2, 0.2]}"
+DRAG = 'drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}'
+
+SHAPES = [
+    ("name: pendulum", "", "1:1: model: the field 'name' is missing"),
+    ("cutjoint: 1", "cutjoint: §2", "@: model: cutjoint: must be 1, not '2'"),
+    ("gravity: [0, 0, -9.81]", "gravity: §9.81", "@: model: gravity needs three numbers; write [x, y, z]"),
+    ("mass: arm_mass", "§mas: arm_mass, mass: 1", "@: body 'arm': unknown field 'mas'; did you mean 'mass'?"),
+    ("markers:", "§marker: {}\nmarkers:", "@: model: unknown field 'marker'; did you mean 'markers'?"),
+    ("mass: arm_mass", "mass: §[1]", "@: body 'arm': mass needs a number or an expression"),
+    ("mass: arm_mass", "mass: §true", "@: body 'arm': mass needs a number or an expression"),
+    (
+        "mass: arm_mass, ",
+        "",
+        "11:3: body 'arm': needs mass and centre_of_mass; add them, or write massless: true",
+    ),
+    (
+        "mass: arm_mass",
+        "massless: true, mass: 1",
+        "11:3: body 'arm': a massless body has no mass and no inertia; remove them, or 'massless'",
+    ),
+    ("mass: arm_mass", "mass: 1, massless: §yes", "@: body 'arm': massless needs true or false"),
+    (
+        "[0.1, 0.2, 0.2]",
+        "§[0.1, 0.2]",
+        "@: body 'arm': inertia needs three or six numbers; write [Ixx, Iyy, Izz] or [Ixx, Iyy, Izz, Ixy, Ixz, Iyz]",
+    ),
+    (
+        "[0.1, 0.2, 0.2]",
+        "§0.1",
+        "@: body 'arm': inertia needs three or six numbers or {principal: [a, b, c], x: direction, y: direction}",
+    ),
+    (
+        "centre_of_mass: [1, 0, 0]",
+        "centre_of_mass: §[1, 0]",
+        "@: body 'arm': centre_of_mass needs three numbers; write [x, y, z]",
+    ),
+    (
+        "centre_of_mass: [1, 0, 0]",
+        "centre_of_mass: §1",
+        "@: body 'arm': centre_of_mass needs three numbers, a point's name or {midpoint: [P, Q]}",
+    ),
+    (
+        "centre_of_mass: [1, 0, 0]",
+        "centre_of_mass: {midpoint: §[tip]}",
+        "@: body 'arm': centre_of_mass.midpoint needs two names; write [one, other]",
+    ),
+    (ARM, "§arm:", "@: body 'arm': needs a mapping"),
+    (
+        "kind: revolute",
+        "kind: §revolut",
+        "@: joint 'hinge': unknown joint kind 'revolut'; did you mean 'revolute'? kinds: "
+        "cylindrical, distance, fixed, free, planar, point_on_line, prismatic, revolute, "
+        "screw, spherical, universal",
+    ),
+    (
+        "kind: revolute",
+        "kind: §sledge",
+        "@: joint 'hinge': unknown joint kind 'sledge'; kinds: cylindrical, distance, fixed, "
+        "free, planar, point_on_line, prismatic, revolute, screw, spherical, universal",
+    ),
+    ("kind: revolute, ", "", "13:3: joint 'hinge': the field 'kind' is missing"),
+    (
+        "kind: revolute",
+        "kind: spherical",
+        [
+            "13:66: joint 'hinge': unknown field 'axis'; fields: at, bodies, cut, kind",
+            "15:36: force 'drag': the spherical joint 'hinge' has no single coordinate; use a revolute, prismatic or screw joint",
+        ],
+    ),
+    (", axis: [0, 1, 0]", "", "13:3: joint 'hinge': the field 'axis' is missing"),
+    ("axis: [0, 1, 0]", "axis: §tip", "@: joint 'hinge': axis needs three numbers or {from: P, to: Q}"),
+    ("axis: [0, 1, 0]", "§axis: {to: tip}", "@: joint 'hinge': axis: the field 'from' is missing"),
+    ("[ground, arm]", "§ground", "@: joint 'hinge': bodies needs two names; write [one, other]"),
+    ("axis: [0, 1, 0]", "axis: [0, 1, 0], cut: §1", "@: joint 'hinge': cut needs true or false"),
+    (
+        "kind: joint_force",
+        "kind: §spring",
+        "@: force 'drag': unknown force kind 'spring'; did you mean 'point_spring'? kinds: "
+        "axial_force, joint_force, load, point_spring, tyre",
+    ),
+    (
+        'law: "-0.1*rate"',
+        "law: §[1]",
+        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table or stiffness",
+    ),
+    (
+        'law: "-0.1*rate"',
+        "law: §{of: rate}",
+        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table or stiffness",
+    ),
+    (
+        'law: "-0.1*rate"',
+        "law: {polynomial: §[], of: rate}",
+        "@: force 'drag': law.polynomial needs at least 1 item, got 0",
+    ),
+    (
+        'law: "-0.1*rate"',
+        "law: {polynomial: §[1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, ], of: rate}",
+        "@: force 'drag': law.polynomial needs at most 20 items, got 21",
+    ),
+    (
+        'law: "-0.1*rate"',
+        "law: {piecewise: [§{below: 1}, {expression: 1}], of: rate}",
+        "@: force 'drag': law.piecewise: a piece needs either polynomial or expression",
+    ),
+    (
+        'law: "-0.1*rate"',
+        "law: {piecewise: [§{below: 1}], of: rate}",
+        "@: force 'drag': law.piecewise: a piece needs either polynomial or expression",
+    ),
+    ("value: 2, unit: kg", "unit: kg", "5:3: parameter 'arm_mass': the field 'value' is missing"),
+    (
+        "binding: param",
+        "binding: §late",
+        "@: parameter 'arm_mass': binding: must be 'const', 'param' or 'input', not 'late'",
+    ),
+    ("unit: kg", "unit: §[kg]", "@: parameter 'arm_mass': unit: this is not a unit; write for example N*s/m"),
+    (
+        "{value: 1.5, unit: m}",
+        "[1.5]",
+        "6:3: parameter 'arm_length': needs a number or {value: ..., unit: ..., binding: ...}",
+    ),
+    ("outputs: [end.x]", "outputs: §end.x", "@: model: outputs needs a list"),
+    ("outputs: [end.x]", "outputs: [§1]", "@: model: outputs needs text"),
+    (
+        "fall: {end: 2}",
+        "fall: {end: 2, pose: §standing}",
+        "@: scene 'fall': pose: must be 'design' or 'equilibrium', not 'standing'",
+    ),
+    (
+        "fall: {end: 2}",
+        "fall: {end: 2, numerics: {iterations: §1.5}}",
+        "@: scene 'fall': numerics.iterations needs a whole number",
+    ),
+    (
+        "fall: {end: 2}",
+        "fall: {end: 2, road: {profile: [§{hill: 1}]}}",
+        "@: scene 'fall': road.profile needs {flat: length}, {ramp: length, rise: height}, "
+        "{step: height} or {cosine: length, amplitude: height}",
+    ),
+    (
+        "fall: {end: 2}",
+        "fall: {end: 2, road: §{profile: [], left: []}}",
+        "@: scene 'fall': road: 'profile' stands for both tracks; write either profile, or left and right",
+    ),
+    (
+        "fall: {end: 2}",
+        "fall: {end: 2, switches: {drag: §off}}",
+        "@: scene 'fall': switches.drag needs true or false",
+    ),
+    (
+        DRAG,
+        "§push: {kind: load, body: arm}",
+        "@: force 'push': needs either force or torque; write two loads for both",
+    ),
+    (
+        DRAG,
+        "§push: {kind: load, body: arm, force: [1, 0, 0]}",
+        "@: force 'push': a force needs 'at', a torque has no point",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), SHAPES)
+def test_shapes(old: str, new: str, expected: str | list[str]) -> None:
+    check(old, new, expected)
+
+
+NAMES = [
+    (
+        "arm_mass: {",
+        "§length: {value: 2}\n  arm_mass: {",
+        "@: parameter 'length': the name 'length' has a meaning of its own in expressions; write for example 'length_0'",
+    ),
+    (
+        DRAG,
+        '§2_drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}',
+        "@: force '2_drag': '2_drag' is not a name; use letters, digits and underscores, starting with a letter",
+    ),
+    (
+        DRAG,
+        '§my__drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}',
+        "@: force 'my__drag': the name 'my__drag' has a double underscore; write 'my_drag'",
+    ),
+    (
+        DRAG,
+        '§while: {kind: joint_force, joint: hinge, law: "-0.1*rate"}',
+        "@: force 'while': the name 'while' has a meaning of its own in C++; write for example 'while_1'",
+    ),
+    (
+        DRAG,
+        '§ground: {kind: joint_force, joint: hinge, law: "-0.1*rate"}',
+        "@: force 'ground': the name 'ground' belongs to the fixed world; choose another name",
+    ),
+    (
+        DRAG,
+        '§ddddddddddddddddddddddddddddddddddddddddddddddddddddddddddddddddd: {kind: joint_force, joint: hinge, law: "-0.1*rate"}',
+        "@: force 'ddddddddddddddddddddddddddddddddddddddddddddddddddddddddddddddddd': the "
+        "name 'dddddddddddddddddddd...' is longer than 64 characters; shorten it",
+    ),
+    (
+        DRAG,
+        '§arm: {kind: joint_force, joint: hinge, law: "-0.1*rate"}',
+        "@: force 'arm': duplicate name 'arm', first defined at line 11; rename one of them",
+    ),
+    (
+        "end: {body: arm, at: tip}",
+        "end: {body: arm, at: tip}\n  §drag: {body: arm, at: tip}",
+        "@: marker 'drag': duplicate name 'drag', first defined at line 15; rename one of them",
+    ),
+    (
+        "name: pendulum",
+        'name: §"../pendulum"',
+        "@: model: name: '../pendulum' is not a name; use letters, digits and underscores, starting with a letter",
+    ),
+    (
+        "fall: {end: 2}",
+        '§"../fall": {end: 2}',
+        "@: scene '../fall': '../fall' is not a name; use letters, digits and underscores, starting with a letter",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), NAMES)
+def test_names(old: str, new: str, expected: str | list[str]) -> None:
+    check(old, new, expected)
+
+
+def test_a_document_that_is_no_mapping() -> None:
+    assert problems("[1, 2]") == ["m.yaml:1:1: model: needs a mapping"]
+    assert problems("cutjoint: 1\nname: a\ngravity: [0, 0, 0]\nbodies: [1]") == ["m.yaml:4:9: model: bodies needs a mapping"]
