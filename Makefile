@@ -30,3 +30,8 @@ $(VENV)/.ready: pyproject.toml scripts/require-cpp
 
 clean:
 	rm -rf $(VENV) results
+
+# The example of generated code that is kept in git for reading.
+.PHONY: generated
+generated: setup
+	$(BIN)/python -c 'from pathlib import Path; from tests.emit.test_source import source; from cutjoint.toolchain.build import write_source; write_source(source("four_bar", "swing"), Path("generated/four_bar"))'

@@ -17,6 +17,7 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
+from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.build import ToolchainError
@@ -124,7 +125,7 @@ def simulate(
         raise SystemExit(1)
 
 
-def _plot(artifact: Artifact, run: pipeline.Trajectory, folder: Path) -> None:
+def _plot(artifact: Artifact, run: Trajectory, folder: Path) -> None:
     from cutjoint.report.plots import plot_run
 
     title = f"{artifact.topology.model.name}, {artifact.scene.name}"

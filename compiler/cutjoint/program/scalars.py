@@ -8,12 +8,13 @@ expression as written, but for ``a/c`` with a constant c, which becomes a produc
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from cutjoint.program.blocks import BindingTime
 
 #: Functions that the compiler evaluates when all arguments are constants.
-FOLDED = {
+FOLDED: dict[str, Callable[..., float]] = {
     "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos,
     "atan": math.atan, "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp,
     "log": math.log, "abs": abs, "pow": math.pow, "lt": lambda a, b: float(a < b), "le": lambda a, b: float(a <= b),

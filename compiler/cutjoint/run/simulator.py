@@ -29,7 +29,8 @@ def call_simulator(binary: Path, run_file: Mapping[str, Any], progress: Progress
         path = Path(folder) / "run.json"
         path.write_text(json.dumps(run_file), encoding="utf-8")
         process = subprocess.Popen([binary, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        assert process.stdout is not None and process.stderr is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
         summary: dict[str, Any] = {}
         for line in process.stdout:
             record = json.loads(line)

@@ -8,7 +8,16 @@ from typing import Any, TypeAlias
 import sympy
 
 from cutjoint.model.records import (
-    GROUND, AxialForce, BodyLoad, Force, Joint, JointForce, Model, PointSpring, Scalar, Tyre,
+    GROUND,
+    AxialForce,
+    BodyLoad,
+    Force,
+    Joint,
+    JointForce,
+    Model,
+    PointSpring,
+    Scalar,
+    Tyre,
 )  # fmt: skip
 from cutjoint.topology.records import SubtreeClass, TreeJoint
 

@@ -1,0 +1,80 @@
+"""Generated code as a function, and the same function by the interpreter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutjoint.analysis.mobility import design_coordinates, make_inputs
+from cutjoint.formulate.records import Equations
+from cutjoint.model.records import Model, Scene
+from cutjoint.program.interpret import interpret_blocks
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.simulator import call_simulator
+
+
+class FlatRoad:
+    """Height and slope zero."""
+
+    def height(self, x: float, y: float) -> float:
+        return 0.0
+
+    def slope(self, x: float, y: float) -> float:
+        return 0.0
+
+
+@dataclass(frozen=True)
+class At:
+    """One state of a model."""
+
+    t: float
+    q: np.ndarray
+    v: np.ndarray
+    multipliers: np.ndarray
+
+
+def random_states(equations: Equations, count: int, seed: int) -> list[At]:
+    """States near the design position, with unit quaternions."""
+    rng = np.random.default_rng(seed)
+    states = []
+    for _ in range(count):
+        q = design_coordinates(equations) + rng.normal(scale=0.05, size=equations.coordinates)
+        for chart in equations.charts:
+            if chart.ball:
+                e = slice(chart.q + chart.scalars, chart.q + chart.scalars + 4)
+                q[e] /= np.linalg.norm(q[e])
+        v = rng.normal(size=equations.speeds)
+        states.append(At(float(rng.uniform(0, 3)), q, v, rng.normal(scale=100, size=len(equations.equation_names))))
+    return states
+
+
+def run_evaluate(binary: Path, model: Model, scene: Scene, states: list[At]) -> list[dict[str, np.ndarray]]:
+    """What the simulator's functions give at the states."""
+    run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate")
+    run_file["states"] = [{"t": s.t, "q": list(s.q), "v": list(s.v), "lambda": list(s.multipliers)} for s in states]
+    results = call_simulator(binary, run_file)["results"]
+    return [{name: np.array(values, dtype=float) for name, values in r.items()} for r in results]
+
+
+def interpret(equations: Equations, state: At) -> dict[str, np.ndarray]:
+    """The same by the block interpreter."""
+    inputs = make_inputs(equations, state.q, state.v)
+    inputs |= {"t": np.array([state.t]), "motion": np.ones(1)}
+    for closure in equations.closures:
+        inputs[f"lambda:{closure.joint}"] = state.multipliers[closure.first : closure.first + len(closure.names)]
+    roads = {name: FlatRoad() for name in equations.roads}
+    evaluate, close, report = equations.functions
+    found = {name: _results(evaluate, f"{name}:", inputs, roads) for name in ("vdot", "correction")}
+    found |= {name: _results(close, f"{name}:", inputs, roads) for name in ("residual", "rate")}
+    for chart in equations.charts:
+        inputs[f"vdot:{chart.joint}"] = found["vdot"][chart.v : chart.v + len(chart.speed_names)]
+    return found | {"columns": _results(report, "column:", inputs, roads)}
+
+
+def _results(function: Any, prefix: str, inputs: dict[str, np.ndarray], roads: dict[str, Any]) -> np.ndarray:
+    blocks = [b for target, b in function.results.items() if target.startswith(prefix)]
+    values = interpret_blocks(blocks, inputs, roads)
+    return np.concatenate([values[b].ravel() for b in blocks]) if blocks else np.zeros(0)

@@ -1,0 +1,93 @@
+"""The command line as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from cutjoint.cli import main
+from tests.conftest import MODELS
+
+FOUR_BAR, ILTIS = str(MODELS / "four_bar.yaml"), str(MODELS / "iltis.yaml")
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def test_check_prints_the_counts() -> None:
+    result = call("check", ILTIS)
+    assert result.exit_code == 0, result.output
+    words = " ".join(result.output.split())
+    assert "coordinates 42 relative cut-joint equations 36, rank 32" in words
+    assert "degrees of freedom 10" in words
+
+
+def test_simulate_writes_a_table_and_its_units(tmp_path: Path) -> None:
+    out = tmp_path / "run.csv"
+    result = call("simulate", FOUR_BAR, "--out", out, "--end", "0.5", "--plots", tmp_path / "plots")
+    assert result.exit_code == 0, result.output
+    header, first = out.read_text().splitlines()[:2]
+    assert header == "t,tip.x,tip.y,tip.vx,tip.vy,crank_0.pin.angle,crank_0.pin.angle_rate"
+    assert [float(x) for x in first.split(",")] == [0, 0, 1, 1, 0, 0, -1]
+    units = json.loads((tmp_path / "run.units.json").read_text())
+    assert units == dict(zip(header.split(","), ["s", "m", "m", "m/s", "m/s", "rad", "rad/s"], strict=True))
+    assert np.loadtxt(out, delimiter=",", skiprows=1).shape == (26, 7)
+    assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == ["angle.png", "angular_velocity.png", "position.png", "velocity.png"]
+
+
+def test_compile_leaves_source_and_a_simulator_that_runs_alone(tmp_path: Path) -> None:
+    result = call("compile", FOUR_BAR, "--out", tmp_path / "fb")
+    assert result.exit_code == 0, result.output
+    assert {"CMakeLists.txt", "evaluate.cpp", "four_bar.hpp", "main.cpp", "simulator"} <= {p.name for p in (tmp_path / "fb").iterdir()}
+
+
+def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:
+    run = ("simulate", ILTIS, "--scene", "iavsd_equilibrium", "--end", "0.01")
+    call(*run, "--out", tmp_path / "warm.csv")
+    result = call(*run, "--set", "chassis_mass=1300", "--out", tmp_path / "heavy.csv")
+    assert result.exit_code == 0, result.output
+    assert "found in the cache" in result.output
+    warm, heavy = (np.loadtxt(tmp_path / f"{n}.csv", delimiter=",", skiprows=1)[0] for n in ("warm", "heavy"))
+    header = (tmp_path / "warm.csv").read_text().splitlines()[0].split(",")
+    loads = [i for i, name in enumerate(header) if name.endswith(".Fz")]
+    assert (heavy[loads].sum() - warm[loads].sum()) == pytest.approx(40 * 9.81, rel=1e-3)
+
+
+def test_equilibrium_prints_every_force() -> None:
+    result = call("equilibrium", ILTIS)
+    assert result.exit_code == 0, result.output
+    for element in ("front_left.shock", "rear_right.leaf", "front_right.tyre", "rear_left.leaf_axial"):
+        assert element in result.output
+    assert "-1408.5" in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("simulate", ILTIS, "--out", "x.csv"), "name a scene; the model has iavsd_equilibrium, "),
+        (("simulate", ILTIS, "--scene", "simul9", "--out", "x.csv"), "no scene 'simul9'; the model has iavsd_equilibrium, "),
+        (("simulate", FOUR_BAR, "--set", "mass=3", "--out", "x.csv"), "model 'four_bar' has no parameter 'mass'; it has none"),
+        (("simulate", FOUR_BAR, "--set", "mass", "--out", "x.csv"), "--set mass: write NAME=NUMBER"),
+        (("simulate", ILTIS, "--scene", "simul1", "--set", "rack_displacement=1", "--out", "x.csv"),
+         "parameter 'rack_displacement' has binding input; write 'binding: param' to change it without recompiling"),
+    ],
+)  # fmt: skip
+def test_wrong_requests_end_with_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
+    result = call(*arguments)
+    assert result.exit_code == 1
+    assert message in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_run_that_fails_keeps_its_results_and_says_where(tmp_path: Path) -> None:
+    out = tmp_path / "run.csv"
+    result = call("simulate", ILTIS, "--scene", "simul1s", "--dt", "0.0075", "--out", out)
+    assert result.exit_code == 1
+    assert "did not converge in 100 iterations at t = 4.0" in result.output
+    assert "take a smaller dt" in result.output
+    assert np.loadtxt(out, delimiter=",", skiprows=1)[-1, 0] == pytest.approx(4.0, abs=0.2)
