@@ -14,11 +14,13 @@ _DIMENSIONS = {"m": "position", "m/s": "velocity", "m/s^2": "acceleration", "rad
 
 
 def plot_run(run: Trajectory, title: str, folder: Path) -> list[Path]:
-    """Write the pictures of a run as PNG files and return their paths."""
+    """Write the pictures of a run as PNG files and return their paths; elements of one name in several instances share a panel."""
     folder.mkdir(parents=True, exist_ok=True)
     groups: dict[str, dict[str, list[str]]] = {}
     for column, unit in run.units.items():
-        groups.setdefault(unit, {}).setdefault(column.rpartition(".")[2], []).append(column)
+        *_, instance_or_element, quantity = column.rsplit(".", 2)
+        panel = f"{instance_or_element}.{quantity}" if column.count(".") > 1 else quantity
+        groups.setdefault(unit, {}).setdefault(panel, []).append(column)
     return [_picture(run, title, unit, quantities, folder) for unit, quantities in groups.items()]
 
 
@@ -29,7 +31,7 @@ def _picture(run: Trajectory, title: str, unit: str, quantities: dict[str, list[
     panels = figure.subplots(len(quantities), 1, sharex=True, squeeze=False)[:, 0]
     for panel, (quantity, columns) in zip(panels, quantities.items(), strict=True):
         for column in columns:
-            panel.plot(run.t, run[column], linewidth=1.0, label=column.rpartition(".")[0])
+            panel.plot(run.t, run[column], linewidth=1.0, label=column.removesuffix(f".{quantity}"))
         panel.set_ylabel(f"{quantity} [{unit}]")
         panel.grid(visible=True, linewidth=0.3)
         panel.legend(loc="upper right", fontsize="small", frameon=False)
