@@ -14,11 +14,13 @@ from time import perf_counter
 
 from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.source import Source, emit
+from cutjoint.formulate.families import find_families
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.recursive import formulate_recursive
 from cutjoint.model.quantities import quantities, unit_of
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Numerics, Output, Road, Scene
+from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.run.results import Equilibrium, FailureReport, Trajectory, read_table
@@ -78,14 +80,17 @@ def _empty_scene(model: Model) -> Scene:
     )  # fmt: skip
 
 
-def generate(model: Model, scene: Scene, outputs: Sequence[Output]) -> tuple[Equations, Program, Source]:
-    """The symbolic half of the pipeline."""
+def generate(model: Model, scene: Scene, outputs: Sequence[Output], *, lanes: bool = True) -> tuple[Equations, Program, Source]:
+    """The symbolic half of the pipeline; with ``lanes``, isomorphic subtrees are evaluated side by side."""
     # Model -> Topology
     topology = build_topology(model)
     # Topology -> Equations
     equations = formulate_recursive(topology, scene, tuple(outputs))
     # Equations -> Program
-    program = schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
+    families = find_families(equations.builder, topology) if lanes else []
+    evaluate, *others = equations.functions
+    folded = fold(equations.builder, families, evaluate.results)
+    program = schedule(equations.builder, [(evaluate.name, folded), *((f.name, f.results) for f in others)])
     # Program -> Source
     return equations, program, emit(program, equations)
 
@@ -93,6 +98,7 @@ def generate(model: Model, scene: Scene, outputs: Sequence[Output]) -> tuple[Equ
 def compile_model(
     path: Path, *, scene: str | None = None, method: str = "recursive", out: Path | None = None, flags: Sequence[str] = FLAGS,
     outputs: Sequence[Output] | None = None, implementation: str = "generated",
+    lanes: bool = True,
 ) -> Artifact:  # fmt: skip
     """Compile a model file for one scene; ``out`` receives the generated source and the simulator.
 
@@ -108,7 +114,7 @@ def compile_model(
     model = read_model(path)
     chosen = find_scene(model, scene)
     # Model -> Source
-    equations, program, source = generate(model, chosen, chosen.outputs if outputs is None else outputs)
+    equations, program, source = generate(model, chosen, chosen.outputs if outputs is None else outputs, lanes=lanes)
     generated = perf_counter()
     # Source -> Binary
     binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out)

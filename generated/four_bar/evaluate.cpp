@@ -73,7 +73,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:15
   const Real c_crank_0_bar_x_negated = R_crank_0_pin_xy_negated*Real(0.5);
   const Real c_crank_0_bar_y = R_crank_0_pin_xx*Real(0.5);
-  const Real crank_0_bar_1 = c_crank_0_bar_y*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_x_negated)) - c_crank_0_bar_x_negated*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_y) - Real(9.81));
+  const Real crank_0_bar_1 = c_crank_0_bar_y*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_x_negated)) -
+      c_crank_0_bar_x_negated*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_y) - Real(9.81));
 
   // body: coupler_1.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
@@ -88,7 +89,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:15
   const Real c_crank_1_bar_x_negated = R_crank_1_pin_xy_negated*Real(0.5);
   const Real c_crank_1_bar_y = R_crank_1_pin_xx*Real(0.5);
-  const Real crank_1_bar_1 = c_crank_1_bar_y*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_x_negated)) - c_crank_1_bar_x_negated*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_y) - Real(9.81));
+  const Real crank_1_bar_1 = c_crank_1_bar_y*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_x_negated)) -
+      c_crank_1_bar_x_negated*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_y) - Real(9.81));
 
   // body: coupler_2.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
@@ -103,7 +105,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:15
   const Real c_crank_2_bar_x_negated = R_crank_2_pin_xy_negated*Real(0.5);
   const Real c_crank_2_bar_y = R_crank_2_pin_xx*Real(0.5);
-  const Real crank_2_bar_1 = c_crank_2_bar_y*(v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_x_negated)) - c_crank_2_bar_x_negated*(v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_y) - Real(9.81));
+  const Real crank_2_bar_1 = c_crank_2_bar_y*(v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_x_negated)) -
+      c_crank_2_bar_x_negated*(v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_y) - Real(9.81));
 
   // closure: closure_1
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
@@ -114,8 +117,12 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real Phi_closure_1_vy = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
   const Real Phid_closure_1_vx_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
   const Real Phid_closure_1_vy_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
-  const Real s_closure_1_vx = Z_closure_1_wz*Phid_closure_1_vy_negated - (Z_coupler_1_bar_wz*Z_base_closure_1_vy + Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_vx_negated*loaded_.value_2 + Phi_closure_1_vx_negated*loaded_.value_3);
-  const Real s_closure_1_vy = bv_coupler_1_pin_vx*Z_coupler_1_bar_wz + bv_coupler_1_pin_vx*Z_closure_1_wz - Z_closure_1_wz*Phid_closure_1_vx_negated + (Phi_closure_1_vy*loaded_.value_3 - Phid_closure_1_vy_negated*loaded_.value_2);
+  const Real s_closure_1_vx = Z_closure_1_wz*Phid_closure_1_vy_negated - (Z_coupler_1_bar_wz*Z_base_closure_1_vy +
+      Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_vx_negated*loaded_.value_2 +
+      Phi_closure_1_vx_negated*loaded_.value_3);
+  const Real s_closure_1_vy = bv_coupler_1_pin_vx*Z_coupler_1_bar_wz + bv_coupler_1_pin_vx*Z_closure_1_wz -
+      Z_closure_1_wz*Phid_closure_1_vx_negated + (Phi_closure_1_vy*loaded_.value_3 -
+      Phid_closure_1_vy_negated*loaded_.value_2);
 
   // closure: closure_2
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
@@ -126,8 +133,12 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real Phi_closure_2_vy = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
   const Real Phid_closure_2_vx_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
   const Real Phid_closure_2_vy_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
-  const Real s_closure_2_vx = Z_closure_2_wz*Phid_closure_2_vy_negated - (Z_coupler_2_bar_wz*Z_base_closure_2_vy + Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.value_2*Phid_closure_2_vx_negated + loaded_.value_3*Phi_closure_2_vx_negated);
-  const Real s_closure_2_vy = bv_coupler_2_pin_vx*Z_coupler_2_bar_wz + bv_coupler_2_pin_vx*Z_closure_2_wz - Z_closure_2_wz*Phid_closure_2_vx_negated + (loaded_.value_3*Phi_closure_2_vy - loaded_.value_2*Phid_closure_2_vy_negated);
+  const Real s_closure_2_vx = Z_closure_2_wz*Phid_closure_2_vy_negated - (Z_coupler_2_bar_wz*Z_base_closure_2_vy +
+      Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.value_2*Phid_closure_2_vx_negated +
+      loaded_.value_3*Phi_closure_2_vx_negated);
+  const Real s_closure_2_vy = bv_coupler_2_pin_vx*Z_coupler_2_bar_wz + bv_coupler_2_pin_vx*Z_closure_2_wz -
+      Z_closure_2_wz*Phid_closure_2_vx_negated + (loaded_.value_3*Phi_closure_2_vy -
+      loaded_.value_2*Phid_closure_2_vy_negated);
 
   // closure: closure_1
   //   M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)
@@ -135,13 +146,16 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real K_closure_1_vx_wz_negated = loaded_.penalty*R_crank_1_pin_xx;
   const Real K_closure_1_vy_wz_negated = loaded_.penalty*R_crank_1_pin_xy_negated;
   const Real K_closure_1_wz_wz = R_crank_1_pin_xx*K_closure_1_vx_wz_negated + R_crank_1_pin_xy_negated*K_closure_1_vy_wz_negated;
-  const Real closure_1_1 = lambda_closure_1_x + loaded_.penalty*s_closure_1_vx;
-  const Real closure_1_2 = lambda_closure_1_y + loaded_.penalty*s_closure_1_vy;
-  const Real closure_1_3 = R_crank_1_pin_xx*closure_1_1 + R_crank_1_pin_xy_negated*closure_1_2;
-  const Real closure_1_4 = K_closure_1_vy_wz_negated - loaded_.penalty;
-  const Real Y_crank_1_bar_coupler_1_bar_0_wz_negated = K_closure_1_wz_wz - K_closure_1_vy_wz_negated;
+  const Real dQ1_closure_1_crank_1_bar_vx_negated = lambda_closure_1_x + loaded_.penalty*s_closure_1_vx;
+  const Real dQ1_closure_1_crank_1_bar_vy_negated = lambda_closure_1_y + loaded_.penalty*s_closure_1_vy;
+  const Real dQ1_closure_1_crank_1_bar_wz = R_crank_1_pin_xx*dQ1_closure_1_crank_1_bar_vx_negated +
+      R_crank_1_pin_xy_negated*dQ1_closure_1_crank_1_bar_vy_negated;
+  const Real dM1_closure_1_coupler_1_bar_vy_wz_negated = K_closure_1_vy_wz_negated - loaded_.penalty;
+  const Real dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated = K_closure_1_wz_wz - K_closure_1_vy_wz_negated;
+  const Real dM1_closure_1_coupler_1_bar_wz_wz = dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated - dM1_closure_1_coupler_1_bar_vy_wz_negated;
   const Real M_coupler_1_bar_vz_wx = c_coupler_1_bar_y + K_closure_1_vx_wz_negated;
-  const Real M_coupler_1_bar_vz_wy_negated = c_coupler_1_bar_x - closure_1_4;
+  const Real M_coupler_1_bar_vz_wy_negated = c_coupler_1_bar_x - dM1_closure_1_coupler_1_bar_vy_wz_negated;
+  const Real dQ1_closure_1_coupler_1_bar_wz = dQ1_closure_1_crank_1_bar_vy_negated - dQ1_closure_1_crank_1_bar_wz;
 
   // closure: closure_2
   //   M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)
@@ -149,75 +163,126 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real K_closure_2_vx_wz_negated = loaded_.penalty*R_crank_2_pin_xx;
   const Real K_closure_2_vy_wz_negated = loaded_.penalty*R_crank_2_pin_xy_negated;
   const Real K_closure_2_wz_wz = R_crank_2_pin_xx*K_closure_2_vx_wz_negated + R_crank_2_pin_xy_negated*K_closure_2_vy_wz_negated;
-  const Real closure_2_1 = lambda_closure_2_x + loaded_.penalty*s_closure_2_vx;
-  const Real closure_2_2 = lambda_closure_2_y + loaded_.penalty*s_closure_2_vy;
-  const Real closure_2_3 = R_crank_2_pin_xx*closure_2_1 + R_crank_2_pin_xy_negated*closure_2_2;
-  const Real M_crank_2_bar_wz_wz = Real(0.08333333333333333) + (c_crank_2_bar_y*c_crank_2_bar_y + c_crank_2_bar_x_negated*c_crank_2_bar_x_negated) + K_closure_2_wz_wz;
-  const Real closure_2_4 = K_closure_2_vy_wz_negated - loaded_.penalty;
-  const Real Y_crank_2_bar_coupler_2_bar_0_wz_negated = K_closure_2_wz_wz - K_closure_2_vy_wz_negated;
+  const Real dQ1_closure_2_crank_2_bar_vx_negated = lambda_closure_2_x + loaded_.penalty*s_closure_2_vx;
+  const Real dQ1_closure_2_crank_2_bar_vy_negated = lambda_closure_2_y + loaded_.penalty*s_closure_2_vy;
+  const Real dQ1_closure_2_crank_2_bar_wz = R_crank_2_pin_xx*dQ1_closure_2_crank_2_bar_vx_negated +
+      R_crank_2_pin_xy_negated*dQ1_closure_2_crank_2_bar_vy_negated;
+  const Real M_crank_2_bar_wz_wz = Real(0.08333333333333333) + (c_crank_2_bar_y*c_crank_2_bar_y +
+      c_crank_2_bar_x_negated*c_crank_2_bar_x_negated) + K_closure_2_wz_wz;
+  const Real dM1_closure_2_coupler_2_bar_vy_wz_negated = K_closure_2_vy_wz_negated - loaded_.penalty;
+  const Real dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated = K_closure_2_wz_wz - K_closure_2_vy_wz_negated;
+  const Real dM1_closure_2_coupler_2_bar_wz_wz = dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated - dM1_closure_2_coupler_2_bar_vy_wz_negated;
   const Real M_coupler_2_bar_vz_wx = c_coupler_2_bar_y + K_closure_2_vx_wz_negated;
-  const Real M_coupler_2_bar_vz_wy_negated = c_coupler_2_bar_x - closure_2_4;
-  const Real Q_crank_2_bar_wz = crank_2_bar_1 + closure_2_3;
+  const Real M_coupler_2_bar_vz_wy_negated = c_coupler_2_bar_x - dM1_closure_2_coupler_2_bar_vy_wz_negated;
+  const Real Q_crank_2_bar_wz = crank_2_bar_1 + dQ1_closure_2_crank_2_bar_wz;
+  const Real dQ1_closure_2_coupler_2_bar_wz = dQ1_closure_2_crank_2_bar_vy_negated - dQ1_closure_2_crank_2_bar_wz;
 
   // condensation: crank_2.pin
   //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
   //   four_bar.yaml:20
   const Real Dinv_crank_2_bar = Real(1.0)/M_crank_2_bar_wz_wz;
   const Real crank_2_pin_1 = Q_crank_2_bar_wz*Dinv_crank_2_bar;
-  const Real Q_coupler_2_bar_vx = coupler_2_bar_1 + closure_2_1 - K_closure_2_vx_wz_negated*crank_2_pin_1;
-  const Real Q_coupler_2_bar_vy = closure_2_2 - coupler_2_bar_2 - K_closure_2_vy_wz_negated*crank_2_pin_1;
-  const Real Q_coupler_2_bar_wz = closure_2_2 - closure_2_3 - (c_coupler_2_bar_y*coupler_2_bar_1 + c_coupler_2_bar_x*coupler_2_bar_2) + Y_crank_2_bar_coupler_2_bar_0_wz_negated*crank_2_pin_1;
+  const Real dQ2_crank_2_bar_coupler_2_bar_vx_negated = K_closure_2_vx_wz_negated*crank_2_pin_1;
+  const Real dQ2_crank_2_bar_coupler_2_bar_vy_negated = K_closure_2_vy_wz_negated*crank_2_pin_1;
+  const Real dQ2_crank_2_bar_coupler_2_bar_wz = dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated*crank_2_pin_1;
+  const Real Q_coupler_2_bar_vx = coupler_2_bar_1 + dQ1_closure_2_crank_2_bar_vx_negated - dQ2_crank_2_bar_coupler_2_bar_vx_negated;
+  const Real Q_coupler_2_bar_vy = dQ1_closure_2_crank_2_bar_vy_negated - coupler_2_bar_2 - dQ2_crank_2_bar_coupler_2_bar_vy_negated;
+  const Real Q_coupler_2_bar_wz = dQ1_closure_2_coupler_2_bar_wz - (c_coupler_2_bar_y*coupler_2_bar_1 + c_coupler_2_bar_x*coupler_2_bar_2) +
+      dQ2_crank_2_bar_coupler_2_bar_wz;
   const Real crank_2_pin_2 = K_closure_2_vy_wz_negated*Dinv_crank_2_bar;
-  const Real crank_2_pin_3 = Y_crank_2_bar_coupler_2_bar_0_wz_negated*Dinv_crank_2_bar;
-  const Real M_coupler_2_bar_vx_vy_negated = K_closure_2_vx_wz_negated*crank_2_pin_2;
-  const Real M_coupler_2_bar_vx_vx = loaded_.M_crank_2_bar_vx_vx - K_closure_2_vx_wz_negated*(K_closure_2_vx_wz_negated*Dinv_crank_2_bar);
-  const Real M_coupler_2_bar_vx_wz = K_closure_2_vx_wz_negated*crank_2_pin_3 - M_coupler_2_bar_vz_wx;
-  const Real M_coupler_2_bar_vy_vy = loaded_.M_crank_2_bar_vx_vx - K_closure_2_vy_wz_negated*crank_2_pin_2;
-  const Real M_coupler_2_bar_vy_wz = M_coupler_2_bar_vz_wy_negated + K_closure_2_vy_wz_negated*crank_2_pin_3;
-  const Real M_coupler_2_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_2_bar_y*c_coupler_2_bar_y + c_coupler_2_bar_x*c_coupler_2_bar_x) + (Y_crank_2_bar_coupler_2_bar_0_wz_negated - closure_2_4) - Y_crank_2_bar_coupler_2_bar_0_wz_negated*crank_2_pin_3;
+  const Real crank_2_pin_3 = dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated*Dinv_crank_2_bar;
+  const Real dM1_crank_2_bar_coupler_2_bar_vx_vx_negated = K_closure_2_vx_wz_negated*(K_closure_2_vx_wz_negated*Dinv_crank_2_bar);
+  const Real dM1_crank_2_bar_coupler_2_bar_vx_vy_negated = K_closure_2_vx_wz_negated*crank_2_pin_2;
+  const Real dM1_crank_2_bar_coupler_2_bar_vx_wz = K_closure_2_vx_wz_negated*crank_2_pin_3;
+  const Real dM1_crank_2_bar_coupler_2_bar_vy_vy_negated = K_closure_2_vy_wz_negated*crank_2_pin_2;
+  const Real dM1_crank_2_bar_coupler_2_bar_vy_wz = K_closure_2_vy_wz_negated*crank_2_pin_3;
+  const Real dM1_crank_2_bar_coupler_2_bar_wz_wz_negated = dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated*crank_2_pin_3;
+  const Real M_coupler_2_bar_vx_vx = loaded_.M_crank_2_bar_vx_vx - dM1_crank_2_bar_coupler_2_bar_vx_vx_negated;
+  const Real M_coupler_2_bar_vx_wz = dM1_crank_2_bar_coupler_2_bar_vx_wz - M_coupler_2_bar_vz_wx;
+  const Real M_coupler_2_bar_vy_vy = loaded_.M_crank_2_bar_vx_vx - dM1_crank_2_bar_coupler_2_bar_vy_vy_negated;
+  const Real M_coupler_2_bar_vy_wz = M_coupler_2_bar_vz_wy_negated + dM1_crank_2_bar_coupler_2_bar_vy_wz;
+  const Real M_coupler_2_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_2_bar_y*c_coupler_2_bar_y + c_coupler_2_bar_x*c_coupler_2_bar_x) +
+      dM1_closure_2_coupler_2_bar_wz_wz - dM1_crank_2_bar_coupler_2_bar_wz_wz_negated;
 
   // condensation: coupler_2.pin
   //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
   //   four_bar.yaml:20
-  const Real coupler_2_pin_1 = Q_coupler_2_bar_wz - (d_coupler_2_bar_vy*M_coupler_2_bar_vy_wz - d_coupler_2_bar_vx_negated*M_coupler_2_bar_vx_wz);
-  const Real Y_coupler_2_bar_crank_1_bar_0_vx = M_coupler_2_bar_vx_wz + (R_crank_1_pin_xx*M_coupler_2_bar_vx_vx - R_crank_1_pin_xy_negated*M_coupler_2_bar_vx_vy_negated);
-  const Real Y_coupler_2_bar_crank_1_bar_0_vy = M_coupler_2_bar_vy_wz + (R_crank_1_pin_xy_negated*M_coupler_2_bar_vy_vy - R_crank_1_pin_xx*M_coupler_2_bar_vx_vy_negated);
-  const Real Y_coupler_2_bar_crank_1_bar_0_wz = M_coupler_2_bar_wz_wz + (R_crank_1_pin_xx*M_coupler_2_bar_vx_wz + R_crank_1_pin_xy_negated*M_coupler_2_bar_vy_wz);
-  const Real Dinv_coupler_2_bar = Real(1.0)/(Y_coupler_2_bar_crank_1_bar_0_wz + (R_crank_1_pin_xx*Y_coupler_2_bar_crank_1_bar_0_vx + R_crank_1_pin_xy_negated*Y_coupler_2_bar_crank_1_bar_0_vy));
-  const Real coupler_2_pin_2 = R_crank_1_pin_xx*(Q_coupler_2_bar_vx + (d_coupler_2_bar_vx_negated*M_coupler_2_bar_vx_vx + d_coupler_2_bar_vy*M_coupler_2_bar_vx_vy_negated)) + R_crank_1_pin_xy_negated*(Q_coupler_2_bar_vy - (d_coupler_2_bar_vx_negated*M_coupler_2_bar_vx_vy_negated + d_coupler_2_bar_vy*M_coupler_2_bar_vy_vy));
-  const Real g_coupler_2_bar = coupler_2_pin_1 + coupler_2_pin_2;
-  const Real Q_crank_1_bar_wz = crank_1_bar_1 + closure_1_3 + coupler_2_pin_1 - Y_coupler_2_bar_crank_1_bar_0_wz*(Dinv_coupler_2_bar*g_coupler_2_bar);
-  const Real M_crank_1_bar_wz_wz = Real(0.08333333333333333) + (c_crank_1_bar_y*c_crank_1_bar_y + c_crank_1_bar_x_negated*c_crank_1_bar_x_negated) + K_closure_1_wz_wz + M_coupler_2_bar_wz_wz - Y_coupler_2_bar_crank_1_bar_0_wz*(Y_coupler_2_bar_crank_1_bar_0_wz*Dinv_coupler_2_bar);
+  const Real dQ1_coupler_2_bar_crank_1_bar_vx = Q_coupler_2_bar_vx + (d_coupler_2_bar_vx_negated*M_coupler_2_bar_vx_vx +
+      d_coupler_2_bar_vy*dM1_crank_2_bar_coupler_2_bar_vx_vy_negated);
+  const Real dQ1_coupler_2_bar_crank_1_bar_vy = Q_coupler_2_bar_vy - (d_coupler_2_bar_vx_negated*dM1_crank_2_bar_coupler_2_bar_vx_vy_negated +
+      d_coupler_2_bar_vy*M_coupler_2_bar_vy_vy);
+  const Real dQ1_coupler_2_bar_crank_1_bar_wz = Q_coupler_2_bar_wz - (d_coupler_2_bar_vy*M_coupler_2_bar_vy_wz -
+      d_coupler_2_bar_vx_negated*M_coupler_2_bar_vx_wz);
+  const Real Y_coupler_2_bar_crank_1_bar_0_vx = M_coupler_2_bar_vx_wz + (R_crank_1_pin_xx*M_coupler_2_bar_vx_vx -
+      R_crank_1_pin_xy_negated*dM1_crank_2_bar_coupler_2_bar_vx_vy_negated);
+  const Real Y_coupler_2_bar_crank_1_bar_0_vy = M_coupler_2_bar_vy_wz + (R_crank_1_pin_xy_negated*M_coupler_2_bar_vy_vy -
+      R_crank_1_pin_xx*dM1_crank_2_bar_coupler_2_bar_vx_vy_negated);
+  const Real Y_coupler_2_bar_crank_1_bar_0_wz = M_coupler_2_bar_wz_wz + (R_crank_1_pin_xx*M_coupler_2_bar_vx_wz +
+      R_crank_1_pin_xy_negated*M_coupler_2_bar_vy_wz);
+  const Real Dinv_coupler_2_bar = Real(1.0)/(Y_coupler_2_bar_crank_1_bar_0_wz + (R_crank_1_pin_xx*Y_coupler_2_bar_crank_1_bar_0_vx +
+      R_crank_1_pin_xy_negated*Y_coupler_2_bar_crank_1_bar_0_vy));
+  const Real g_coupler_2_bar = dQ1_coupler_2_bar_crank_1_bar_wz + (R_crank_1_pin_xx*dQ1_coupler_2_bar_crank_1_bar_vx +
+      R_crank_1_pin_xy_negated*dQ1_coupler_2_bar_crank_1_bar_vy);
+  const Real dQ2_coupler_2_bar_crank_1_bar_wz_negated = Y_coupler_2_bar_crank_1_bar_0_wz*(Dinv_coupler_2_bar*g_coupler_2_bar);
+  const Real Q_crank_1_bar_wz = crank_1_bar_1 + dQ1_closure_1_crank_1_bar_wz + dQ1_coupler_2_bar_crank_1_bar_wz -
+      dQ2_coupler_2_bar_crank_1_bar_wz_negated;
+  const Real dM2_coupler_2_bar_crank_1_bar_wz_wz_negated = Y_coupler_2_bar_crank_1_bar_0_wz*(Y_coupler_2_bar_crank_1_bar_0_wz*Dinv_coupler_2_bar);
+  const Real M_crank_1_bar_wz_wz = Real(0.08333333333333333) + (c_crank_1_bar_y*c_crank_1_bar_y +
+      c_crank_1_bar_x_negated*c_crank_1_bar_x_negated) + K_closure_1_wz_wz + M_coupler_2_bar_wz_wz -
+      dM2_coupler_2_bar_crank_1_bar_wz_wz_negated;
 
   // condensation: crank_1.pin
   //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
   //   four_bar.yaml:20
   const Real Dinv_crank_1_bar = Real(1.0)/M_crank_1_bar_wz_wz;
   const Real crank_1_pin_1 = Q_crank_1_bar_wz*Dinv_crank_1_bar;
-  const Real Q_coupler_1_bar_vx = coupler_1_bar_1 + closure_1_1 - K_closure_1_vx_wz_negated*crank_1_pin_1;
-  const Real Q_coupler_1_bar_vy = closure_1_2 - coupler_1_bar_2 - K_closure_1_vy_wz_negated*crank_1_pin_1;
-  const Real Q_coupler_1_bar_wz = closure_1_2 - closure_1_3 - (c_coupler_1_bar_y*coupler_1_bar_1 + c_coupler_1_bar_x*coupler_1_bar_2) + Y_crank_1_bar_coupler_1_bar_0_wz_negated*crank_1_pin_1;
+  const Real dQ2_crank_1_bar_coupler_1_bar_vx_negated = K_closure_1_vx_wz_negated*crank_1_pin_1;
+  const Real dQ2_crank_1_bar_coupler_1_bar_vy_negated = K_closure_1_vy_wz_negated*crank_1_pin_1;
+  const Real dQ2_crank_1_bar_coupler_1_bar_wz = dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated*crank_1_pin_1;
+  const Real Q_coupler_1_bar_vx = coupler_1_bar_1 + dQ1_closure_1_crank_1_bar_vx_negated - dQ2_crank_1_bar_coupler_1_bar_vx_negated;
+  const Real Q_coupler_1_bar_vy = dQ1_closure_1_crank_1_bar_vy_negated - coupler_1_bar_2 - dQ2_crank_1_bar_coupler_1_bar_vy_negated;
+  const Real Q_coupler_1_bar_wz = dQ1_closure_1_coupler_1_bar_wz - (c_coupler_1_bar_y*coupler_1_bar_1 + c_coupler_1_bar_x*coupler_1_bar_2) +
+      dQ2_crank_1_bar_coupler_1_bar_wz;
   const Real crank_1_pin_2 = K_closure_1_vy_wz_negated*Dinv_crank_1_bar;
-  const Real crank_1_pin_3 = Y_crank_1_bar_coupler_1_bar_0_wz_negated*Dinv_crank_1_bar;
-  const Real M_coupler_1_bar_vx_vy_negated = K_closure_1_vx_wz_negated*crank_1_pin_2;
-  const Real M_coupler_1_bar_vx_vx = loaded_.M_crank_2_bar_vx_vx - K_closure_1_vx_wz_negated*(K_closure_1_vx_wz_negated*Dinv_crank_1_bar);
-  const Real M_coupler_1_bar_vx_wz = K_closure_1_vx_wz_negated*crank_1_pin_3 - M_coupler_1_bar_vz_wx;
-  const Real M_coupler_1_bar_vy_vy = loaded_.M_crank_2_bar_vx_vx - K_closure_1_vy_wz_negated*crank_1_pin_2;
-  const Real M_coupler_1_bar_vy_wz = M_coupler_1_bar_vz_wy_negated + K_closure_1_vy_wz_negated*crank_1_pin_3;
-  const Real M_coupler_1_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_1_bar_y*c_coupler_1_bar_y + c_coupler_1_bar_x*c_coupler_1_bar_x) + (Y_crank_1_bar_coupler_1_bar_0_wz_negated - closure_1_4) - Y_crank_1_bar_coupler_1_bar_0_wz_negated*crank_1_pin_3;
+  const Real crank_1_pin_3 = dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated*Dinv_crank_1_bar;
+  const Real dM1_crank_1_bar_coupler_1_bar_vx_vx_negated = K_closure_1_vx_wz_negated*(K_closure_1_vx_wz_negated*Dinv_crank_1_bar);
+  const Real dM1_crank_1_bar_coupler_1_bar_vx_vy_negated = K_closure_1_vx_wz_negated*crank_1_pin_2;
+  const Real dM1_crank_1_bar_coupler_1_bar_vx_wz = K_closure_1_vx_wz_negated*crank_1_pin_3;
+  const Real dM1_crank_1_bar_coupler_1_bar_vy_vy_negated = K_closure_1_vy_wz_negated*crank_1_pin_2;
+  const Real dM1_crank_1_bar_coupler_1_bar_vy_wz = K_closure_1_vy_wz_negated*crank_1_pin_3;
+  const Real dM1_crank_1_bar_coupler_1_bar_wz_wz_negated = dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated*crank_1_pin_3;
+  const Real M_coupler_1_bar_vx_vx = loaded_.M_crank_2_bar_vx_vx - dM1_crank_1_bar_coupler_1_bar_vx_vx_negated;
+  const Real M_coupler_1_bar_vx_wz = dM1_crank_1_bar_coupler_1_bar_vx_wz - M_coupler_1_bar_vz_wx;
+  const Real M_coupler_1_bar_vy_vy = loaded_.M_crank_2_bar_vx_vx - dM1_crank_1_bar_coupler_1_bar_vy_vy_negated;
+  const Real M_coupler_1_bar_vy_wz = M_coupler_1_bar_vz_wy_negated + dM1_crank_1_bar_coupler_1_bar_vy_wz;
+  const Real M_coupler_1_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_1_bar_y*c_coupler_1_bar_y + c_coupler_1_bar_x*c_coupler_1_bar_x) +
+      dM1_closure_1_coupler_1_bar_wz_wz - dM1_crank_1_bar_coupler_1_bar_wz_wz_negated;
 
   // condensation: coupler_1.pin
   //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
   //   four_bar.yaml:20
-  const Real coupler_1_pin_1 = Q_coupler_1_bar_wz - (d_coupler_1_bar_vy*M_coupler_1_bar_vy_wz - d_coupler_1_bar_vx_negated*M_coupler_1_bar_vx_wz);
-  const Real Y_coupler_1_bar_crank_0_bar_0_vx = M_coupler_1_bar_vx_wz + (R_crank_0_pin_xx*M_coupler_1_bar_vx_vx - R_crank_0_pin_xy_negated*M_coupler_1_bar_vx_vy_negated);
-  const Real Y_coupler_1_bar_crank_0_bar_0_vy = M_coupler_1_bar_vy_wz + (R_crank_0_pin_xy_negated*M_coupler_1_bar_vy_vy - R_crank_0_pin_xx*M_coupler_1_bar_vx_vy_negated);
-  const Real Y_coupler_1_bar_crank_0_bar_0_wz = M_coupler_1_bar_wz_wz + (R_crank_0_pin_xx*M_coupler_1_bar_vx_wz + R_crank_0_pin_xy_negated*M_coupler_1_bar_vy_wz);
-  const Real Dinv_coupler_1_bar = Real(1.0)/(Y_coupler_1_bar_crank_0_bar_0_wz + (R_crank_0_pin_xx*Y_coupler_1_bar_crank_0_bar_0_vx + R_crank_0_pin_xy_negated*Y_coupler_1_bar_crank_0_bar_0_vy));
-  const Real coupler_1_pin_2 = R_crank_0_pin_xx*(Q_coupler_1_bar_vx + (d_coupler_1_bar_vx_negated*M_coupler_1_bar_vx_vx + d_coupler_1_bar_vy*M_coupler_1_bar_vx_vy_negated)) + R_crank_0_pin_xy_negated*(Q_coupler_1_bar_vy - (d_coupler_1_bar_vx_negated*M_coupler_1_bar_vx_vy_negated + d_coupler_1_bar_vy*M_coupler_1_bar_vy_vy));
-  const Real g_coupler_1_bar = coupler_1_pin_1 + coupler_1_pin_2;
-  const Real Q_crank_0_bar_wz = crank_0_bar_1 + coupler_1_pin_1 - Y_coupler_1_bar_crank_0_bar_0_wz*(Dinv_coupler_1_bar*g_coupler_1_bar);
-  const Real M_crank_0_bar_wz_wz = Real(0.08333333333333333) + (c_crank_0_bar_y*c_crank_0_bar_y + c_crank_0_bar_x_negated*c_crank_0_bar_x_negated) + M_coupler_1_bar_wz_wz - Y_coupler_1_bar_crank_0_bar_0_wz*(Y_coupler_1_bar_crank_0_bar_0_wz*Dinv_coupler_1_bar);
+  const Real dQ1_coupler_1_bar_crank_0_bar_vx = Q_coupler_1_bar_vx + (d_coupler_1_bar_vx_negated*M_coupler_1_bar_vx_vx +
+      d_coupler_1_bar_vy*dM1_crank_1_bar_coupler_1_bar_vx_vy_negated);
+  const Real dQ1_coupler_1_bar_crank_0_bar_vy = Q_coupler_1_bar_vy - (d_coupler_1_bar_vx_negated*dM1_crank_1_bar_coupler_1_bar_vx_vy_negated +
+      d_coupler_1_bar_vy*M_coupler_1_bar_vy_vy);
+  const Real dQ1_coupler_1_bar_crank_0_bar_wz = Q_coupler_1_bar_wz - (d_coupler_1_bar_vy*M_coupler_1_bar_vy_wz -
+      d_coupler_1_bar_vx_negated*M_coupler_1_bar_vx_wz);
+  const Real Y_coupler_1_bar_crank_0_bar_0_vx = M_coupler_1_bar_vx_wz + (R_crank_0_pin_xx*M_coupler_1_bar_vx_vx -
+      R_crank_0_pin_xy_negated*dM1_crank_1_bar_coupler_1_bar_vx_vy_negated);
+  const Real Y_coupler_1_bar_crank_0_bar_0_vy = M_coupler_1_bar_vy_wz + (R_crank_0_pin_xy_negated*M_coupler_1_bar_vy_vy -
+      R_crank_0_pin_xx*dM1_crank_1_bar_coupler_1_bar_vx_vy_negated);
+  const Real Y_coupler_1_bar_crank_0_bar_0_wz = M_coupler_1_bar_wz_wz + (R_crank_0_pin_xx*M_coupler_1_bar_vx_wz +
+      R_crank_0_pin_xy_negated*M_coupler_1_bar_vy_wz);
+  const Real Dinv_coupler_1_bar = Real(1.0)/(Y_coupler_1_bar_crank_0_bar_0_wz + (R_crank_0_pin_xx*Y_coupler_1_bar_crank_0_bar_0_vx +
+      R_crank_0_pin_xy_negated*Y_coupler_1_bar_crank_0_bar_0_vy));
+  const Real g_coupler_1_bar = dQ1_coupler_1_bar_crank_0_bar_wz + (R_crank_0_pin_xx*dQ1_coupler_1_bar_crank_0_bar_vx +
+      R_crank_0_pin_xy_negated*dQ1_coupler_1_bar_crank_0_bar_vy);
+  const Real dQ2_coupler_1_bar_crank_0_bar_wz_negated = Y_coupler_1_bar_crank_0_bar_0_wz*(Dinv_coupler_1_bar*g_coupler_1_bar);
+  const Real Q_crank_0_bar_wz = crank_0_bar_1 + dQ1_coupler_1_bar_crank_0_bar_wz - dQ2_coupler_1_bar_crank_0_bar_wz_negated;
+  const Real dM2_coupler_1_bar_crank_0_bar_wz_wz_negated = Y_coupler_1_bar_crank_0_bar_0_wz*(Y_coupler_1_bar_crank_0_bar_0_wz*Dinv_coupler_1_bar);
+  const Real M_crank_0_bar_wz_wz = Real(0.08333333333333333) + (c_crank_0_bar_y*c_crank_0_bar_y +
+      c_crank_0_bar_x_negated*c_crank_0_bar_x_negated) + M_coupler_1_bar_wz_wz -
+      dM2_coupler_1_bar_crank_0_bar_wz_wz_negated;
 
   // condensation: crank_0.pin
   //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
@@ -236,7 +301,9 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // accelerations: crank_1.pin
   //   zdd = D^-1 ( g - y_p Zdd_p - sum_j y_j Zdd_j ),  Zdd = Zdd_p + b zdd + d  (eqs. 27, 33)
   //   four_bar.yaml:20
-  const Real crank_1_pin_4 = Q_crank_1_bar_wz - (K_closure_1_vx_wz_negated*Zdd_coupler_1_bar_vx + K_closure_1_vy_wz_negated*Zdd_coupler_1_bar_vy - Y_crank_1_bar_coupler_1_bar_0_wz_negated*Zdd_coupler_1_bar_wz);
+  const Real crank_1_pin_4 = Q_crank_1_bar_wz - (K_closure_1_vx_wz_negated*Zdd_coupler_1_bar_vx +
+      K_closure_1_vy_wz_negated*Zdd_coupler_1_bar_vy -
+      dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated*Zdd_coupler_1_bar_wz);
   const Real vdot_crank_1_pin = Dinv_crank_1_bar*crank_1_pin_4;
 
   // accelerations: coupler_2.pin
@@ -250,22 +317,26 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // accelerations: crank_2.pin
   //   zdd = D^-1 ( g - y_p Zdd_p - sum_j y_j Zdd_j ),  Zdd = Zdd_p + b zdd + d  (eqs. 27, 33)
   //   four_bar.yaml:20
-  const Real crank_2_pin_4 = Q_crank_2_bar_wz - (K_closure_2_vx_wz_negated*Zdd_coupler_2_bar_vx + K_closure_2_vy_wz_negated*Zdd_coupler_2_bar_vy - Y_crank_2_bar_coupler_2_bar_0_wz_negated*Zdd_coupler_2_bar_wz);
+  const Real crank_2_pin_4 = Q_crank_2_bar_wz - (K_closure_2_vx_wz_negated*Zdd_coupler_2_bar_vx +
+      K_closure_2_vy_wz_negated*Zdd_coupler_2_bar_vy -
+      dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated*Zdd_coupler_2_bar_wz);
   const Real vdot_crank_2_pin = Dinv_crank_2_bar*crank_2_pin_4;
 
   // multipliers: closure_1
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:30
-  const Real closure_1_5 = vdot_crank_1_pin - Zdd_coupler_1_bar_wz;
-  const Real correction_closure_1_vx = loaded_.penalty*(s_closure_1_vx - (Zdd_coupler_1_bar_vx + R_crank_1_pin_xx*closure_1_5));
-  const Real correction_closure_1_vy = loaded_.penalty*(s_closure_1_vy - (Zdd_coupler_1_bar_vy + Zdd_coupler_1_bar_wz + R_crank_1_pin_xy_negated*closure_1_5));
+  const Real closure_1_1 = vdot_crank_1_pin - Zdd_coupler_1_bar_wz;
+  const Real correction_closure_1_vx = loaded_.penalty*(s_closure_1_vx - (Zdd_coupler_1_bar_vx + R_crank_1_pin_xx*closure_1_1));
+  const Real correction_closure_1_vy = loaded_.penalty*(s_closure_1_vy - (Zdd_coupler_1_bar_vy + Zdd_coupler_1_bar_wz +
+      R_crank_1_pin_xy_negated*closure_1_1));
 
   // multipliers: closure_2
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:31
-  const Real closure_2_5 = vdot_crank_2_pin - Zdd_coupler_2_bar_wz;
-  const Real correction_closure_2_vx = loaded_.penalty*(s_closure_2_vx - (Zdd_coupler_2_bar_vx + R_crank_2_pin_xx*closure_2_5));
-  const Real correction_closure_2_vy = loaded_.penalty*(s_closure_2_vy - (Zdd_coupler_2_bar_vy + Zdd_coupler_2_bar_wz + R_crank_2_pin_xy_negated*closure_2_5));
+  const Real closure_2_1 = vdot_crank_2_pin - Zdd_coupler_2_bar_wz;
+  const Real correction_closure_2_vx = loaded_.penalty*(s_closure_2_vx - (Zdd_coupler_2_bar_vx + R_crank_2_pin_xx*closure_2_1));
+  const Real correction_closure_2_vy = loaded_.penalty*(s_closure_2_vy - (Zdd_coupler_2_bar_vy + Zdd_coupler_2_bar_wz +
+      R_crank_2_pin_xy_negated*closure_2_1));
 
   vdot[0] = vdot_crank_0_pin;
   vdot[1] = vdot_coupler_1_pin;

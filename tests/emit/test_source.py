@@ -52,9 +52,11 @@ def test_scenes_that_differ_in_road_only_share_their_source() -> None:
 
 
 def test_quantities_keep_the_names_of_the_literature() -> None:
-    """Each suspension's rotation, motion subspace, inverse of D and acceleration can be found by name, with the line of the model."""
+    """Rotation, motion subspace, mass and inverse of D of chassis and suspensions can be found by name, with the line of the model."""
     text = source("iltis", "simul1").files["evaluate.cpp"]
-    for name in ("R_front_left_arm_yy", "b_front_left_arm_vx", "Dinv_front_left_arm", "vdot_front_left_arm_hinge", "M_rear_right_carrier_vx_vx"):
+    for name in ("R_front_left_arm_x4_yy", "b_front_left_arm_x4_vx", "Dinv_front_left_arm_x4", "M_front_left_carrier_x4_vx_vx"):
+        assert f"const Lanes4 {name} = " in text
+    for name in ("R_chassis_free_xx", "M_chassis_vx_wy", "Dinv_chassis_vx"):
         assert f"const Real {name} = " in text
     line = next(i for i, x in enumerate((MODELS / "iltis.yaml").read_text().splitlines(), 1) if "carrier_ball: {" in x)
     assert "// condensation: front_left.carrier_ball\n  //   D = b^T M b" in text
@@ -64,7 +66,7 @@ def test_quantities_keep_the_names_of_the_literature() -> None:
 def test_a_rotation_is_not_named_after_its_negative() -> None:
     """1 - 2 (y^2 + z^2) is R_xx, whatever sign the compiler's normal form prefers."""
     text = source("iltis", "simul1").files["evaluate.cpp"]
-    assert "const Real R_front_left_carrier_ball_xx = Real(1.0) - " in text
+    assert "const Lanes4 R_front_left_carrier_ball_x4_xx = Real(1.0) - " in text
 
 
 @pytest.mark.parametrize("value", [0.1 + 0.2, 1e-300, 5e-324, 123456789.123456789])

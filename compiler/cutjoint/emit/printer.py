@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from cutjoint.program.scalars import Graph
+from cutjoint.program.scalars import Graph, Scalar
 
 #: Functions of namespace std that keep their name.
 _STD = frozenset({"sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "abs", "pow"})
@@ -54,7 +54,7 @@ class Printer:
                 self._texts[n] = (text, level)
                 continue
             name = self.names.get(n) or self._auxiliary(node.section)
-            printed.append(Statement(type="bool" if node.op in _LOGICAL else "Real", name=name, expression=text, section=node.section))
+            printed.append(Statement(type=_type(node), name=name, expression=text, section=node.section))
             self._texts[n] = (name, _ATOM)
         return printed
 
@@ -96,6 +96,9 @@ class Printer:
         node = self.graph.nodes[n]
         if node.op == "const":
             return f"Real({node.data!r})", _ATOM
+        if node.op == "lane_const":
+            assert isinstance(node.data, tuple)
+            return f"{lanes_type(node.lanes)}{{{', '.join(f'Real({x!r})' for x in node.data)}}}", _ATOM
         return self._expression(n)
 
     def _expression(self, n: int) -> tuple[str, int]:
@@ -112,18 +115,54 @@ class Printer:
                 return f"{self.text(a[0], _PRODUCT)}*{self.text(a[1], _UNARY)}", _PRODUCT
             case "div":
                 return f"{self.text(a[0], _PRODUCT)}/{self.text(a[1], _UNARY)}", _PRODUCT
+            case "gather":
+                return f"{lanes_type(node.lanes)}{{{', '.join(self.text(x) for x in a)}}}", _ATOM
+            case "lane":
+                return f"{self.text(a[0], _ATOM)}[{node.data}]", _ATOM
+            case "lane_sum":
+                return f"sum({self.text(a[0])})", _ATOM
+        return (self._call_in_lanes(n) if node.lanes else self._call(n)), _ATOM
+
+    def _call(self, n: int) -> str:
+        node = self.graph.nodes[n]
+        a = node.args
         arguments = ", ".join(self.text(x) for x in a)
         if node.op in ("road_height", "road_slope"):
-            return f"roads_[road_{str(node.data).replace('.', '_')}].{node.op.removeprefix('road_')}({arguments})", _ATOM
+            return f"roads_[road_{str(node.data).replace('.', '_')}].{node.op.removeprefix('road_')}({arguments})"
         if node.op in _CONDITIONS:
-            return f"({_CONDITIONS[node.op].join(self.text(x, _SUM) for x in a)})", _ATOM
+            return f"({_CONDITIONS[node.op].join(self.text(x, _SUM) for x in a)})"
         if node.op == "not":
-            return f"!{self.text(a[0], _ATOM)}", _UNARY
-        if node.op == "where":
-            return f"where({arguments})", _ATOM
-        assert node.op in _STD, node.op
-        return f"{node.op}({arguments})", _ATOM
+            return f"(!{self.text(a[0], _ATOM)})"
+        assert node.op == "where" or node.op in _STD, node.op
+        return f"{node.op}({arguments})"
+
+    def _call_in_lanes(self, n: int) -> str:
+        """A call whose uniform arguments are spread over the lanes."""
+        node = self.graph.nodes[n]
+        kind = lanes_type(node.lanes)
+        arguments = [self.text(x) for x in node.args]
+        for i, x in enumerate(node.args):
+            if not self.graph.nodes[x].lanes:
+                is_condition = self.graph.nodes[x].op in _LOGICAL
+                arguments[i] = f"{kind}::mask({arguments[i]})" if is_condition else f"{kind}({arguments[i]})"
+        if node.op in _CONDITIONS_IN_LANES:
+            return f"({_CONDITIONS_IN_LANES[node.op].join(arguments)})"
+        if node.op == "not":
+            return f"(~{arguments[0]})"
+        return f"{node.op}({', '.join(arguments)})"
 
 
+def lanes_type(lanes: int) -> str:
+    """The C++ type of a scalar with lanes; plain reals have none."""
+    return f"Lanes{lanes}" if lanes else "Real"
+
+
+def _type(node: Scalar) -> str:
+    if node.op in _LOGICAL:
+        return "auto" if node.lanes else "bool"
+    return lanes_type(node.lanes)
+
+
+_CONDITIONS_IN_LANES = {"lt": " < ", "le": " <= ", "and": " & ", "or": " | "}
 _CONDITIONS = {"lt": " < ", "le": " <= ", "and": " && ", "or": " || "}
 _LOGICAL = frozenset({*_CONDITIONS, "not"})

@@ -51,7 +51,7 @@ def emit(program: Program, equations: Equations) -> Source:
     files[f"{stem}.hpp"] = render(
         "mechanism.hpp.jinja", summary=f"Model {stem}, formulation recursive.",
         operations={name: program.operations(name) for name in ("evaluate", "close", "report")},
-        loaded=viewer.members(BindingTime.PARAM), stepped=viewer.members(BindingTime.STEP),
+        loaded=viewer.members(BindingTime.PARAM), stepped=viewer.members(BindingTime.STEP), lane_types=viewer.lane_types(),
         roads=[{"name": r.replace(".", "_"), "index": i} for i, r in enumerate(equations.roads)],
     )  # fmt: skip
     files["description.cpp"] = render("description.cpp.jinja", **_description(equations))

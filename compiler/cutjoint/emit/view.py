@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
+from textwrap import wrap
 
 from cutjoint.emit.names import name_scalars
-from cutjoint.emit.printer import Printer, Statement
+from cutjoint.emit.printer import Printer, Statement, lanes_type
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import BindingTime, Section
 from cutjoint.program.records import LoweredFunction, Program, Result
@@ -32,6 +33,9 @@ class FunctionView:
     sections: tuple[SectionView, ...]
     results: tuple[str, ...]
 
+
+#: Characters of a line of a generated expression.
+LINE = 110
 
 #: Arguments of the generated functions: the symbols that they carry, and the C++ declaration.
 _SIGNATURES: Mapping[str, tuple[str, ...]] = {
@@ -106,10 +110,15 @@ class Viewer:
             return ("penalty", "damping_ratio", "frequency")[index]
         return f"p_{self._equations.parameters[index].name}" if symbol == "parameters" else f"{symbol}_now"
 
-    def members(self, binding: BindingTime) -> tuple[str, ...]:
-        """The kept values of one stage."""
+    def members(self, binding: BindingTime) -> tuple[tuple[str, str], ...]:
+        """Type and name of the kept values of one stage."""
         nodes = self._program.graph.nodes
-        return tuple(name for n, name in self._kept.items() if nodes[n].binding is binding)
+        return tuple((lanes_type(nodes[n].lanes), name) for n, name in self._kept.items() if nodes[n].binding is binding)
+
+    def lane_types(self) -> tuple[tuple[str, int], ...]:
+        """The types with lanes that the program uses, and their number of lanes."""
+        widths = sorted({node.lanes for node in self._program.graph.nodes if node.lanes})
+        return tuple((lanes_type(n), n) for n in widths)
 
     def _member(self, n: int) -> str:
         loaded = self._program.graph.nodes[n].binding is BindingTime.PARAM
@@ -180,8 +189,14 @@ class Viewer:
         for index, group in groupby(statements, key=lambda s: s.section):
             section = self._program.sections[index]
             notes = tuple(x for x in (section.equation, section.source) if x)
-            views.append(SectionView(title=section.title, notes=notes, statements=tuple(group)))
+            views.append(SectionView(title=section.title, notes=notes, statements=tuple(_wrapped(s) for s in group)))
         return views
+
+
+def _wrapped(statement: Statement) -> Statement:
+    """The statement with its expression broken into lines of a readable length."""
+    lines = wrap(statement.expression, LINE, break_long_words=False, break_on_hyphens=False)
+    return replace(statement, expression="\n      ".join(lines))
 
 
 def _offsets(equations: Equations) -> dict[str, int]:

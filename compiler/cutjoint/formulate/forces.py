@@ -70,6 +70,7 @@ def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) ->
     }  # fmt: skip
     for force in model.forces:
         if is_active(force, scene):
+            system.source = force.name
             with k.builder.section("force", force.name, _EQUATIONS[type(force)], force.span.place):
                 forces.quantities[force.name] = rules[type(force)](system, k, force)
                 for quantity, block in forces.quantities[force.name].items():

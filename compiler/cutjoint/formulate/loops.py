@@ -80,6 +80,7 @@ def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...],
     b = k.builder
     for loop in loops:
         joint = loop.joint
+        system.source = joint.name
         with b.section("closure", joint.name, "M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)", joint.span.place):
             weights = b.stack([[numbers.penalty]] * len(loop.names))
             K = b.label(b.gram(loop.A, weights), f"K_{joint.name.replace('.', '_')}")

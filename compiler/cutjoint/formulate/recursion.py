@@ -43,19 +43,25 @@ class Pivot:
 
 @dataclass(kw_only=True)
 class BodySystem:
-    """The block system in body space while joints are eliminated; all 6x6 and 6x1 blocks at the bodies' poles."""
+    """The block system in body space while joints are eliminated; all 6x6 and 6x1 blocks at the bodies' poles.
+
+    ``source`` names the element whose shares are being added.
+    """
 
     builder: Builder
     M: dict[str, Block] = field(default_factory=dict)
     Q: dict[str, Block] = field(default_factory=dict)
     C: dict[tuple[str, str], Block] = field(default_factory=dict)
     joint_forces: dict[str, Block] = field(default_factory=dict)
+    source: str = ""
+    _shares: dict[tuple[str, str], int] = field(default_factory=dict)
 
     def couple(self, i: str, j: str, block: Block) -> None:
         """C_ij += block, C_ji += block^T; a coupling of a body with itself closes into its M, one with the ground is nothing."""
         b = self.builder
         if GROUND in (i, j):
             return
+        self._name_share("dC", f"{i}_{j}", block)
         if i == j:
             self.add_mass(i, b.symmetrise(block))
             return
@@ -79,12 +85,19 @@ class BodySystem:
     def add_mass(self, i: str, block: Block) -> None:
         """M_i += block."""
         if i != GROUND:
+            self._name_share("dM", i, block)
             self.M[i] = self.builder.add(self.M[i], block)
 
     def add_force(self, i: str, block: Block) -> None:
         """Q_i += block."""
         if i != GROUND:
+            self._name_share("dQ", i, block)
             self.Q[i] = self.builder.add(self.Q[i], block)
+
+    def _name_share(self, symbol: str, target: str, block: Block) -> None:
+        """Name what an element adds to M, Q or C of a body, such as dM1_arm_chassis for the arm's first share of the chassis."""
+        n = self._shares[symbol, f"{self.source}_{target}"] = self._shares.get((symbol, f"{self.source}_{target}"), 0) + 1
+        self.builder.label(block, f"{symbol}{n}_{self.source}_{target}".replace(".", "_"))
 
 
 def condense(system: BodySystem, kinematics: Kinematics) -> dict[str, Pivot]:
@@ -93,7 +106,7 @@ def condense(system: BodySystem, kinematics: Kinematics) -> dict[str, Pivot]:
     b = system.builder
     for body, motion in reversed(kinematics.motions.items()):
         joint = motion.tree_joint.joint
-        name = body.replace(".", "_")
+        name, system.source = body.replace(".", "_"), body
         equation = "D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)"
         with b.section("condensation", joint.name, equation, joint.span.place):
             b.label(system.M[body], f"M_{name}")

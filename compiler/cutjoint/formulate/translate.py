@@ -76,6 +76,8 @@ class Translator:
         return a if is_identity(b) else self._b.mul(a, b)
 
     def _product(self, e: Any) -> Block:
+        if e.args[0] == -1:
+            return self._b.neg(self._scalar(-e))
         numerator, denominator = sympy.fraction(e)
         if denominator == 1:
             return reduce(self._product_of, [self._scalar(a) for a in e.args])

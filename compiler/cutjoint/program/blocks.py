@@ -19,7 +19,13 @@ Grammar (shapes in parentheses, a scalar is a (1, 1) block)::
            | take(rows, columns; a)         a sub-block
            | ldl_factor(m) | ldl_pivots(m)  m = L D L^T: the unit triangle L, and the column of 1/D
            | forward(l, b) | backward(l, b) L^-1 b and L^-T b
+           | lane_const(values per lane)    a matrix of numbers for each lane
+           | gather(a ...)                  one block for each lane
+           | lane(k; a)                     what lane k of a has
+           | lane_sum(a)                    the sum of all lanes
 
+A block is uniform or has lanes: as many values of its shape side by side, one for each member of a class of equal parts.  An operation
+on a block with lanes has lanes; its uniform arguments count for all of them.
 Equal expressions are one object, so that comparing them is comparing identities.  A block carries whether it is symmetric by
 construction, the binding time of what it depends on, and the section (a body, joint or force) that introduced it.
 """
@@ -80,6 +86,7 @@ class Block:
     binding: BindingTime
     section: int
     number: int
+    lanes: int = 0
 
     def __repr__(self) -> str:
         return f"<{self.op} {self.shape[0]}x{self.shape[1]} #{self.number}>"
@@ -112,13 +119,14 @@ class Builder:
 
     def _make(
         self, op: str, args: tuple[Block, ...], shape: tuple[int, int], *, data: Hashable = None, symmetric: bool = False,
-        binding: BindingTime | None = None,
+        binding: BindingTime | None = None, lanes: int | None = None,
     ) -> Block:  # fmt: skip
         key = (op, tuple(a.number for a in args), data, shape)
         found = self._nodes.get(key)
         if found is None:
             when = max((a.binding for a in args), default=BindingTime.CONST) if binding is None else binding
-            found = Block(op, args, data, shape, symmetric, when, self._section, len(self._nodes))
+            width = max((a.lanes for a in args), default=0) if lanes is None else lanes
+            found = Block(op, args, data, shape, symmetric, when, self._section, len(self._nodes), width)
             self._nodes[key] = found
         return found
 
@@ -282,6 +290,42 @@ class Builder:
     def element(self, a: Block, i: int, j: int = 0) -> Block:
         """The scalar a_ij."""
         return self.take(a, (i, i + 1), (j, j + 1))
+
+    # Lanes
+
+    def lane_const(self, blocks: Sequence[Block]) -> Block:
+        """The numbers of one constant block a lane."""
+        data = tuple(_rows(block) for block in blocks)
+        symmetric = all(block.symmetric for block in blocks)
+        return self._make("lane_const", (), blocks[0].shape, data=data, symmetric=symmetric, lanes=len(blocks))
+
+    def gather(self, blocks: Sequence[Block]) -> Block:
+        """One uniform block of equal shape a lane."""
+        symmetric = all(block.symmetric for block in blocks)
+        return self._make("gather", tuple(blocks), blocks[0].shape, symmetric=symmetric, lanes=len(blocks))
+
+    def lane(self, a: Block, k: int) -> Block:
+        """What lane k of a has."""
+        return self._make("lane", (a,), a.shape, data=k, symmetric=a.symmetric, lanes=0) if a.lanes else a
+
+    def lane_sum(self, a: Block) -> Block:
+        """The sum of a block's lanes."""
+        return self._make("lane_sum", (a,), a.shape, symmetric=a.symmetric, lanes=0)
+
+    def again(self, block: Block, args: Sequence[Block]) -> Block:
+        """The same operation on other arguments."""
+        if tuple(args) == block.args:
+            return block
+        return self._make(block.op, tuple(args), block.shape, data=block.data, symmetric=block.symmetric)
+
+    @contextmanager
+    def within(self, section: int) -> Iterator[None]:
+        """Blocks first made inside belong to a section that exists already."""
+        before, self._section = self._section, section
+        try:
+            yield
+        finally:
+            self._section = before
 
     # Symmetric positive definite systems
 

@@ -31,10 +31,9 @@ class RoadTable(Protocol):
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "mul": lambda a, b: a * b, "div": lambda a, b: np.float64(a) / np.float64(b), "sqrt": np.sqrt, "sin": np.sin,
     "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2,
-    "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "exp": np.exp, "log": np.log, "abs": abs,
-    "pow": lambda a, b: np.power(np.float64(a), b), "lt": lambda a, b: float(a < b), "le": lambda a, b: float(a <= b),
-    "and": lambda a, b: float(a != 0 and b != 0), "or": lambda a, b: float(a != 0 or b != 0),
-    "not": lambda a: float(a == 0), "where": lambda c, a, b: a if c else b,
+    "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "exp": np.exp, "log": np.log, "abs": np.abs,
+    "pow": lambda a, b: np.power(np.float64(a), b), "lt": np.less, "le": np.less_equal, "and": np.logical_and,
+    "or": np.logical_or, "not": np.logical_not, "where": np.where,
     "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "neg": lambda a: -a,
 }  # fmt: skip
 
@@ -42,7 +41,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 def interpret_blocks(
     roots: Iterable[Block], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]
 ) -> dict[Block, Array]:
-    """Evaluate the roots and all that they depend on; inputs are columns by symbol name."""
+    """Evaluate the roots and all that they depend on; inputs are columns by symbol name.  A block with lanes has them as first axis."""
     values: dict[Block, Array] = {}
     with np.errstate(all="ignore"):
         for block in reachable_blocks(roots):
@@ -52,63 +51,87 @@ def interpret_blocks(
 
 def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> Array:
     data: Any = block.data
-    if block.op == "const":
+    if block.op in ("const", "lane_const"):
         return np.array(data, dtype=float)
     if block.op == "symbol":
         return np.asarray(inputs[str(data)], dtype=float).reshape(block.shape)
     if block.op == "call":
-        return _call(data[0], data[1], [float(a[0, 0]) for a in args], roads)
+        return _call(data[0], data[1], args, roads)
     if block.op == "stack":
-        rows, columns = len(data[0]), len(data[1])
-        return np.block([args[i * columns : (i + 1) * columns] for i in range(rows)])
+        return _stack(data, args, block.lanes)
     if block.op == "take":
-        return args[0][slice(*data[0]), slice(*data[1])]
+        return args[0][..., slice(*data[0]), slice(*data[1])]
+    if block.op == "gather":
+        return np.stack(args)
+    if block.op == "lane":
+        return args[0][data]
+    if block.op == "lane_sum":
+        return np.asarray(args[0].sum(axis=0))
     return _MATRIX[block.op](*args)
 
 
-def _call(function: str, table: str | None, args: list[float], roads: Mapping[str, RoadTable]) -> Array:
+def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str, RoadTable]) -> Array:
     if table is not None:
         road = roads[table]
-        return np.array([[road.height(*args) if function == "road_height" else road.slope(*args)]])
-    return np.array([[float(FUNCTIONS[function](*args))]])
+        x, y = (float(np.ravel(a)[0]) for a in args)
+        return np.array([[road.height(x, y) if function == "road_height" else road.slope(x, y)]])
+    return np.asarray(FUNCTIONS[function](*args), dtype=float)
+
+
+def _stack(data: Any, args: list[Array], lanes: int) -> Array:
+    rows, columns = len(data[0]), len(data[1])
+    if lanes:
+        args = [np.broadcast_to(a, (lanes, *a.shape[-2:])) for a in args]
+    return np.concatenate([np.concatenate(args[i * columns : (i + 1) * columns], axis=-1) for i in range(rows)], axis=-2)
+
+
+def _turned(a: Array) -> Array:
+    return np.swapaxes(a, -1, -2)
 
 
 def _skew(p: Array) -> Array:
-    x, y, z = p.ravel()
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    x, y, z = p[..., 0, 0], p[..., 1, 0], p[..., 2, 0]
+    o = np.zeros_like(x)
+    return np.stack([np.stack(row, axis=-1) for row in ([o, -z, y], [z, o, -x], [-y, x, o])], axis=-2)
 
 
 def _ldl(m: Array) -> tuple[Array, Array]:
     c = np.linalg.cholesky(m)
-    diagonal = np.diag(c)
-    return c / diagonal, (1.0 / diagonal**2).reshape(-1, 1)
+    diagonal = np.diagonal(c, axis1=-2, axis2=-1)
+    return c / diagonal[..., None, :], (1.0 / diagonal**2)[..., None]
 
 
 _MATRIX: dict[str, Callable[..., Array]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
     "neg": lambda a: -a,
-    "scale": lambda s, a: s[0, 0] * a,
+    "scale": lambda s, a: s * a,
     "mul": lambda a, b: a @ b,
-    "transpose": lambda a: a.T,
-    "symmetrise": lambda a: a + a.T,
-    "sandwich": lambda a, m: a @ m @ a.T,
-    "gram": lambda y, d: y.T @ (d * y),
+    "transpose": _turned,
+    "symmetrise": lambda a: a + _turned(a),
+    "sandwich": lambda a, m: a @ m @ _turned(a),
+    "gram": lambda y, d: _turned(y) @ (d * y),
     "weigh": lambda d, y: d * y,
-    "mirror": lambda a: np.triu(a) + np.triu(a, 1).T,
+    "mirror": lambda a: np.triu(a) + _turned(np.triu(a, 1)),
     "skew": _skew,
     "ldl_factor": lambda m: _ldl(m)[0],
     "ldl_pivots": lambda m: _ldl(m)[1],
-    "forward": lambda lower, b: np.linalg.solve(lower, b),
-    "backward": lambda lower, b: np.linalg.solve(lower.T, b),
+    "forward": lambda lower, b: np.linalg.solve(*_paired(lower, b)),
+    "backward": lambda lower, b: np.linalg.solve(*_paired(_turned(lower), b)),
 }
+
+
+def _paired(a: Array, b: Array) -> tuple[Array, Array]:
+    """Two matrices with the same lanes, so that NumPy does not take a matrix for a row of vectors."""
+    lanes = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+    return np.broadcast_to(a, lanes + a.shape[-2:]), np.broadcast_to(b, lanes + b.shape[-2:])
 
 
 def interpret_scalars(
     graph: Graph, roots: list[int], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]
-) -> dict[int, float]:
-    """Evaluate the roots and all that they depend on."""
-    values: dict[int, float] = {}
+) -> dict[int, Any]:
+    """Evaluate the roots and all that they depend on: numbers, or arrays of one number a lane."""
+    values: dict[int, Any] = {}
     with np.errstate(all="ignore"):
         for number in graph.reachable(roots):
             node = graph.nodes[number]
@@ -119,6 +142,15 @@ def interpret_scalars(
                 values[number] = float(np.ravel(inputs[data[0]])[data[1]])
             elif node.op in ("road_height", "road_slope"):
                 values[number] = float(_call(node.op, data, [values[a] for a in node.args], roads)[0, 0])
+            elif node.op == "lane_const":
+                values[number] = np.array(data)
+            elif node.op == "gather":
+                values[number] = np.array([values[a] for a in node.args])
+            elif node.op == "lane":
+                values[number] = float(values[node.args[0]][data])
+            elif node.op == "lane_sum":
+                values[number] = float(np.sum(values[node.args[0]]))
             else:
-                values[number] = float(FUNCTIONS[node.op](*(values[a] for a in node.args)))
+                result = FUNCTIONS[node.op](*(values[a] for a in node.args))
+                values[number] = np.asarray(result, dtype=float) if node.lanes else float(result)
     return values

@@ -66,6 +66,33 @@ def _const(low: Lowering, block: Block) -> Elements:
     return [[low.graph.const(x) for x in row] for row in rows]
 
 
+def _lane_const(low: Lowering, block: Block) -> Elements:
+    lanes: Any = block.data
+    n, m = block.shape
+    return [[low.graph.lane_const([rows[i][j] for rows in lanes]) for j in range(m)] for i in range(n)]
+
+
+def _gather(low: Lowering, block: Block) -> Elements:
+    parts = [low.elements[a] for a in block.args]
+    return low._elementwise(block, lambda i, j: low.graph.gather(tuple(part[i][j] for part in parts)))
+
+
+def _lane(low: Lowering, block: Block) -> Elements:
+    a, k = low._of(block), int(str(block.data))
+    return low._elementwise(block, lambda i, j: low.graph.lane(a[i][j], k))
+
+
+def _lane_sum(low: Lowering, block: Block) -> Elements:
+    a, g = low._of(block), low.graph
+    lanes = block.args[0].lanes
+
+    def summed(i: int, j: int) -> int:
+        x = a[i][j]
+        return g.lane_sum(x) if g.nodes[x].lanes else g.mul(g.const(float(lanes)), x)
+
+    return low._elementwise(block, summed)
+
+
 def _symbol(low: Lowering, block: Block) -> Elements:
     return [[low.graph.symbol(str(block.data), i, block.binding)] for i in range(block.shape[0])]
 
@@ -204,6 +231,7 @@ def _backward(low: Lowering, block: Block) -> Elements:
 
 
 _RULES: dict[str, Callable[[Lowering, Block], Elements]] = {
+    "lane_const": _lane_const, "gather": _gather, "lane": _lane, "lane_sum": _lane_sum,
     "const": _const, "symbol": _symbol, "add": _add, "sub": _sub, "neg": _neg, "scale": _scale, "mul": _mul,
     "transpose": _transpose, "symmetrise": _symmetrise, "sandwich": _sandwich, "gram": _gram, "weigh": _weigh, "mirror": _mirror, "skew": _skew,
     "stack": _stack, "take": _take, "call": _call, "ldl_factor": lambda low, block: _ldl(low, block)[0],

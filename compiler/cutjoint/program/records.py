@@ -50,14 +50,26 @@ class Program:
         return next(f for f in self.functions if f.name == name)
 
     def operations(self, name: str) -> int:
-        """Operations of one call: every addition, multiplication, division, comparison, choice, root or transcendental counts one."""
+        """Operations of one call: every addition, multiplication, division, comparison, choice, root or transcendental counts one in
+        each lane."""
+        return sum(self._weight(n) for n in self.function(name).statements)
+
+    def instructions(self, name: str) -> int:
+        """The same with all lanes of a scalar counted once."""
         return sum(1 for n in self.function(name).statements if self.graph.nodes[n].op not in FREE)
+
+    def _weight(self, n: int) -> int:
+        node = self.graph.nodes[n]
+        if node.op == "lane_sum":
+            return self.graph.nodes[node.args[0]].lanes - 1
+        return 0 if node.op in FREE else max(node.lanes, 1)
 
     def operations_by_section(self, name: str) -> dict[Section, int]:
         """The operations of one call by the section that introduced them."""
         counts: dict[int, int] = {}
         for n in self.function(name).statements:
-            node = self.graph.nodes[n]
-            if node.op not in FREE:
-                counts[node.section] = counts.get(node.section, 0) + 1
+            weight = self._weight(n)
+            if weight:
+                section = self.graph.nodes[n].section
+                counts[section] = counts.get(section, 0) + weight
         return {self.sections[i]: counts[i] for i in sorted(counts)}

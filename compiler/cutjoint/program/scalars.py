@@ -8,8 +8,9 @@ expression as written, but for ``a/c`` with a constant c, which becomes a produc
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 
 from cutjoint.program.blocks import BindingTime
 
@@ -23,7 +24,7 @@ FOLDED: dict[str, Callable[..., float]] = {
 }  # fmt: skip
 
 #: What does not count as an operation.
-FREE = frozenset({"const", "symbol", "neg"})
+FREE = frozenset({"const", "symbol", "neg", "lane_const", "gather", "lane"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,7 @@ class Scalar:
     data: object
     binding: BindingTime
     section: int
+    lanes: int
 
 
 @dataclass
@@ -45,13 +47,16 @@ class Graph:
     _known: dict[tuple[str, tuple[int, ...], object], int] = field(default_factory=dict, repr=False)
     section: int = 0
 
-    def _make(self, op: str, args: tuple[int, ...], data: object = None, binding: BindingTime | None = None) -> int:
+    def _make(
+        self, op: str, args: tuple[int, ...], data: object = None, *, binding: BindingTime | None = None, lanes: int | None = None
+    ) -> int:
         key = (op, args, data)
         number = self._known.get(key)
         if number is None:
             when = max((self.nodes[a].binding for a in args), default=BindingTime.CONST) if binding is None else binding
             number = len(self.nodes)
-            self.nodes.append(Scalar(op, args, data, when, self.section))
+            width = max((self.nodes[a].lanes for a in args), default=0) if lanes is None else lanes
+            self.nodes.append(Scalar(op, args, data, when, self.section, width))
             self._known[key] = number
         return number
 
@@ -61,7 +66,63 @@ class Graph:
 
     def symbol(self, name: str, index: int, binding: BindingTime) -> int:
         """Element ``index`` of the input ``name``."""
-        return self._make("symbol", (), (name, index), binding)
+        return self._make("symbol", (), (name, index), binding=binding)
+
+    def lane_const(self, values: Sequence[float]) -> int:
+        """A number for each lane."""
+        numbers = tuple(float(x) + 0.0 for x in values)
+        if len(set(numbers)) == 1:
+            return self.const(numbers[0])
+        return self._make("lane_const", (), numbers, lanes=len(numbers))
+
+    def gather(self, args: tuple[int, ...]) -> int:
+        """One uniform scalar a lane."""
+        if len(set(args)) == 1:
+            return args[0]
+        values = [self.value(a) for a in args]
+        if all(v is not None for v in values):
+            return self.lane_const([v for v in values if v is not None])
+        if all(self.nodes[a].op == "neg" for a in args):
+            return self.neg(self.gather(tuple(self.nodes[a].args[0] for a in args)))
+        return self._make("gather", args, lanes=len(args))
+
+    def lane(self, a: int, k: int) -> int:
+        """What lane k of a has."""
+        node = self.nodes[a]
+        if not node.lanes:
+            return a
+        if node.op == "gather":
+            return node.args[k]
+        if node.op == "lane_const":
+            return self.const(self._numbers(a, node.lanes)[k])
+        if node.op == "neg":
+            return self.neg(self.lane(node.args[0], k))
+        return self._make("lane", (a,), k, lanes=0)
+
+    def lane_sum(self, a: int) -> int:
+        """The sum of a's lanes."""
+        node = self.nodes[a]
+        if node.op == "neg":
+            return self.neg(self.lane_sum(node.args[0]))
+        if node.op in ("lane_const", "gather"):
+            parts = [self.lane(a, k) for k in range(node.lanes)]
+            return reduce(self.add, parts)
+        return self._make("lane_sum", (a,), lanes=0)
+
+    def _numbers(self, a: int, lanes: int) -> tuple[float, ...]:
+        """The values of a constant in each lane; empty of anything else."""
+        node = self.nodes[a]
+        if node.op == "lane_const":
+            assert isinstance(node.data, tuple)
+            return node.data
+        value = self.value(a)
+        return () if value is None else (value,) * lanes
+
+    def _by_lane(self, function: Callable[[float, float], float], a: int, b: int) -> int | None:
+        """A function of constants of which at least one has lanes."""
+        lanes = max(self.nodes[a].lanes, self.nodes[b].lanes)
+        u, v = self._numbers(a, lanes), self._numbers(b, lanes)
+        return self.lane_const([function(x, y) for x, y in zip(u, v, strict=True)]) if lanes and u and v else None
 
     def value(self, a: int) -> float | None:
         """The value of a constant, None of anything else."""
@@ -74,7 +135,11 @@ class Graph:
         if node.op == "neg":
             return node.args[0]
         value = self.value(a)
-        return self.const(-value) if value is not None and value < 0.0 else None
+        if value is not None and value < 0.0:
+            return self.const(-value)
+        if node.op == "lane_const" and all(x <= 0.0 for x in self._numbers(a, node.lanes)):
+            return self.neg(a)
+        return None
 
     def neg(self, a: int) -> int:
         """-a."""
@@ -82,6 +147,8 @@ class Graph:
         if value is not None:
             return self.const(-value)
         node = self.nodes[a]
+        if node.op == "lane_const":
+            return self.lane_const([-x for x in self._numbers(a, node.lanes)])
         return node.args[0] if node.op == "neg" else self._make("neg", (a,))
 
     def add(self, a: int, b: int) -> int:
@@ -89,6 +156,9 @@ class Graph:
         u, v = self.value(a), self.value(b)
         if u is not None and v is not None:
             return self.const(u + v)
+        folded = self._by_lane(lambda x, y: x + y, a, b)
+        if folded is not None:
+            return folded
         if u == 0.0:
             return b
         if v == 0.0:
@@ -106,6 +176,9 @@ class Graph:
         u, v = self.value(a), self.value(b)
         if u is not None and v is not None:
             return self.const(u - v)
+        folded = self._by_lane(lambda x, y: x - y, a, b)
+        if folded is not None:
+            return folded
         if v == 0.0:
             return a
         if u == 0.0:
@@ -125,6 +198,9 @@ class Graph:
         u, v = self.value(a), self.value(b)
         if u is not None and v is not None:
             return self.const(u * v)
+        folded = self._by_lane(lambda x, y: x * y, a, b)
+        if folded is not None:
+            return folded
         if u == 0.0 or v == 0.0:
             return self.const(0.0)
         if u == 1.0:
@@ -142,6 +218,8 @@ class Graph:
         v = self.value(b)
         if v is not None and v != 0.0:
             return self.mul(a, self.const(1.0 / v))
+        if (numbers := self._numbers(b, self.nodes[b].lanes)) and all(numbers):
+            return self.mul(a, self.lane_const([1.0 / x for x in numbers]))
         if self.value(a) == 0.0:
             return a
         minus_a, minus_b = self._negated(a), self._negated(b)

@@ -42,9 +42,26 @@ def find_classes(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint])
     for roots in sorted(groups.values(), key=lambda g: (-len(members[g[0]]), g[0])):
         fresh = [r for r in roots if r not in covered]
         if len(fresh) > 1:
-            classes.append(SubtreeClass(roots=tuple(fresh), size=len(members[fresh[0]])))
+            elements = tuple(_elements(members[r], model, tree, cuts) for r in fresh)
+            classes.append(SubtreeClass(roots=tuple(fresh), size=len(members[fresh[0]]), members=elements))
             covered.update(b for r in fresh for b in members[r])
     return tuple(classes)
+
+
+def _elements(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[str, ...]:
+    """The elements of a subtree: bodies innermost first, their joints, then cut joints and forces sorted as in the signature."""
+    place = {b: i for i, b in enumerate(bodies)}
+    joint_of = {t.child: t.joint.name for t in tree}
+    child_of = {t.joint.name: t.child for t in tree}
+
+    def where(body: str) -> int:
+        return place.get(body, -2 if body == GROUND else -1)
+
+    closures = sorted((c for c in cuts if c.base in place or c.follower in place), key=lambda c: (c.kind, where(c.base), where(c.follower)))
+    forces = sorted(
+        (f for f in model.forces if any(b in place for b in _bodies(f, child_of))), key=lambda f: _force(f, where, child_of)
+    )
+    return (*bodies, *(joint_of[b] for b in bodies), *(c.name for c in closures), *(f.name for f in forces))
 
 
 def _subtree(body: str, children: Mapping[str, Sequence[str]]) -> tuple[str, ...]:

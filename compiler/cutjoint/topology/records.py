@@ -36,10 +36,14 @@ class Loop:
 
 @dataclass(frozen=True, kw_only=True)
 class SubtreeClass:
-    """Subtrees of one shape: ``roots`` are their innermost bodies, ``size`` the number of bodies in each."""
+    """Subtrees of one shape: ``roots`` are their innermost bodies, ``size`` the number of bodies in each.
+
+    ``members`` are the elements of each subtree (bodies, tree joints, cut joints, forces), corresponding ones in the same place.
+    """
 
     roots: tuple[str, ...]
     size: int
+    members: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,194 @@
+"""Block IR -> block IR: equal parts of the program side by side in lanes.
+
+Given families of corresponding blocks, one block for each member of a class, the pass finds what the members compute by the same
+operations and lets lanes of one block do it.  Members may differ in constants, in signs, in a missing term of a sum and in the outside
+blocks that they use; where they differ otherwise, each computes on its own and the results are gathered.  It knows no mechanics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from cutjoint.program.blocks import Block, Builder, is_zero
+from cutjoint.program.lower import reachable_blocks
+
+#: One block for each lane.
+Family: TypeAlias = tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """How a family is computed: ``uniform`` by its one block, ``const``, ``gather`` from its members, ``signed`` by signs times another
+    family, ``sum`` of families, or by the ``same`` operation on families."""
+
+    kind: str
+    family: Family
+    parts: tuple[Family, ...] = ()
+    signs: tuple[float, ...] = ()
+
+
+#: Which blocks of a family that is not computed by one operation stand in its lanes; the others are terms of themselves.
+_PLACED: Mapping[str, tuple[str, ...]] = {"signed": ("neg",), "sum": ("add", "sub")}
+
+
+class _DependentMembersError(Exception):
+    """Members depend on each other, so that they cannot be computed side by side."""
+
+
+@dataclass
+class _Folding:
+    builder: Builder
+    plans: dict[Family, _Plan] = field(default_factory=dict)
+    place: dict[Block, tuple[Family, int]] = field(default_factory=dict)
+    folded: dict[Family, Block] = field(default_factory=dict)
+    rewritten: dict[Block, Block] = field(default_factory=dict)
+    busy: set[Family] = field(default_factory=set)
+
+    def plan(self, family: Family) -> None:
+        """Plan a family and all that it is computed from, without recursion."""
+        stack = [family]
+        while stack:
+            family = stack.pop()
+            if family in self.plans:
+                continue
+            plan = self.plans[family] = self._plan(family)
+            for k, block in enumerate(family):
+                if plan.kind == "same" or block.op in _PLACED.get(plan.kind, ()):
+                    self.place.setdefault(block, (family, k))
+            stack.extend(plan.parts)
+
+    def _plan(self, family: Family) -> _Plan:
+        first = family[0]
+        if all(b is first for b in family):
+            return _Plan("uniform", family)
+        if all(b.op == "const" for b in family):
+            return _Plan("const", family)
+        spines = [self._spine(b) for b in family]
+        if len({len(spine) for spine in spines}) > 1:
+            return _Plan("sum", family, self._aligned(spines))
+        if len({(b.op, b.data, len(b.args), tuple(a.shape for a in b.args)) for b in family}) == 1 and first.op != "symbol":
+            return _Plan("same", family, tuple(zip(*(b.args for b in family), strict=True)))
+        if any(b.op == "neg" for b in family):
+            signs = tuple(-1.0 if b.op == "neg" else 1.0 for b in family)
+            return _Plan("signed", family, (tuple(b.args[0] if b.op == "neg" else b for b in family),), signs)
+        if len(spines[0]) > 1:
+            return _Plan("sum", family, self._aligned(spines))
+        if len({(b.op, len(b.args)) for b in family}) == 1 and first.args:
+            # each on its own, but from arguments in lanes
+            return _Plan("gather", family, tuple(zip(*(b.args for b in family), strict=True)))
+        return _Plan("gather", family)
+
+    def _spine(self, block: Block) -> list[Block]:
+        """The terms of a sum that was added up from the left; one term of anything else."""
+        terms: list[Block] = []
+        while block.op in ("add", "sub"):
+            terms.append(block.args[1] if block.op == "add" else self.builder.neg(block.args[1]))
+            block = block.args[0]
+        return [block, *reversed(terms)]
+
+    def _aligned(self, spines: Sequence[list[Block]]) -> tuple[Family, ...]:
+        """The first terms of all members, the second ones, and so on; nothing where a member has no more."""
+        longest = max(len(spine) for spine in spines)
+        nothing = self.builder.zero(*spines[0][0].shape)
+        return tuple(tuple(spine[i] if i < len(spine) else nothing for spine in spines) for i in range(longest))
+
+    def lanes(self, family: Family) -> Block:
+        """The block that computes a planned family."""
+        if family not in self.folded:
+            if family in self.busy:
+                raise _DependentMembersError
+            self.busy.add(family)
+            with self.builder.within(family[0].section):
+                self.folded[family] = self._make(self.plans[family])
+        return self.folded[family]
+
+    def _make(self, plan: _Plan) -> Block:
+        b, family = self.builder, plan.family
+        if plan.kind == "uniform":
+            return self.uniform(family[0])
+        if plan.kind == "const":
+            return b.lane_const(family)
+        if plan.kind == "gather":
+            return b.gather([self.uniform(block) for block in family])
+        parts = [self.lanes(part) for part in plan.parts]
+        if plan.kind == "signed":
+            return b.scale(b.lane_const([b.number(s) for s in plan.signs]), parts[0])
+        if plan.kind == "sum":
+            return b.total(parts)
+        block = b.again(family[0], parts)
+        if family[0] in b.labels:
+            b.label(block, f"{b.labels[family[0]]}_x{len(family)}")
+        return block
+
+    def uniform(self, block: Block) -> Block:
+        """A block of the folded program with the same value."""
+        if block not in self.rewritten:
+            with self.builder.within(block.section):
+                result = self._uniform(block)
+            if block in self.builder.labels and not result.lanes:
+                self.builder.label(result, self.builder.labels[block])
+            self.rewritten[block] = result
+        return self.rewritten[block]
+
+    def _uniform(self, block: Block) -> Block:
+        if block in self.place:
+            family, k = self.place[block]
+            return self.builder.lane(self.lanes(family), k)
+        if block.op in ("add", "sub"):
+            terms = self._terms_of(block)
+            whole = self._whole_families(terms)
+            if whole:
+                return self._sum(terms, whole)
+        return self.builder.again(block, [self.uniform(a) for a in block.args])
+
+    def _terms_of(self, block: Block) -> list[tuple[int, Block]]:
+        """The terms of a sum with their signs, from the left; what stands in a lane is one term."""
+        terms: list[tuple[int, Block]] = []
+        stack = [(1, block)]
+        while stack:
+            sign, part = stack.pop()
+            if part in self.place or part.op not in ("add", "sub", "neg"):
+                terms.append((sign, part))
+                continue
+            if part.op != "neg":
+                stack.append((sign if part.op == "add" else -sign, part.args[1]))
+            stack.append((-sign if part.op == "neg" else sign, part.args[0]))
+        return terms
+
+    def _whole_families(self, terms: Sequence[tuple[int, Block]]) -> dict[tuple[int, Family], int]:
+        """The families all of whose members are terms of a sum, with their sign."""
+        present = set(terms)
+        found: dict[tuple[int, Family], int] = {}
+        for sign, block in terms:
+            family = self.place[block][0] if block in self.place else ()
+            if family and all((sign, member) in present for member in family):
+                found[sign, family] = sign
+        return found
+
+    def _sum(self, terms: Sequence[tuple[int, Block]], whole: Mapping[tuple[int, Family], int]) -> Block:
+        """A sum with the whole families added lane by lane first, then across."""
+        b = self.builder
+        covered = {(sign, block) for sign, family in whole for block in family}
+        parts = [self.lanes(family) if sign > 0 else b.neg(self.lanes(family)) for sign, family in whole]
+        result = b.lane_sum(b.total(parts))
+        for sign, block in terms:
+            if (sign, block) not in covered:
+                term = self.uniform(block)
+                result = b.add(result, term) if sign > 0 else b.sub(result, term)
+        return result
+
+
+def fold(builder: Builder, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:
+    """The results of a function with the families' common work in lanes; unchanged if the members depend on each other."""
+    folding = _Folding(builder)
+    for family in families:
+        if len(set(family)) == len(family) and not any(is_zero(b) for b in family):
+            folding.plan(family)
+    try:
+        for block in reachable_blocks(results.values()):
+            folding.uniform(block)  # arguments first, so that the recursion stays shallow
+        return {target: folding.uniform(block) for target, block in results.items()}
+    except _DependentMembersError:
+        return dict(results)

@@ -1,0 +1,135 @@
+// Several reals side by side in one vector register: the members of a class of equal parts of a mechanism.
+#pragma once
+
+#include <cmath>
+
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__AVX2__)
+#include <immintrin.h>
+#define CUTJOINT_LIBMVEC 1
+extern "C" {  // glibc's vector mathematics, 4 doubles, errors of at most 4 units in the last place
+__m256d _ZGVdN4v_sin(__m256d);
+__m256d _ZGVdN4v_cos(__m256d);
+__m256d _ZGVdN4v_tan(__m256d);
+__m256d _ZGVdN4v_atan(__m256d);
+__m256d _ZGVdN4v_exp(__m256d);
+__m256d _ZGVdN4v_log(__m256d);
+}
+#endif
+
+namespace cutjoint {
+
+/// The register type of N reals; one specialisation a type, since GCC takes no dependent element type.
+template <class Real, int N>
+struct Register;
+
+template <int N>
+struct Register<double, N> {
+  typedef double type __attribute__((vector_size(N * sizeof(double))));
+};
+
+template <int N>
+struct Register<float, N> {
+  typedef float type __attribute__((vector_size(N * sizeof(float))));
+};
+
+/// N reals with lane-wise arithmetic; a plain real counts for all lanes.
+template <class Real, int N>
+struct Lanes {
+  using Vector = typename Register<Real, N>::type;
+  using Mask = decltype(Vector{} < Vector{});
+
+  Vector v;
+
+  Lanes() = default;
+  Lanes(Vector vector) : v(vector) {}
+  Lanes(Real x) : v(Vector{} + x) {}
+  template <class... Reals>
+    requires(sizeof...(Reals) == N && N > 1)
+  Lanes(Reals... x) : v{x...} {}
+
+  Real operator[](int k) const { return v[k]; }
+
+  /// A condition that is the same in all lanes.
+  static Mask mask(bool condition) { return condition ? ~Mask{} : Mask{}; }
+
+  friend Lanes operator+(Lanes a, Lanes b) { return a.v + b.v; }
+  friend Lanes operator-(Lanes a, Lanes b) { return a.v - b.v; }
+  friend Lanes operator*(Lanes a, Lanes b) { return a.v * b.v; }
+  friend Lanes operator/(Lanes a, Lanes b) { return a.v / b.v; }
+  friend Lanes operator-(Lanes a) { return -a.v; }
+  friend Mask operator<(Lanes a, Lanes b) { return a.v < b.v; }
+  friend Mask operator<=(Lanes a, Lanes b) { return a.v <= b.v; }
+};
+
+/// condition ? yes : no in each lane, both evaluated.
+template <class Mask, class Real, int N>
+Lanes<Real, N> where(Mask condition, Lanes<Real, N> yes, Lanes<Real, N> no) {
+  return condition ? yes.v : no.v;
+}
+
+/// The sum of all lanes, by halves.
+template <class Real, int N>
+Real sum(Lanes<Real, N> a) {
+  if constexpr (N == 4) return (a[0] + a[2]) + (a[1] + a[3]);
+  Real total = a[0];
+  for (int k = 1; k < N; ++k) total += a[k];
+  return total;
+}
+
+/// A function of one real in each lane.
+template <class Real, int N, class Function>
+Lanes<Real, N> each(Lanes<Real, N> a, Function function) {
+  typename Lanes<Real, N>::Vector result;
+  for (int k = 0; k < N; ++k) result[k] = function(a[k]);
+  return result;
+}
+
+/// A function of two reals in each lane.
+template <class Real, int N, class Function>
+Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
+  typename Lanes<Real, N>::Vector result;
+  for (int k = 0; k < N; ++k) result[k] = function(a[k], b[k]);
+  return result;
+}
+
+#define CUTJOINT_EACH(name)                                                  \
+  template <class Real, int N>                                               \
+  Lanes<Real, N> name(Lanes<Real, N> a) {                                    \
+    return each(a, [](Real x) { return std::name(x); });                     \
+  }
+CUTJOINT_EACH(sqrt)
+CUTJOINT_EACH(abs)
+CUTJOINT_EACH(sin)
+CUTJOINT_EACH(cos)
+CUTJOINT_EACH(tan)
+CUTJOINT_EACH(asin)
+CUTJOINT_EACH(acos)
+CUTJOINT_EACH(atan)
+CUTJOINT_EACH(sinh)
+CUTJOINT_EACH(cosh)
+CUTJOINT_EACH(tanh)
+CUTJOINT_EACH(exp)
+CUTJOINT_EACH(log)
+#undef CUTJOINT_EACH
+
+#ifdef CUTJOINT_LIBMVEC
+inline Lanes<double, 4> sin(Lanes<double, 4> a) { return _ZGVdN4v_sin(a.v); }
+inline Lanes<double, 4> cos(Lanes<double, 4> a) { return _ZGVdN4v_cos(a.v); }
+inline Lanes<double, 4> tan(Lanes<double, 4> a) { return _ZGVdN4v_tan(a.v); }
+inline Lanes<double, 4> atan(Lanes<double, 4> a) { return _ZGVdN4v_atan(a.v); }
+inline Lanes<double, 4> exp(Lanes<double, 4> a) { return _ZGVdN4v_exp(a.v); }
+inline Lanes<double, 4> log(Lanes<double, 4> a) { return _ZGVdN4v_log(a.v); }
+inline Lanes<double, 4> sqrt(Lanes<double, 4> a) { return _mm256_sqrt_pd(a.v); }
+#endif
+
+template <class Real, int N>
+Lanes<Real, N> atan2(Lanes<Real, N> a, Lanes<Real, N> b) {
+  return each(a, b, [](Real x, Real y) { return std::atan2(x, y); });
+}
+
+template <class Real, int N>
+Lanes<Real, N> pow(Lanes<Real, N> a, Lanes<Real, N> b) {
+  return each(a, b, [](Real x, Real y) { return std::pow(x, y); });
+}
+
+}  // namespace cutjoint

@@ -1,0 +1,138 @@
+"""Folding: isomorphic subtrees in lanes compute what they computed one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cutjoint.formulate.families import find_families
+from cutjoint.formulate.records import Equations
+from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import find_scene
+from cutjoint.program.blocks import BindingTime, Builder
+from cutjoint.program.fold import fold
+from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.schedule import schedule
+from cutjoint.topology.build import build_topology
+from tests.compile_run.generated import FlatRoad, random_states
+from tests.conftest import MODELS
+from tests.mechanisms.four_bar import four_bar_text
+
+
+def formulate(text: str, scene: str) -> Equations:
+    model = read_model_text(text, "model.yaml")
+    chosen = find_scene(model, scene)
+    return formulate_recursive(build_topology(model), chosen, ())
+
+
+def pendulums(count: int) -> str:
+    """Double pendulums side by side, joined by a spring to the first one's ground, each with other numbers."""
+    arms = "".join(
+        f"  upper_{i}: {{mass: {1 + i}, centre_of_mass: [{i}, -0.5, 0], inertia: [1, 1, 1]}}\n"
+        f"  lower_{i}: {{mass: 2, centre_of_mass: [{i}, -1.5, 0.1], inertia: [0.5, 0.4, 0.3]}}\n"
+        for i in range(count)
+    )
+    joints = "".join(
+        f"  pin_{i}: {{kind: revolute, bodies: [ground, upper_{i}], at: [{i}, 0, 0], axis: [0, 0, {(-1) ** i}]}}\n"
+        f"  ball_{i}: {{kind: spherical, bodies: [upper_{i}, lower_{i}], at: [{i}, -1, 0]}}\n"
+        for i in range(count)
+    )
+    return f"cutjoint: 1\nname: pendulums\ngravity: [0, -9.81, 0]\nbodies:\n{arms}joints:\n{joints}scenes:\n  swing: {{end: 1}}\n"
+
+
+CASES = {
+    "iltis, straight": (lambda: (MODELS / "iltis.yaml").read_text(), "simul1s"),
+    "iltis, steering": (lambda: (MODELS / "iltis.yaml").read_text(), "iavsd_sine_2mm"),
+    "7 pendulums in groups of 4, 2 and 1": (lambda: pendulums(7), "swing"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_folded_program_computes_the_same(case: str) -> None:
+    text, scene = CASES[case]
+    equations = formulate(text(), scene)
+    evaluate = equations.functions[0]
+    folded = fold(equations.builder, find_families(equations.builder, equations.topology), evaluate.results)
+    program = schedule(equations.builder, [("plain", evaluate.results), ("folded", folded)])
+    assert program.instructions("folded") < 0.7 * program.instructions("plain")
+    for state in random_states(equations, 2, seed=3):
+        inputs = {**inputs_of(equations, state), "numerics": np.array([1e4, 1.0, 10.0])}
+        roads = {name: FlatRoad() for name in equations.roads}
+        plain = interpret_blocks(evaluate.results.values(), inputs, roads)
+        lanes = interpret_blocks(folded.values(), inputs, roads)
+        results = program.function("folded").results
+        scalars = interpret_scalars(program.graph, [r.scalar for r in results], inputs, roads)
+        for target, block in evaluate.results.items():
+            expected = plain[block]
+            scale = max(1.0, float(np.abs(expected).max()))
+            assert lanes[folded[target]] == pytest.approx(expected, abs=1e-10 * scale), target
+            found = np.array([scalars[r.scalar] for r in results if r.target == target])
+            assert found == pytest.approx(expected.ravel(), abs=1e-10 * scale), target
+
+
+def inputs_of(equations: Equations, state: object) -> dict[str, np.ndarray]:
+    from cutjoint.analysis.mobility import make_inputs
+
+    inputs = make_inputs(equations, state.q, state.v)  # type: ignore[attr-defined]
+    for closure in equations.closures:
+        inputs[f"lambda:{closure.joint}"] = state.multipliers[closure.first : closure.first + len(closure.names)]  # type: ignore[attr-defined]
+    return inputs | {"t": np.array([state.t]), "motion": np.ones(1)}  # type: ignore[attr-defined]
+
+
+def test_the_suspensions_take_the_instructions_of_one() -> None:
+    """Four suspensions in four lanes: less than a third of the instructions, and the same operations within a twentieth."""
+    equations = formulate((MODELS / "iltis.yaml").read_text(), "simul1")
+    evaluate = equations.functions[0]
+    folded = fold(equations.builder, find_families(equations.builder, equations.topology), evaluate.results)
+    program = schedule(equations.builder, [("plain", evaluate.results), ("folded", folded)])
+    assert program.instructions("folded") < 0.33 * program.instructions("plain")
+    assert program.operations("folded") == pytest.approx(program.operations("plain"), rel=0.05)
+
+
+def test_the_members_of_a_chain_are_not_taken() -> None:
+    """Each coupler of the N-four-bar hangs on the crank before it."""
+    equations = formulate(four_bar_text(7), "swing")
+    assert equations.topology.classes
+    assert find_families(equations.builder, equations.topology) == []
+
+
+def test_members_that_depend_on_each_other_stay_as_they_are() -> None:
+    b = Builder()
+    x = b.symbol("x", 3, BindingTime.ITERATION)
+    first = b.scale(b.number(2.0), x)
+    second = b.scale(b.number(3.0), first)
+    results = {"y": b.add(first, second)}
+    assert fold(b, [(first, second)], results) == results
+
+
+def small(differ: str) -> tuple[Builder, dict[str, object], list[tuple[object, ...]]]:
+    """Two members x_k -> y_k that differ in the way named."""
+    b = Builder()
+    x = [b.symbol(f"x{k}", 3, BindingTime.ITERATION) for k in range(2)]
+    p = b.symbol("p", 3, BindingTime.ITERATION)
+    y = {
+        "constants": [b.add(b.scale(b.number(k + 2.0), x[k]), p) for k in range(2)],
+        "signs": [b.cross(p, b.neg(x[0])), b.cross(p, x[1])],
+        "a missing term": [b.add(b.scale(b.number(2.0), x[0]), p), b.scale(b.number(3.0), x[1])],
+        "an outside block": [b.cross(x[0], p), b.cross(x[1], b.scale(b.number(2.0), p))],
+        "an operation": [b.cross(x[0], p), b.add(x[1], p)],
+    }[differ]
+    return b, {"sum": b.add(y[0], y[1]), "first": y[0]}, [tuple(y)]  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("differ", ["constants", "signs", "a missing term", "an outside block", "an operation"])
+def test_members_may_differ_in(differ: str) -> None:
+    b, results, families = small(differ)
+    folded = fold(b, families, results)  # type: ignore[arg-type]
+    rng = np.random.default_rng(0)
+    inputs = {name: rng.normal(size=3) for name in ("x0", "x1", "p")}
+    plain = interpret_blocks(results.values(), inputs, {})  # type: ignore[arg-type]
+    lanes = interpret_blocks(folded.values(), inputs, {})
+    program = schedule(b, [("folded", folded)])
+    scalars = interpret_scalars(program.graph, [r.scalar for r in program.functions[0].results], inputs, {})
+    for target, block in results.items():
+        expected = plain[block].ravel()  # type: ignore[index]
+        assert lanes[folded[target]].ravel() == pytest.approx(expected, rel=1e-14)
+        found = [scalars[r.scalar] for r in program.functions[0].results if r.target == target]
+        assert found == pytest.approx(expected, rel=1e-14)
