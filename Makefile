@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench lint setup clean
+.PHONY: demo test bench verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -13,6 +13,9 @@ test: setup
 
 bench: setup
 	$(BIN)/python benchmarks/iltis.py
+
+verification: setup
+	$(BIN)/python -m benchmarks.verification
 
 lint: setup
 	$(BIN)/ruff check

@@ -13,7 +13,11 @@ from rich.console import Console
 from rich.progress import Progress
 
 from cutjoint import pipeline
+from cutjoint.analysis.conditioning import rate_choices
+from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.poses import explore
+from cutjoint.analysis.redundancy import find_redundancy
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
@@ -21,9 +25,10 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.build import ToolchainError
+from cutjoint.topology.choice import rank_cuts
 from cutjoint.topology.spanning_tree import TopologyError
 
-_ERRORS = (ModelError, TopologyError, RunError, SimulatorError, ToolchainError, NoEquilibriumError, OSError)
+_ERRORS = (ModelError, TopologyError, NoInertiaError, RunError, SimulatorError, ToolchainError, NoEquilibriumError, OSError)
 
 _out = Console(highlight=False, soft_wrap=True)
 _err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -66,15 +71,21 @@ def main() -> None:
 @_model
 @_reports_errors
 def check(model: Path) -> None:
-    """Validate MODEL; print topology, loops, cut joints, degrees of freedom and rank."""
+    """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     from cutjoint.report import tables
 
     checked = read_model(model)
     scene = next(iter(checked.scenes), None)
     equations, _, _ = pipeline.generate(checked, pipeline.find_scene(checked, scene), ())
-    _out.print(tables.topology_facts(equations.topology, find_mobility(equations)))
-    if equations.topology.loops:
-        _out.print(tables.loop_table(equations.topology))
+    topology, poses = equations.topology, explore(equations)
+    mobility = find_mobility(equations, poses)
+    _out.print(tables.topology_facts(topology, mobility))
+    if topology.loops:
+        _out.print(tables.loop_table(topology))
+        redundancy = find_redundancy(equations, poses)
+        if redundancy.structural or redundancy.momentary:
+            _out.print(tables.redundancy_table(redundancy))
+        _out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
     _out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
 
 
@@ -158,3 +169,22 @@ def equilibrium(model: Path, scene: str | None, changes: tuple[str, ...]) -> Non
     with _progress(f"compiling {model.name}"):
         found = pipeline.find_equilibrium(model, scene=scene, parameters=parameters)
     _out.print(tables.equilibrium_table(found))
+
+
+@main.command()
+@_model
+@_scene
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Markdown file; standard output otherwise.")
+@_reports_errors
+def explain(model: Path, scene: str | None, out: Path | None) -> None:
+    """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
+    from cutjoint.report.explain.document import explain as write_explanation
+
+    checked = read_model(model)
+    chosen = pipeline.find_scene(checked, next(iter(checked.scenes), None) if scene is None else scene)
+    with _progress(f"explaining {model.name}"):
+        text = write_explanation(checked, chosen)
+    if out is None:
+        click.echo(text, nl=False)
+    else:
+        out.write_text(text, encoding="utf-8", newline="\n")

@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
+from cutjoint.analysis.inertia import require_inertia
 from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.source import Source, emit
 from cutjoint.formulate.families import find_families
@@ -81,11 +82,17 @@ def _empty_scene(model: Model) -> Scene:
 
 
 def generate(model: Model, scene: Scene, outputs: Sequence[Output], *, lanes: bool = True) -> tuple[Equations, Program, Source]:
-    """The symbolic half of the pipeline; with ``lanes``, isomorphic subtrees are evaluated side by side."""
+    """The symbolic half of the pipeline; with ``lanes``, isomorphic subtrees are evaluated side by side.
+
+    Raises:
+        TopologyError: the cuts that the model gives cannot be honoured.
+        NoInertiaError: some motion moves no mass.
+    """
     # Model -> Topology
     topology = build_topology(model)
     # Topology -> Equations
     equations = formulate_recursive(topology, scene, tuple(outputs))
+    require_inertia(equations)
     # Equations -> Program
     families = find_families(equations.builder, topology) if lanes else []
     evaluate, *others = equations.functions

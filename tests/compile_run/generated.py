@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.analysis.mobility import design_coordinates, make_inputs
+from cutjoint.analysis.closing import design_coordinates, make_inputs
 from cutjoint.formulate.records import Equations
 from cutjoint.model.records import Model, Scene
 from cutjoint.program.interpret import interpret_blocks

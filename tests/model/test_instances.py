@@ -41,8 +41,9 @@ submodels:
     forces:
       spring: {kind: point_spring, bodies: [body, arm], from: root, to: tip, law: length*rate}
       stop: {kind: axial_force, bodies: [body, arm], origin: root, point: tip, axis: [1, 2, 2], law: travel}
+      mount: {kind: bushing, bodies: [body, arm], at: root, laws: [position + 1, position + 2, position + 3, rate + 4, rate + 5, rate + 6]}
       lift: {kind: load, body: arm, at: tip, force: [x + y, "y*vy + gust", vz]}
-      twist: {kind: load, body: arm, torque: [1, t, 3], axes: body}
+      twist: {kind: load, body: arm, torque: [1 - wx, t*wy, 3 + wz], axes: body}
       wheel:
         {kind: tyre, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, stiffness: 1,
          calspan: {A0: 1, A1: 1, A2: 1, A3: 1, A4: 1, B1: 1, B3: 1, B4: 1, SN: 1, AF1: 1, AF2: 1}}
@@ -150,8 +151,19 @@ def test_loads_mirror_with_their_variables(bird: Model) -> None:
     gust = sympy.Symbol("p_gust", real=True)
     assert lift.components == (x - y, -(y * vy + gust), vz)
     _, twist = pair(bird, "twist")
-    assert twist.components == (-1, variable("t"), -3)
+    wx, wy, wz = (variable(name) for name in ("wx", "wy", "wz"))
+    assert twist.components == (-1 - wx, variable("t") * wy, -3 + wz)
     assert (twist.axes, twist.point) == ("body", None)
+
+
+def test_bushings_mirror_in_the_mirrored_frame(bird: Model) -> None:
+    """Global axes stay global: sideways displacements and turns about the other axes change their sign."""
+    left, right = pair(bird, "mount")
+    assert left.axes == right.axes == ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    assert floats(right.point) == (0.1, -0.2, 0.3)
+    p, r = variable("position"), variable("rate")
+    assert left.laws == (p + 1, p + 2, p + 3, r + 4, r + 5, r + 6)
+    assert right.laws == (p + 1, p - 2, p + 3, r - 4, r + 5, r - 6)
 
 
 def test_mirrors_along_the_other_axes() -> None:

@@ -113,8 +113,8 @@ def test_two_points_make_a_line() -> None:
 
 def test_guides_and_inputs_are_laws_of_time() -> None:
     model = read("axis: [0, 1, 0]", "axis: [0, 1, 0], guide: {polynomial: [10 deg, 20 deg/s], of: t}")
-    assert evaluate(model.joints[0].guide, {T: 2.0}) == pytest.approx(np.deg2rad(50))
+    assert evaluate(model.joints[0].guide[0], {T: 2.0}) == pytest.approx(np.deg2rad(50))
     model = read("end: 2", "end: 2, inputs: {swing: {table: {t: [0, 1], value: [0, 3]}}}")
     assert evaluate(model.scenes["fall"].inputs["swing"], {T: 0.5}) == pytest.approx(1.5)
     guided = read("axis: [0, 1, 0]", 'axis: [0, 1, 0], guide: "swing*sin(t)"')
-    assert guided.joints[0].guide == sympy.Symbol("p_swing", real=True) * sympy.sin(T)
+    assert guided.joints[0].guide[0] == sympy.Symbol("p_swing", real=True) * sympy.sin(T)

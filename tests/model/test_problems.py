@@ -104,12 +104,12 @@ VALUES = [
     (
         "[0.1, 0.2, 0.2]",
         "§{principal: [1, 1, 1], x: [1, 0, 0]}",
-        "@: body 'arm': inertia needs two of the principal directions x, y, z",
+        "@: body 'arm': inertia needs two of the directions x, y, z",
     ),
     (
         "[0.1, 0.2, 0.2]",
         "{principal: [1, 1, 1], x: [1, 0, 0], z: §[1e-6, 0, 1]}",
-        "@: body 'arm': the principal directions x and z are not perpendicular",
+        "@: body 'arm': the directions x and z are not perpendicular",
     ),
     ("axis: [0, 1, 0]", "axis: §[0, 0, 0]", "@: joint 'hinge': axis has no direction: its length is zero"),
     (
@@ -147,7 +147,7 @@ JOINTS = [
         ", axis: [0, 1, 0], cut: true, guide: §swing}",
         [
             "@: joint 'hinge': a cut joint has no coordinate to guide; remove cut or guide",
-            "15:36: force 'drag': the cut joint 'hinge' has no single coordinate; use a revolute, prismatic or screw joint",
+            "15:36: force 'drag': the cut joint 'hinge' has no coordinates; a force needs one to act on",
         ],
     ),
     (
@@ -155,7 +155,7 @@ JOINTS = [
         "universal, bodies: [ground, arm], at: tip, axis: [0, 1, 0], axis_2: §[0, 1, 1]",
         [
             "@: joint 'hinge': axis and axis_2 are not perpendicular",
-            "15:36: force 'drag': the universal joint 'hinge' has no single coordinate; use a revolute, prismatic or screw joint",
+            "15:36: force 'drag': the universal joint 'hinge' has 2 coordinates; write coordinate: angle_1 or angle_2",
         ],
     ),
     (
@@ -163,7 +163,7 @@ JOINTS = [
         "distance, bodies: [ground, arm], at: tip, to: §[1.5, 0, 0]",
         [
             "@: joint 'hinge': at and to are the same point; a distance needs two",
-            "15:36: force 'drag': the distance joint 'hinge' has no single coordinate; use a revolute, prismatic or screw joint",
+            "15:36: force 'drag': the distance joint 'hinge' has 2 coordinates; write coordinate: angle_1 or angle_2",
         ],
     ),
     (
@@ -318,7 +318,7 @@ def test_all_problems_come_at_once_in_the_files_order() -> None:
     text = text.replace("end: {body", "lost: {bdy: arm, at: tip}\n  end: {body").replace("[end.x]", "[lost.x, end.q]")
     assert problems(text) == [
         "m.yaml:11:15: body 'arm': mass: unknown symbol 'arm_mas'; did you mean 'arm_mass'?",
-        "m.yaml:11:24: body 'arm': unknown field 'colour'; fields: centre_of_mass, inertia, mass, massless",
+        "m.yaml:11:24: body 'arm': unknown field 'colour'; fields: about, centre_of_mass, inertia, mass, massless, shapes",
         "m.yaml:13:71: joint 'hinge': axis has no direction: its length is zero",
         "m.yaml:17:3: marker 'lost': the field 'body' is missing",
         "m.yaml:17:10: marker 'lost': unknown field 'bdy'; did you mean 'body'?",

@@ -20,7 +20,7 @@ SHAPES = [
     (
         "mass: arm_mass, ",
         "",
-        "11:3: body 'arm': needs mass and centre_of_mass; add them, or write massless: true",
+        "11:3: body 'arm': needs mass and centre_of_mass, or shapes; add them, or write massless: true",
     ),
     (
         "mass: arm_mass",
@@ -72,8 +72,8 @@ SHAPES = [
         "kind: revolute",
         "kind: spherical",
         [
-            "13:66: joint 'hinge': unknown field 'axis'; fields: at, bodies, cut, kind",
-            "15:36: force 'drag': the spherical joint 'hinge' has no single coordinate; use a revolute, prismatic or screw joint",
+            "13:66: joint 'hinge': unknown field 'axis'; fields: at, bodies, cut, kind, limits, spring",
+            "15:36: force 'drag': the spherical joint 'hinge' has no coordinates; a force needs one to act on",
         ],
     ),
     (", axis: [0, 1, 0]", "", "13:3: joint 'hinge': the field 'axis' is missing"),
@@ -85,17 +85,17 @@ SHAPES = [
         "kind: joint_force",
         "kind: §spring",
         "@: force 'drag': unknown force kind 'spring'; did you mean 'point_spring'? kinds: "
-        "axial_force, joint_force, load, point_spring, tyre",
+        "axial_force, bushing, joint_force, load, point_spring, tyre",
     ),
     (
         'law: "-0.1*rate"',
         "law: §[1]",
-        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table or stiffness",
+        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
     ),
     (
         'law: "-0.1*rate"',
         "law: §{of: rate}",
-        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table or stiffness",
+        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
     ),
     (
         'law: "-0.1*rate"',

@@ -72,7 +72,7 @@ def test_folded_program_computes_the_same(case: str) -> None:
 
 
 def inputs_of(equations: Equations, state: object) -> dict[str, np.ndarray]:
-    from cutjoint.analysis.mobility import make_inputs
+    from cutjoint.analysis.closing import make_inputs
 
     inputs = make_inputs(equations, state.q, state.v)  # type: ignore[attr-defined]
     for closure in equations.closures:

@@ -315,10 +315,11 @@ def test_cut_joint(kind: str, bodies: tuple[str, str], generic: Path, tmp_path: 
 
 
 @pytest.mark.parametrize("bodies", [("ground", "tip"), ("left", "tip"), ("tip", "left")], ids="-".join)
-@pytest.mark.parametrize("kind", ["revolute", "prismatic", "screw"])
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "screw", "cylindrical", "universal", "planar"])
 def test_guided_joint(kind: str, bodies: tuple[str, str], generic: Path, tmp_path: Path) -> None:
     closure = {"kind": "revolute", "bodies": ["right", "tip"], "at": [0.5, 0.5, 0.5], "axis": [0, 1, 1], "cut": True}
-    guided = joint_of(kind, *bodies, guide="drive + reach*t**2")
+    laws = ["drive + 0.3*t**2", "sin(t)", "drive*t"][: len(COORDINATES.get(kind, "1"))]
+    guided = joint_of(kind, *bodies, guide=laws if len(laws) > 1 else laws[0])
     check_small(generic, tmp_path, joints={"arm": guided, "closure": closure})
 
 
@@ -342,12 +343,20 @@ def test_forces_between_bodies(bodies: tuple[str, str], generic: Path, tmp_path:
     check_small(generic, tmp_path, forces={"spring": spring, "axial": axial, "idle": {**axial, "active": False}})
 
 
+@pytest.mark.parametrize("bodies", PAIRS, ids="-".join)
+def test_bushings(bodies: tuple[str, str], generic: Path, tmp_path: Path) -> None:
+    laws = ["-heavy*position", {"stiffness": 30, "damping": 2, "free_position": 0.1}, "-rate**3 + drive", "-position", "-3*rate*t", 0.5]
+    place = {"kind": "bushing", "bodies": list(bodies), "at": [0.2, "reach", 0.1]}
+    linear = {**place, "x": [1, 2, 2], "z": [2, 1, -2], "stiffness": [10, 20, 30, 1, 2, 3], "damping": [1, 2, 3, 0.1, 0.2, 0.3]}
+    check_small(generic, tmp_path, forces={"mount": linear, "rubber": {**place, "laws": laws}})
+
+
 @pytest.mark.parametrize("axes", ["global", "body"])
 def test_loads(axes: str, generic: Path, tmp_path: Path) -> None:
     force = ["x*vy + drive", "-heavy*vx**2", "exp(-z)*sin(t)"]
     loads = {
         "push": {"body": "tip", "at": [0.1, 0.2, 0.3], "force": force},
-        "twist": {"body": "tip", "torque": ["drive", "reach*t", "log(1 + t)"]},
+        "twist": {"body": "tip", "torque": ["drive - 2*wx", "reach*t - wy*wz", "log(1 + t) + wz**2"]},
         "lift": {"body": "right", "at": ["reach", 0, 0], "force": [0, 0, "20 - 3*vz"], "moving_only": True},
     }
     check_small(generic, tmp_path, forces={name: {"kind": "load", "axes": axes, **load} for name, load in loads.items()})
@@ -363,6 +372,25 @@ def test_joint_forces(kind: str, guide: str | None, generic: Path, tmp_path: Pat
         "brake": {"kind": "joint_force", "joint": "hinge", "law": "-sign(rate)*min(abs(rate), 0.5)"},
     }
     check_small(generic, tmp_path, joints={"arm": arm}, forces=forces)
+
+
+COORDINATES = {
+    "cylindrical": ["displacement", "angle"], "universal": ["angle_1", "angle_2"], "planar": ["displacement_1", "displacement_2", "angle"],
+    "point_on_line": ["displacement"], "distance": ["angle_1", "angle_2"], "free": ["x", "y", "z"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["forward", "reversed"])
+@pytest.mark.parametrize("kind", COORDINATES)
+def test_joint_forces_on_several_coordinates(kind: str, turned: bool, generic: Path, tmp_path: Path) -> None:
+    bodies = ("tip", "left") if turned else ("left", "tip")
+    first, last = COORDINATES[kind][0], COORDINATES[kind][-1]
+    arm = joint_of(
+        kind, *bodies, cut=False, spring={"stiffness": 40, "damping": 2, "free_position": 0.1, "coordinate": first},
+        limits={"lower": -0.01, "upper": 0.01, "stiffness": "500*heavy", "damping": 60, "coordinate": last},
+    )  # fmt: skip
+    push = {"kind": "joint_force", "joint": "flight", "coordinate": "y", "law": "sin(2*t) - heavy*position"}
+    check_small(generic, tmp_path, joints={"arm": arm}, forces={"push": push})
 
 
 def test_is_still_in_equilibrium(generic: Path, tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from cutjoint.model.records import (
     AxialForce,
     Body,
     BodyLoad,
+    Bushing,
     Force,
     Joint,
     JointForce,
@@ -43,7 +44,7 @@ from cutjoint.topology.records import Topology, TreeJoint
 Json: TypeAlias = dict[str, Any]
 
 #: Variables of the laws.
-VARIABLES = ("length", "travel", "position", "rate", "x", "y", "z", "vx", "vy", "vz")
+VARIABLES = ("length", "travel", "position", "rate", "x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz")
 
 
 def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> Json:
@@ -111,7 +112,7 @@ def _body(trees: _Trees, body: Body, t: TreeJoint, chart: Chart | None, model: M
         "inertia": trees.all(body.inertia),
         "joint": {
             **_geometry(trees, t.joint),
-            "guide": None if t.joint.guide is None else _guide(trees, t.joint.guide, model, scene),
+            "guide": None if t.joint.guide is None else [_guide(trees, guide, model, scene) for guide in t.joint.guide],
             "q": None if chart is None else chart.q,
             "v": None if chart is None else chart.v,
             "coordinates": [] if chart is None else list(chart.coordinate_names),
@@ -153,11 +154,14 @@ def _force(trees: _Trees, force: Force, topology: Topology, tyres: Sequence[str]
         case AxialForce():
             geometry = {name: trees.all(getattr(force, name)) for name in ("origin", "point", "axis")}
             details = {**geometry, **_pair(trees, force, "travel")}
+        case Bushing():
+            details = _bushing(trees, force)
         case BodyLoad():
             details = _load(trees, force)
         case JointForce():
-            body = next(t.child for t in topology.tree if t.joint.name == force.joint)
-            details = {"body": body, "law": _law(trees, force.law, "position")}
+            body, joint = next((t.child, t.joint) for t in topology.tree if t.joint.name == force.joint)
+            index = COORDINATES[joint.kind].index(force.coordinate)
+            details = {"body": body, "coordinate": index, "law": _law(trees, force.law, "position")}
         case Tyre():
             geometry = {"centre": trees.all(force.centre), "axis": trees.all(force.axis)}
             constants = {name: trees.one(value) for name, value in force.constants.items()}
@@ -166,12 +170,23 @@ def _force(trees: _Trees, force: Force, topology: Topology, tyres: Sequence[str]
 
 
 _KINDS: Mapping[type, str] = {
-    PointSpring: "point_spring", AxialForce: "axial_force", BodyLoad: "load", JointForce: "joint_force", Tyre: "tyre",
+    PointSpring: "point_spring", AxialForce: "axial_force", Bushing: "bushing", BodyLoad: "load", JointForce: "joint_force",
+    Tyre: "tyre",
 }  # fmt: skip
 
 
 def _pair(trees: _Trees, force: PointSpring | AxialForce, position: str) -> Json:
     return {"base": force.base, "follower": force.follower, "law": _law(trees, force.law, position)}
+
+
+def _bushing(trees: _Trees, force: Bushing) -> Json:
+    return {
+        "base": force.base,
+        "follower": force.follower,
+        "point": trees.all(force.point),
+        "axes": [trees.all(axis) for axis in force.axes],
+        "laws": trees.all(force.laws),
+    }
 
 
 def _load(trees: _Trees, load: BodyLoad) -> Json:
@@ -193,6 +208,7 @@ def _law(trees: _Trees, law: Scalar, position: str) -> Json:
 _QUANTITIES: Mapping[type, tuple[str, ...]] = {
     PointSpring: ("force", "stiffness", "damping", "length", "rate"),
     AxialForce: ("force", "stiffness", "damping", "travel", "rate"),
+    Bushing: ("Fx", "Fy", "Fz", "Mx", "My", "Mz", "dx", "dy", "dz", "rx", "ry", "rz"),
     BodyLoad: ("Fx", "Fy", "Fz"),
     JointForce: ("force", "stiffness", "damping"),
     Tyre: ("Fz", "Fy", "Mz", "slip", "camber", "deflection"),

@@ -20,7 +20,7 @@ def name_scalars(program: Program) -> dict[int, str]:
                 bare = _signless(program.graph, scalar)
                 if bare not in names and program.graph.nodes[bare].op not in ("const", "symbol"):
                     sign = "" if bare == scalar else "_negated"
-                    names[bare] = _unique(label + _suffix(block.shape, i, j) + sign, taken)
+                    names[bare] = unique(label + _suffix(block.shape, i, j) + sign, taken)
     return names
 
 
@@ -41,7 +41,8 @@ def _suffix(shape: tuple[int, int], i: int, j: int) -> str:
     return f"_{row}{separator}{column}"
 
 
-def _unique(name: str, taken: set[str]) -> str:
+def unique(name: str, taken: set[str]) -> str:
+    """The name, or the name with a number that ``taken`` does not have; it is taken from now on."""
     candidate, n = name, 2
     while candidate in taken:
         candidate, n = f"{name}_{n}", n + 1

@@ -18,6 +18,9 @@ from cutjoint.version import __version__
 _USING = ("std::abs", "std::acos", "std::asin", "std::atan", "std::atan2", "std::cos", "std::cosh", "std::exp", "std::log", "std::pow",
           "std::sin", "std::sinh", "std::sqrt", "std::tan", "std::tanh")  # fmt: skip
 
+#: Names of the runtime and of the generated class's own members.
+_TAKEN = frozenset({"AnyMechanism", "Chart", "Column", "Description", "Loaded", "Parameter", "Real", "Road", "Stabilisation", "Step"})
+
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
@@ -69,7 +72,9 @@ def _environment() -> jinja2.Environment:
 
 
 def _class_name(stem: str) -> str:
-    return "".join(part[:1].upper() + part[1:] for part in stem.split("_"))
+    """The model's name in capitals, unless that has a meaning of its own where the class stands, or may be a macro."""
+    name = "".join(part[:1].upper() + part[1:] for part in stem.split("_"))
+    return f"{name}Model" if name in _TAKEN or name.startswith("Lanes") or (name.isupper() and len(name) > 1) else name
 
 
 def _banner(equations: Equations) -> list[str]:

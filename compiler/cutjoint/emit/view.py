@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from textwrap import wrap
 
-from cutjoint.emit.names import name_scalars
+from cutjoint.emit.names import name_scalars, unique
 from cutjoint.emit.printer import Printer, Statement, lanes_type
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import BindingTime, Section
@@ -72,7 +72,8 @@ class Viewer:
         """Readable names for the elements of q, v, vdot and lambda."""
         charts = {c.joint: c for c in self._equations.charts}
         closures = {c.joint: c for c in self._equations.closures}
-        names = {}
+        names: dict[int, str] = {}
+        taken = set(self._names.values())
         for n, node in enumerate(self._program.graph.nodes):
             if node.op != "symbol" or not isinstance(node.data, tuple) or ":" not in node.data[0]:
                 continue
@@ -81,7 +82,7 @@ class Viewer:
                 parts = closures[joint].names
             else:
                 parts = charts[joint].coordinate_names if kind == "q" else charts[joint].speed_names
-            names[n] = f"{kind}_{joint.replace('.', '_')}_{parts[node.data[1]]}"
+            names[n] = unique(f"{kind}_{joint.replace('.', '_')}_{parts[node.data[1]]}", taken)
         return names
 
     def _input(self, symbol: str, kind: str, index: int) -> str:
@@ -96,8 +97,9 @@ class Viewer:
     def _kept_names(self) -> dict[int, str]:
         """Members that hold the values of earlier stages."""
         kept: dict[int, str] = {}
+        taken = set(self._names.values())
         for n in sorted(self._program.kept):
-            kept[n] = self._names.get(n) or self._parameter_name(n) or f"value_{len(kept) + 1}"
+            kept[n] = self._names.get(n) or unique(self._parameter_name(n) or f"value_{len(kept) + 1}", taken)
         return kept
 
     def _parameter_name(self, n: int) -> str:
@@ -188,9 +190,14 @@ class Viewer:
         views = []
         for index, group in groupby(statements, key=lambda s: s.section):
             section = self._program.sections[index]
-            notes = tuple(x for x in (section.equation, section.source) if x)
+            notes = tuple(_on_one_line(x) for x in (section.equation, section.source) if x)
             views.append(SectionView(title=section.title, notes=notes, statements=tuple(_wrapped(s) for s in group)))
         return views
+
+
+def _on_one_line(text: str) -> str:
+    """Text that stays inside its comment: a file's name may have any character."""
+    return "".join(c if c.isprintable() and c != "\\" else "?" for c in text)
 
 
 def _wrapped(statement: Statement) -> Statement:

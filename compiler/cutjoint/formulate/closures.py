@@ -98,7 +98,7 @@ def _residual(joint: Joint) -> tuple[tuple[str, ...], tuple[Vector, ...], tuple[
 def _along_an_axis(joint: Joint, gap: Matrix) -> tuple[tuple[str, ...], tuple[Vector, ...], tuple[Vector, ...], Matrix]:
     """The kinds that slide or turn about one axis; the directions are that axis and two across it."""
     axis = joint.axes[0]
-    frame = (axis, *(tuple(t) for t in tangents(axis)))
+    frame = (axis, *(tuple(t) for t in tangents(joint, axis)))
     aligned = F[0] - B[0]
     across = [B[1].dot(gap), B[2].dot(gap)]
     names = ("across_1", "across_2")

@@ -13,12 +13,25 @@ import sympy
 from cutjoint.formulate.kinematics import Kinematics, halves
 from cutjoint.formulate.recursion import BodySystem
 from cutjoint.formulate.tyre import tyre_force
-from cutjoint.model.records import AxialForce, Body, BodyLoad, Force, JointForce, Model, PointSpring, Scalar, Scene, Tyre
-from cutjoint.program.blocks import BindingTime, Block
+from cutjoint.model.records import (
+    COORDINATES,
+    AxialForce,
+    Body,
+    BodyLoad,
+    Bushing,
+    Force,
+    JointForce,
+    Model,
+    PointSpring,
+    Scalar,
+    Scene,
+    Tyre,
+)  # fmt: skip
+from cutjoint.program.blocks import BindingTime, Block, Builder
 
 _LENGTH, _RATE = sympy.Symbol("length", real=True), sympy.Symbol("rate", real=True)
 _TRAVEL, _POSITION = sympy.Symbol("travel", real=True), sympy.Symbol("position", real=True)
-_PLACE = sympy.symbols("x y z vx vy vz", real=True)
+_PLACE = sympy.symbols("x y z vx vy vz wx wy wz", real=True)
 
 
 @dataclass(kw_only=True)
@@ -66,7 +79,7 @@ def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) ->
     """The force elements that the scene has switched on."""
     forces = Forces()
     rules: Mapping[type, Callable[..., dict[str, Block]]] = {
-        PointSpring: _point_spring, AxialForce: _axial_force, BodyLoad: _load, JointForce: _joint_force, Tyre: _tyre,
+        PointSpring: _point_spring, AxialForce: _axial_force, Bushing: _bushing, BodyLoad: _load, JointForce: _joint_force, Tyre: _tyre,
     }  # fmt: skip
     for force in model.forces:
         if is_active(force, scene):
@@ -81,8 +94,9 @@ def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) ->
 _EQUATIONS: Mapping[type, str] = {
     PointSpring: "n = (p_end - p_start)/length,  follower gets -law(length, rate) n",
     AxialForce: "travel = e . (p - p_origin),  follower gets law(travel, rate) e",
+    Bushing: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E;  follower gets E law(x), E (d theta/d turn)^T law(theta)",
     BodyLoad: "the force given by its components at its point",
-    JointForce: "tau = law(position, rate)",
+    JointForce: "tau = law(position, rate) of one coordinate",
     Tyre: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
 }
 
@@ -100,8 +114,11 @@ def push(system: BodySystem, k: Kinematics, body: str, point: Block, force: Bloc
     return wrench
 
 
-def _push_pair(system: BodySystem, k: Kinematics, force: PointSpring | AxialForce, point: Block, pull: Block) -> None:
-    """A force on the follower at a point, its reaction on the base on the same line."""
+def _push_pair(
+    system: BodySystem, k: Kinematics, force: PointSpring | AxialForce | Bushing, point: Block, pull: Block,
+    torque: Block | None = None,
+) -> None:  # fmt: skip
+    """A force (and a torque) on the follower at a point, its reaction on the base on the same line."""
     b = k.builder
     wrench = push(system, k, force.follower, point, pull)
     step = k.pole_step(force.base, force.follower)
@@ -109,6 +126,9 @@ def _push_pair(system: BodySystem, k: Kinematics, force: PointSpring | AxialForc
         system.add_force(force.base, b.neg(wrench))
     else:
         push(system, k, force.base, b.add(point, step), b.neg(pull))
+    if torque is not None:
+        system.add_force(force.follower, b.stack([[b.zero(3)], [torque]]))
+        system.add_force(force.base, b.stack([[b.zero(3)], [b.neg(torque)]]))
 
 
 def _law(k: Kinematics, law: Scalar, values: Mapping[Scalar, Block], position: Scalar) -> dict[str, Block]:
@@ -145,13 +165,45 @@ def _axial_force(system: BodySystem, k: Kinematics, force: AxialForce) -> dict[s
     return {**law, "travel": travel, "rate": rate}
 
 
+def _bushing(system: BodySystem, k: Kinematics, force: Bushing) -> dict[str, Block]:
+    b = k.builder
+    axes = k.translator.matrix(sympy.Matrix([list(axis) for axis in force.axes]).T)
+    E, G = (b.mul(k.frames[body].R, axes) for body in (force.base, force.follower))
+    point, to_base = k.point(force.follower, force.point), b.transpose(E)
+    way = k.between(force.follower, point, force.base, k.point(force.base, force.point))
+    on_base = b.add(point, k.pole_step(force.base, force.follower))
+    speed = b.sub(k.velocity(force.follower, point), k.velocity(force.base, on_base))
+    spin = b.sub(halves(b, k.frames[force.follower].Z)[1], halves(b, k.frames[force.base].Z)[1])
+    rotation, by_turn = _small_rotation(b, b.mul(to_base, G))
+    places = (b.mul(to_base, way), rotation)
+    rates = (b.mul(to_base, speed), b.mul(by_turn, b.mul(to_base, spin)))
+    laws = [
+        k.translator.with_values({_POSITION: b.element(places[i // 3], i % 3), _RATE: b.element(rates[i // 3], i % 3)}).scalar(law)
+        for i, law in enumerate(force.laws)
+    ]
+    pull, torque = b.column(laws[:3]), b.mul(b.transpose(by_turn), b.column(laws[3:]))
+    _push_pair(system, k, force, point, b.mul(E, pull), b.mul(E, torque))
+    columns = {"F": pull, "M": torque, "d": places[0], "r": places[1]}
+    return {f"{name}{axis}": b.element(block, i) for name, block in columns.items() for i, axis in enumerate("xyz")}
+
+
+def _small_rotation(b: Builder, S: Block) -> tuple[Block, Block]:
+    """Half the sum of e_k x S e_k, and its Jacobian (tr(S) 1 - S)/2 by the angular velocity of S."""
+    half, (x, y, z) = b.number(0.5), (b.element(S, i, i) for i in range(3))
+    pairs = ((2, 1), (0, 2), (1, 0))
+    rotation = b.column([b.mul(half, b.sub(b.element(S, i, j), b.element(S, j, i))) for i, j in pairs])
+    trace = b.add(b.add(x, y), z)
+    return rotation, b.scale(half, b.sub(b.scale(trace, b.identity(3)), S))
+
+
 def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block]:
     b, frame = k.builder, k.frames[force.body]
     point = k.point(force.body, force.point) if force.point is not None else frame.r
     place, speed = k.absolute(force.body, point), k.velocity(force.body, point)
+    spin = halves(b, frame.Z)[1]
     if force.axes == "body":
-        speed = b.mul(b.transpose(frame.R), speed)
-    values = dict(zip(_PLACE, [b.element(x, i) for x in (place, speed) for i in range(3)], strict=True))
+        speed, spin = (b.mul(b.transpose(frame.R), vector) for vector in (speed, spin))
+    values = dict(zip(_PLACE, [b.element(x, i) for x in (place, speed, spin) for i in range(3)], strict=True))
     translator = k.translator.with_values(values)
     components = b.column([translator.scalar(c) for c in force.components])
     if force.moving_only:
@@ -168,9 +220,13 @@ def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block
 def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[str, Block]:
     body = next(name for name, m in k.motions.items() if m.tree_joint.joint.name == force.joint)
     motion = k.motions[body]
-    law = _law(k, force.law, {_POSITION: motion.position[0], _RATE: motion.rate[0]}, _POSITION)
-    before = system.joint_forces.get(body)
-    system.joint_forces[body] = law["force"] if before is None else k.builder.add(before, law["force"])
+    index = COORDINATES[motion.tree_joint.joint.kind].index(force.coordinate)
+    law = _law(k, force.law, {_POSITION: motion.position[index], _RATE: motion.rate[index]}, _POSITION)
+    if motion.chart is not None:  # a guided joint moves as it is told
+        b, before = k.builder, system.joint_forces.get(body)
+        speeds = range(len(motion.chart.speed_names))
+        column = b.column([law["force"] if i == index else b.zero(1) for i in speeds])
+        system.joint_forces[body] = column if before is None else b.add(before, column)
     return law
 
 

@@ -8,12 +8,15 @@ c = dS/dt u, all in the inner body's axes (Featherstone 2008, section 3.5; Cuadr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Scalar, Vector
+from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.geometry import least_component
+from cutjoint.model.records import COORDINATES, SPEEDS, Joint, JointKind, Scalar, Vector
 from cutjoint.topology.records import TreeJoint
 
 Matrix: TypeAlias = Any
@@ -70,74 +73,99 @@ def derive_joint(tree_joint: TreeJoint) -> JointKernel:
     """The kernel of a tree joint.
 
     A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps its sign and meaning.
+
+    Raises:
+        ModelError: tangents are needed across a direction that depends on an open parameter.
     """
-    kind = tree_joint.joint.kind
-    names = COORDINATES[kind]
-    chain = _motions(tree_joint)
-    q = tuple(sympy.Symbol(f"q_{name}", real=True) for name in names)
+    joint = tree_joint.joint
+    general, known = _derive_kind(joint.kind, tree_joint.reversed), _given(tree_joint)
+    rotation, displacement, subspace, drift = (
+        matrix.applyfunc(lambda entry: _inserted(entry, known))
+        for matrix in (general.rotation, general.displacement, general.subspace, general.drift)
+    )
+    return replace(general, rotation=rotation, displacement=displacement, subspace=subspace, drift=drift)
+
+
+def _inserted(expression: Scalar, known: dict[Scalar, Scalar]) -> Scalar:
+    """An expression with values put in; ``known`` keeps the value of every part, so that equal parts are done once."""
+    if expression not in known:
+        parts = [_inserted(part, known) for part in expression.args]
+        same = all(new is old for new, old in zip(parts, expression.args, strict=True))
+        known[expression] = expression if same else expression.func(*parts)
+    return known[expression]
+
+
+@cache
+def _derive_kind(kind: JointKind, is_reversed: bool) -> JointKernel:
+    """The kernel of any joint of a kind, over the symbols of its directions and its pitch."""
+    chain = _motions(kind, is_reversed)
+    q = tuple(sympy.Symbol(f"q_{name}", real=True) for name in COORDINATES[kind])
     u = tuple(sympy.Symbol(f"u_{name}", real=True) for name in SPEEDS[kind])
-    in_chain = q[::-1] if tree_joint.reversed and kind in _UNDONE else q
+    in_chain = q[::-1] if is_reversed and kind in _UNDONE else q
     rotation, displacement, columns = _compose(chain, in_chain)
     subspace = sympy.Matrix.hstack(*columns) if columns else sympy.zeros(6, 0)
-    has_ball = any(isinstance(m, _Ball) for m in chain)
-    subspace = _speed_order(subspace, chain, in_chain, q)
+    scalar = u[: len(q)][::-1] if in_chain != q else u[: len(q)]
     return JointKernel(
-        q=q, u=u, has_ball=has_ball, rotation=rotation, displacement=displacement, subspace=subspace,
-        drift=_drift(subspace, q, u, has_ball),
+        q=q, u=u, has_ball=any(isinstance(m, _Ball) for m in chain), rotation=rotation, displacement=displacement,
+        subspace=_speed_order(subspace, chain, in_chain, q), drift=_drift(chain, columns, scalar, u[len(q) :]),
     )  # fmt: skip
 
 
-def _motions(tree_joint: TreeJoint) -> list[_Motion]:
+#: The directions of a chain of motions, of which each kind needs up to three, and a screw's pitch.
+_DIRECTIONS = tuple(sympy.Matrix(sympy.symbols(f"{name}_x {name}_y {name}_z", real=True)) for name in "abc")
+_PITCH = sympy.Symbol("pitch", real=True)
+
+
+def _motions(kind: JointKind, is_reversed: bool) -> list[_Motion]:
+    a, b, c = _DIRECTIONS
+    x, y, z = (sympy.Matrix(row) for row in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    chains: dict[JointKind, list[_Motion]] = {
+        JointKind.FIXED: [],
+        JointKind.REVOLUTE: [_Turn(a)],
+        JointKind.PRISMATIC: [_Slide(a)],
+        JointKind.CYLINDRICAL: [_Slide(a), _Turn(a)],
+        JointKind.SCREW: [_Turn(a, _PITCH)],
+        JointKind.UNIVERSAL: [_Turn(a), _Turn(b)],
+        JointKind.PLANAR: [_Slide(b), _Slide(c), _Turn(a)],
+        JointKind.SPHERICAL: [_Ball()],
+        JointKind.POINT_ON_LINE: [_Slide(a), _Ball()],
+        # a ball at the inner end of the rod, a universal joint across it at the outer end
+        JointKind.DISTANCE: [_Ball(), _Offset(a), _Turn(b), _Turn(c)],
+        JointKind.FREE: [_Slide(x), _Slide(y), _Slide(z), _Ball()],
+    }
+    # seen from the other end; a reversed motion keeps the number of its coordinate
+    return chains[kind][::-1] if is_reversed and kind in _UNDONE else chains[kind]
+
+
+def _given(tree_joint: TreeJoint) -> dict[Scalar, Scalar]:
+    """The numbers of one joint for the symbols of its kind; those that are seen from its inner body are turned about if it is reversed."""
     joint = tree_joint.joint
     sign = -1 if tree_joint.reversed else 1
-    axes = [sign * sympy.Matrix(a) for a in joint.axes]
-    x, y, z = (sympy.Matrix(row) for row in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
-    match joint.kind:
-        case JointKind.FIXED:
-            return []
-        case JointKind.REVOLUTE:
-            return [_Turn(axes[0])]
-        case JointKind.PRISMATIC:
-            return [_Slide(axes[0])]
-        case JointKind.CYLINDRICAL:
-            return [_Slide(axes[0]), _Turn(axes[0])]
-        case JointKind.SCREW:
-            return [_Turn(axes[0], joint.pitch)]
-        case JointKind.UNIVERSAL:
-            return _undone([_Turn(axes[0]), _Turn(axes[1])], tree_joint.reversed)
-        case JointKind.PLANAR:
-            first, second = tangents(joint.axes[0])
-            return _undone([_Slide(sign * first), _Slide(sign * second), _Turn(axes[0])], tree_joint.reversed)
-        case JointKind.SPHERICAL:
-            return [_Ball()]
-        case JointKind.POINT_ON_LINE:
-            return _undone([_Slide(axes[0]), _Ball()], tree_joint.reversed)
-        case JointKind.DISTANCE:
-            return _rod(joint.at, joint.to, tree_joint.reversed)
-        case JointKind.FREE:
-            return [_Slide(x), _Slide(y), _Slide(z), _Ball()]
-    raise AssertionError(joint.kind)
+    directions = [sign * sympy.Matrix(axis) for axis in joint.axes]
+    if joint.kind is JointKind.PLANAR:
+        directions += [sign * tangent for tangent in tangents(joint, joint.axes[0])]
+    if joint.kind is JointKind.DISTANCE:
+        rod = sign * (sympy.Matrix(joint.to) - sympy.Matrix(joint.at))
+        directions = [rod, *tangents(joint, tuple(rod))]
+    pairs = zip(_DIRECTIONS, directions, strict=False)
+    given = {symbol: value for symbols, values in pairs for symbol, value in zip(symbols, values, strict=True)}
+    return {**given, _PITCH: joint.pitch} if joint.pitch is not None else given
 
 
-def _undone(chain: list[_Motion], is_reversed: bool) -> list[_Motion]:
-    """The chain as seen from the other end; a reversed motion keeps the number of its coordinate."""
-    return chain[::-1] if is_reversed else chain
+def tangents(joint: Joint, normal: Vector) -> tuple[Matrix, Matrix]:
+    """Two unit vectors across a direction of a joint; the three make a right-handed frame.
 
-
-def _rod(at: Vector, to: Vector | None, is_reversed: bool) -> list[_Motion]:
-    """A ball at the inner end of the rod, a universal joint across it at the outer end."""
-    rod = (sympy.Matrix(to) - sympy.Matrix(at)) * (-1 if is_reversed else 1)
-    first, second = tangents(tuple(rod))
-    return [_Ball(), _Offset(rod), _Turn(first), _Turn(second)]
-
-
-def tangents(normal: Vector) -> tuple[Matrix, Matrix]:
-    """Two unit vectors across a direction; the three make a right-handed frame."""
+    Raises:
+        ModelError: the direction depends on an open parameter.
+    """
     n = sympy.Matrix(normal)
     if n.free_symbols:
-        raise ValueError("a plane whose normal depends on an open parameter is not supported; give the parameter binding const")
+        names = ", ".join(sorted(f"'{str(symbol).removeprefix('p_')}'" for symbol in n.free_symbols))
+        message = f"the direction of this {joint.kind} joint depends on the open parameter {names}, but needs two others across it"
+        hint = "give the parameter binding: const"
+        raise ModelError([Problem(span=joint.span, element=f"joint '{joint.name}'", message=message, hint=hint)])
     n = n / n.norm()
-    least = min(range(3), key=lambda i: (abs(float(n[i])), i))
+    least = least_component(tuple(n))
     across = n.cross(sympy.Matrix([int(i == least) for i in range(3)]))
     first = across / across.norm()
     return first, n.cross(first)
@@ -184,21 +212,24 @@ def _speed_order(subspace: Matrix, chain: Sequence[_Motion], in_chain: tuple[Sca
     return subspace[:, placed + ball] if column else subspace
 
 
-def _drift(subspace: Matrix, q: tuple[Scalar, ...], u: tuple[Scalar, ...], has_ball: bool) -> Matrix:
-    """dS/dt u, with the quaternion's rate e' = (0, w) e / 2 for an angular velocity in inner axes."""
-    if not u:
-        return sympy.zeros(6, 1)
-    rates = dict(zip(q, u, strict=False))
-    if has_ball:
-        wx, wy, wz = u[-3:]
-        e0, e1, e2, e3 = QUATERNION
-        half = sympy.Rational(1, 2)
-        rates |= {
-            e0: -half * (wx * e1 + wy * e2 + wz * e3), e1: half * (wx * e0 + wy * e3 - wz * e2),
-            e2: half * (wy * e0 + wz * e1 - wx * e3), e3: half * (wz * e0 + wx * e2 - wy * e1),
-        }  # fmt: skip
-    rate = sum((subspace.diff(x) * dx for x, dx in rates.items()), sympy.zeros(*subspace.shape))
-    return rate * sympy.Matrix(u)
+def _drift(chain: Sequence[_Motion], columns: Sequence[Matrix], scalar: Sequence[Scalar], ball: Sequence[Scalar]) -> Matrix:
+    """dS/dt u of a chain with columns in its order: what the motions before it carry along turns and moves a column.
+
+    ``scalar`` are the speeds of slides and turns in the chain's order, ``ball`` those of the ball, whose axes are the inner body's and
+    before which nothing turns.
+    """
+    drift, twist = sympy.zeros(6, 1), sympy.zeros(6, 1)
+    remaining, speeds = iter(columns), iter(scalar)
+    for motion in chain:
+        v, w = twist[:3, :], twist[3:, :]
+        if isinstance(motion, _Ball):
+            drift += sympy.Matrix.vstack(v.cross(sympy.Matrix(ball)), sympy.zeros(3, 1))
+            twist += sum((next(remaining) * speed for speed in ball), sympy.zeros(6, 1))
+        elif not isinstance(motion, _Offset):
+            added = next(remaining) * next(speeds)
+            drift += sympy.Matrix.vstack(w.cross(added[:3, :]) + v.cross(added[3:, :]), w.cross(added[3:, :]))
+            twist += added
+    return drift
 
 
 def rotation_about(axis: Matrix, angle: Scalar) -> Matrix:

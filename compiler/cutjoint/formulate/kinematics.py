@@ -16,7 +16,7 @@ from cutjoint.formulate.inputs import guide_rates, inner_point, reference_point
 from cutjoint.formulate.joints import QUATERNION, JointKernel, derive_joint
 from cutjoint.formulate.records import Chart
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import GROUND, JointKind, Model, Scene, Vector
+from cutjoint.model.records import GROUND, JointKind, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint
 
@@ -165,12 +165,13 @@ def _coordinates(
     """Scalar coordinates, quaternion, speeds, and (of a guided joint) accelerations."""
     b, name = k.builder, _name(t.joint.name)
     if t.joint.guide is not None:
-        motion = b.symbol("motion", 1, BindingTime.STEP)  # 0 where the mechanism is held at rest
-        place, *rates = (k.translator.scalar(e) for e in guide_rates(t.joint.guide, model, scene))
-        values = [place, *(b.mul(motion, rate) for rate in rates)]
-        for block, symbol in zip(values, ("q", "v", "vdot"), strict=True):
-            b.label(block, f"{symbol}_{name}")
-        return (values[0],), (), (values[1],), (values[2],)
+        columns = [_guided(k, guide, model, scene) for guide in t.joint.guide]
+        for coordinate, column in zip(kernel.q, columns, strict=True):
+            own = name if len(columns) == 1 else f"{name}_{str(coordinate).removeprefix('q_')}"
+            for block, symbol in zip(column, ("q", "v", "vdot"), strict=True):
+                b.label(block, f"{symbol}_{own}")
+        places, rates, accelerations = zip(*columns, strict=True)
+        return places, (), rates, accelerations
     if chart is None:
         return (), (), (), ()
     q = b.symbol(f"q:{chart.joint}", chart.scalars + 4 * chart.ball, BindingTime.ITERATION)
@@ -178,6 +179,14 @@ def _coordinates(
     position = tuple(b.element(q, i) for i in range(q.shape[0]))
     rate = tuple(b.element(v, i) for i in range(v.shape[0]))
     return position[: chart.scalars], position[chart.scalars :], rate, ()
+
+
+def _guided(k: Kinematics, guide: Scalar, model: Model, scene: Scene) -> tuple[Block, Block, Block]:
+    """A guided coordinate with its rate and acceleration, which are nought where the mechanism is held at rest."""
+    b = k.builder
+    motion = b.symbol("motion", 1, BindingTime.STEP)
+    place, rate, acceleration = (k.translator.scalar(e) for e in guide_rates(guide, model, scene))
+    return place, b.mul(motion, rate), b.mul(motion, acceleration)
 
 
 def _name(element: str) -> str:

@@ -17,6 +17,9 @@ _CALLS: dict[Any, str] = {
     sympy.Abs: "abs", sympy.StrictLessThan: "lt", sympy.LessThan: "le", sympy.Not: "not",
 }  # fmt: skip
 
+#: Polynomials up to this power of one factor are written in Horner's form.
+MAX_DEGREE = 20
+
 
 class Translator:
     """Turns expressions into scalar blocks; ``values`` gives the block of each symbol."""
@@ -24,6 +27,7 @@ class Translator:
     def __init__(self, builder: Builder, values: Mapping[Scalar, Block]) -> None:
         self._b = builder
         self._values = dict(values)
+        self._known: dict[Any, Block] = dict(values)
 
     def with_values(self, values: Mapping[Scalar, Block]) -> Translator:
         """A translator that knows further symbols."""
@@ -40,9 +44,12 @@ class Translator:
         return self._b.stack([[self.scalar(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)])
 
     def _scalar(self, e: Any) -> Block:
+        if e not in self._known:
+            self._known[e] = self._translated(e)
+        return self._known[e]
+
+    def _translated(self, e: Any) -> Block:
         b = self._b
-        if e in self._values:
-            return self._values[e]
         if e.is_number:
             return b.number(float(e))
         if isinstance(e, sympy.Symbol):
@@ -59,10 +66,8 @@ class Translator:
 
     def _polynomial(self, e: Any) -> Block | None:
         """Horner's scheme for a polynomial with constant coefficients in one symbol."""
-        if len(e.free_symbols) != 1:
-            return None
-        (x,) = e.free_symbols
-        if not e.is_polynomial(x) or sympy.degree(e, x) < 2:
+        x = _polynomial_symbol(e)
+        if x is None or sympy.degree(e, x) < 2:
             return None
         at = self._scalar(x)
         result = self._b.zero(1)
@@ -121,3 +126,18 @@ class Translator:
         b, zero = self._b, self._b.number(0.0)
         below = b.call("where", b.call("lt", x, zero), b.number(-1.0), zero)
         return b.call("where", b.call("lt", zero, x), b.number(1.0), below)
+
+
+def _polynomial_symbol(e: Any) -> Any:
+    """The one symbol of a polynomial that is expanded or in Horner's form, so that its coefficients can be read off: no product
+    has two sums and no sum has a power, for those would be expanded, which costs digits."""
+    if e.is_number:
+        return None
+    if e.is_Symbol:
+        return e
+    if e.is_Pow:
+        return e.base if e.base.is_Symbol and e.exp.is_Integer and 0 < e.exp <= MAX_DEGREE else None
+    if not (e.is_Add or (e.is_Mul and sum(part.is_Add for part in e.args) <= 1)):
+        return None
+    found = {_polynomial_symbol(part) for part in e.args if not part.is_number}
+    return found.pop() if len(found) == 1 else None

@@ -12,13 +12,14 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
 
 from cutjoint.model import records
+from cutjoint.model.body_parts import Body
+from cutjoint.model.force_parts import Force
+from cutjoint.model.joint_parts import Joint
 from cutjoint.model.values import (
     Direction,
-    Inertia,
     Law,
     Name,
     Number,
-    Pair,
     ParameterName,
     Part,
     Point,
@@ -27,168 +28,6 @@ from cutjoint.model.values import (
     shape_error,
     told_by,
 )
-
-
-class Body(Part):
-    """A rigid body."""
-
-    mass: Number | None = None
-    centre_of_mass: Point | None = None
-    inertia: Inertia | None = None
-    massless: StrictBool = False
-
-    @model_validator(mode="after")
-    def _mass_or_massless(self) -> Body:
-        if self.massless and (self.mass is not None or self.inertia is not None):
-            raise shape_error("a massless body has no mass and no inertia", "remove them, or 'massless'")
-        if not self.massless and (self.mass is None or self.centre_of_mass is None):
-            raise shape_error("needs mass and centre_of_mass", "add them, or write massless: true")
-        return self
-
-
-class JointPart(Part):
-    """What all joints have."""
-
-    bodies: Pair
-    at: Point
-    cut: StrictBool | None = None
-
-
-class PlainJoint(JointPart):
-    """A joint without directions."""
-
-    kind: Literal["fixed", "spherical", "free"]
-
-
-class AxisJoint(JointPart):
-    """A joint with one axis (of a planar joint: the normal)."""
-
-    kind: Literal["cylindrical", "planar", "point_on_line"]
-    axis: Direction
-
-
-class GuidableJoint(JointPart):
-    """A joint with one coordinate, which may be prescribed."""
-
-    kind: Literal["revolute", "prismatic"]
-    axis: Direction
-    guide: Law | None = None
-
-
-class ScrewJoint(JointPart):
-    """A screw; ``pitch`` in m a radian."""
-
-    kind: Literal["screw"]
-    axis: Direction
-    pitch: Number
-    guide: Law | None = None
-
-
-class UniversalJoint(JointPart):
-    """A Hooke joint; ``axis`` in the base, ``axis_2`` in the follower, perpendicular."""
-
-    kind: Literal["universal"]
-    axis: Direction
-    axis_2: Direction
-
-
-class DistanceJoint(JointPart):
-    """A massless rod from ``at`` on the base to ``to`` on the follower."""
-
-    kind: Literal["distance"]
-    to: Point
-
-
-Joint: TypeAlias = Annotated[
-    PlainJoint | AxisJoint | GuidableJoint | ScrewJoint | UniversalJoint | DistanceJoint,
-    Field(discriminator="kind"),
-]
-
-
-class ForcePart(Part):
-    """What all forces have."""
-
-    active: StrictBool = True
-
-
-class PointSpring(ForcePart):
-    """A force between two points, along the line through them."""
-
-    kind: Literal["point_spring"]
-    bodies: Pair
-    from_: Point = Field(alias="from")
-    to: Point
-    law: Law
-
-
-class AxialForce(ForcePart):
-    """A force along an axis of the base."""
-
-    kind: Literal["axial_force"]
-    bodies: Pair
-    origin: Point
-    point: Point
-    axis: Direction
-    law: Law
-
-
-class Load(ForcePart):
-    """A force or a torque on one body."""
-
-    kind: Literal["load"]
-    body: StrictStr
-    at: Point | None = None
-    force: Triple | None = None
-    torque: Triple | None = None
-    axes: Literal["global", "body"] = "global"
-    moving_only: StrictBool = False
-
-    @model_validator(mode="after")
-    def _force_or_torque(self) -> Load:
-        if (self.force is None) == (self.torque is None):
-            raise shape_error("needs either force or torque", "write two loads for both")
-        if (self.force is None) != (self.at is None):
-            raise shape_error("a force needs 'at', a torque has no point")
-        return self
-
-
-class JointForce(ForcePart):
-    """A force on a joint's coordinate."""
-
-    kind: Literal["joint_force"]
-    joint: StrictStr
-    law: Law
-
-
-class Calspan(Part):
-    """Constants of the Calspan tyre."""
-
-    A0: Number
-    A1: Number
-    A2: Number
-    A3: Number
-    A4: Number
-    B1: Number
-    B3: Number
-    B4: Number
-    SN: Number
-    AF1: Number
-    AF2: Number
-
-
-class Tyre(ForcePart):
-    """A wheel on the road."""
-
-    kind: Literal["tyre"]
-    body: StrictStr
-    centre: Point
-    axis: Direction
-    radius: Number
-    stiffness: Number
-    calspan: Calspan
-
-
-Force: TypeAlias = Annotated[PointSpring | AxialForce | Load | JointForce | Tyre, Field(discriminator="kind")]
 
 
 class Reaction(Part):

@@ -1,39 +1,18 @@
-"""Bodies, joints, forces and sensors: from the document's parts to records, not yet mirrored."""
+"""Bodies, joints and sensors: from the document's parts to records, not yet mirrored."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
-import sympy
-
-from cutjoint.model import document
-from cutjoint.model.geometry import coincide, perpendicular, read_direction, read_inertia, read_point
+from cutjoint.model import body_parts, document, joint_parts
+from cutjoint.model.forces import joint_forces, read_force
+from cutjoint.model.geometry import coincide, perpendicular, read_direction, read_point
 from cutjoint.model.laws import LawKind, read_law
-from cutjoint.model.records import (
-    SPEEDS,
-    AxialForce,
-    Body,
-    BodyLoad,
-    Force,
-    Joint,
-    JointForce,
-    JointKind,
-    Marker,
-    PointSpring,
-    Reaction,
-    Tyre,
-    Vector,
-)
-from cutjoint.model.scope import UNKNOWN, Element, Scope, element, with_points
-from cutjoint.model.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, MASS, SPEED, TIME, TORQUE
-
-_POINT_SPRING = LawKind({"length": LENGTH, "rate": SPEED, "t": TIME}, FORCE)
-_AXIAL_FORCE = LawKind({"travel": LENGTH, "rate": SPEED, "t": TIME}, FORCE)
-_SLIDE = LawKind({"position": LENGTH, "rate": SPEED, "t": TIME}, FORCE)
-_TURN = LawKind({"position": ANGLE, "rate": ANGULAR_SPEED, "t": TIME}, TORQUE)
-_LOAD = ("x", "y", "z", "vx", "vy", "vz", "t")
+from cutjoint.model.mass import read_mass
+from cutjoint.model.records import COORDINATES, Body, Force, Joint, JointKind, Marker, Reaction, Scalar, Vector
+from cutjoint.model.scope import Element, Scope, element, with_points
+from cutjoint.model.units import ANGLE, LENGTH, TIME
 
 
 @dataclass(frozen=True)
@@ -53,10 +32,18 @@ def read_elements(scope: Scope, part: document.Elements) -> Elements:
     return Elements(
         tuple(_read_body(element(scope, "body", "bodies", name), body) for name, body in part.bodies.items()),
         tuple(_read_joint(element(scope, "joint", "joints", name), joint) for name, joint in part.joints.items()),
-        tuple(_read_force(element(scope, "force", "forces", name), force) for name, force in part.forces.items()),
+        tuple(_read_forces(scope, part)),
         tuple(_read_reaction(element(scope, "reaction", "reactions", name), r) for name, r in part.reactions.items()),
         tuple(_read_marker(element(scope, "marker", "markers", name), m) for name, m in part.markers.items()),
     )
+
+
+def _read_forces(scope: Scope, part: document.Elements) -> Iterator[Force]:
+    """The forces, then those that are written in joints."""
+    for name, force in part.forces.items():
+        yield read_force(element(scope, "force", "forces", name), force)
+    for name, joint in part.joints.items():
+        yield from joint_forces(element(scope, "joint", "joints", name), joint)
 
 
 def _read_points(scope: Scope, part: document.Elements) -> Mapping[str, Vector]:
@@ -68,32 +55,17 @@ def _read_points(scope: Scope, part: document.Elements) -> Mapping[str, Vector]:
     return points
 
 
-def _read_body(element: Element, body: document.Body) -> Body:
-    zero = sympy.Integer(0)
-    centre = (zero, zero, zero)
-    if body.centre_of_mass is not None:
-        centre = read_point(element, body.centre_of_mass, ("centre_of_mass",))
-    return Body(
-        name=element.name,
-        mass=zero if body.mass is None else element.scalar(body.mass, MASS, ("mass",)),
-        centre_of_mass=centre,
-        inertia=read_inertia(element, body.inertia),
-        span=element.span,
-    )
+def _read_body(element: Element, body: body_parts.Body) -> Body:
+    mass, centre, inertia = read_mass(element, body)
+    return Body(name=element.name, mass=mass, centre_of_mass=centre, inertia=inertia, span=element.span)
 
 
-def _bodies(element: Element, names: tuple[str, ...]) -> tuple[str, str]:
-    base, follower = (element.body(name, ("bodies", index)) for index, name in enumerate(names))
-    if base == follower != UNKNOWN:
-        element.fail(f"joins the body '{base}' to itself", "name two bodies", ("bodies",))
-    return base, follower
-
-
-def _read_joint(element: Element, joint: document.Joint) -> Joint:
-    base, follower = _bodies(element, joint.bodies)
-    pitch = element.scalar(joint.pitch, LENGTH, ("pitch",)) if isinstance(joint, document.ScrewJoint) else None
-    at = read_point(element, joint.at, ("at",))
-    to = read_point(element, joint.to, ("to",)) if isinstance(joint, document.DistanceJoint) else None
+def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
+    base, follower = element.two_bodies(joint.bodies)
+    pitch = element.scalar(joint.pitch, LENGTH, ("pitch",)) if isinstance(joint, joint_parts.ScrewJoint) else None
+    at, to = read_point(element, joint.at, ("at",)), None
+    if isinstance(joint, joint_parts.DistanceJoint):
+        at, to = element.settle(at), element.settle(read_point(element, joint.to, ("to",)))
     if to is not None and coincide(element, at, to):
         element.fail("at and to are the same point", "a distance needs two", ("to",))
     return Joint(
@@ -111,8 +83,8 @@ def _read_joint(element: Element, joint: document.Joint) -> Joint:
     )
 
 
-def _axes(element: Element, joint: document.Joint) -> tuple[Vector, ...]:
-    if isinstance(joint, document.UniversalJoint):
+def _axes(element: Element, joint: joint_parts.Joint) -> tuple[Vector, ...]:
+    if isinstance(joint, joint_parts.UniversalJoint):
         axes = (
             read_direction(element, joint.axis, ("axis",)),
             read_direction(element, joint.axis_2, ("axis_2",)),
@@ -120,114 +92,30 @@ def _axes(element: Element, joint: document.Joint) -> tuple[Vector, ...]:
         if not perpendicular(element, *axes):
             element.fail("axis and axis_2 are not perpendicular", "", ("axis_2",))
         return axes
-    if isinstance(joint, (document.AxisJoint, document.GuidableJoint, document.ScrewJoint)):
+    if isinstance(joint, (joint_parts.LineJoint, joint_parts.SlidingJoint, joint_parts.SingleJoint, joint_parts.ScrewJoint)):
         return (read_direction(element, joint.axis, ("axis",)),)
     return ()
 
 
-def _guide(element: Element, joint: document.Joint) -> Any:
-    if not isinstance(joint, (document.GuidableJoint, document.ScrewJoint)) or joint.guide is None:
+def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | None:
+    """A law of time for each coordinate of a guided joint."""
+    guide = getattr(joint, "guide", None)
+    if guide is None:
         return None
+    coordinates = COORDINATES[JointKind(joint.kind)]
+    laws = guide if isinstance(guide, tuple) else (guide,)
     if joint.cut:
         element.fail("a cut joint has no coordinate to guide", "remove cut or guide", ("guide",))
-    kind = LawKind({"t": TIME}, LENGTH if joint.kind == "prismatic" else ANGLE)
-    return read_law(element, joint.guide, kind, ("guide",))
-
-
-def _read_force(element: Element, force: document.Force) -> Force:
-    match force:
-        case document.PointSpring():
-            return _read_point_spring(element, force)
-        case document.AxialForce():
-            return _read_axial_force(element, force)
-        case document.Load():
-            return _read_load(element, force)
-        case document.JointForce():
-            return _read_joint_force(element, force)
-        case document.Tyre():
-            return _read_tyre(element, force)
-
-
-def _read_point_spring(element: Element, force: document.PointSpring) -> PointSpring:
-    base, follower = _bodies(element, force.bodies)
-    start, end = read_point(element, force.from_, ("from",)), read_point(element, force.to, ("to",))
-    if coincide(element, start, end):
-        element.fail("from and to are the same point", "the line between them gives the direction", ("to",))
-    return PointSpring(
-        name=element.name,
-        base=base,
-        follower=follower,
-        start=start,
-        end=end,
-        law=read_law(element, force.law, _POINT_SPRING, ("law",)),
-        active=force.active,
-        span=element.span,
+    if len(laws) != len(coordinates):
+        message = f"guide has {len(laws)} law{'s' * (len(laws) != 1)}, a {joint.kind} joint {len(coordinates)} coordinates"
+        element.fail(message, f"give one for each of {', '.join(coordinates)}", ("guide",))
+    return tuple(
+        read_law(element, law, _GUIDES[name.startswith("angle")], ("guide", index) if isinstance(guide, tuple) else ("guide",))
+        for index, (name, law) in enumerate(zip(coordinates, laws, strict=False))
     )
 
 
-def _read_axial_force(element: Element, force: document.AxialForce) -> AxialForce:
-    base, follower = _bodies(element, force.bodies)
-    return AxialForce(
-        name=element.name,
-        base=base,
-        follower=follower,
-        origin=read_point(element, force.origin, ("origin",)),
-        point=read_point(element, force.point, ("point",)),
-        axis=read_direction(element, force.axis, ("axis",)),
-        law=read_law(element, force.law, _AXIAL_FORCE, ("law",)),
-        active=force.active,
-        span=element.span,
-    )
-
-
-def _read_load(element: Element, load: document.Load) -> BodyLoad:
-    if load.force is not None:
-        components = element.triple(load.force, FORCE, ("force",), element.with_variables(*_LOAD))
-    else:
-        assert load.torque is not None
-        components = element.triple(load.torque, TORQUE, ("torque",), element.with_variables("t"))
-    return BodyLoad(
-        name=element.name,
-        body=element.body(load.body, ("body",)),
-        point=None if load.at is None else read_point(element, load.at, ("at",)),
-        axes=load.axes,
-        components=components,
-        moving_only=load.moving_only,
-        active=load.active,
-        span=element.span,
-    )
-
-
-def _read_joint_force(element: Element, force: document.JointForce) -> JointForce:
-    name, joint = element.joint(force.joint, ("joint",))
-    if joint is not None and (joint.cut or len(SPEEDS[JointKind(joint.kind)]) != 1):
-        what = "cut" if joint.cut else joint.kind
-        element.fail(
-            f"the {what} joint '{name}' has no single coordinate",
-            "use a revolute, prismatic or screw joint",
-            ("joint",),
-        )
-    slides = joint is not None and joint.kind == "prismatic"
-    law = read_law(element, force.law, _SLIDE if slides else _TURN, ("law",))
-    return JointForce(name=element.name, joint=name, law=law, active=force.active, span=element.span)
-
-
-def _read_tyre(element: Element, tyre: document.Tyre) -> Tyre:
-    constants = {
-        "stiffness": element.scalar(tyre.stiffness, FORCE / LENGTH, ("stiffness",)),
-        "radius": element.scalar(tyre.radius, LENGTH, ("radius",)),
-    }
-    for name in document.Calspan.model_fields:
-        constants[name] = element.scalar(getattr(tyre.calspan, name), None, ("calspan", name))
-    return Tyre(
-        name=element.name,
-        body=element.body(tyre.body, ("body",)),
-        centre=read_point(element, tyre.centre, ("centre",)),
-        axis=read_direction(element, tyre.axis, ("axis",)),
-        constants=constants,
-        active=tyre.active,
-        span=element.span,
-    )
+_GUIDES = {True: LawKind({"t": TIME}, ANGLE), False: LawKind({"t": TIME}, LENGTH)}
 
 
 def _read_reaction(element: Element, reaction: document.Reaction) -> Reaction:

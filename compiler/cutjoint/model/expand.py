@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass, replace
 
+import sympy
+
 from cutjoint.model import document
 from cutjoint.model.elements import Elements, read_elements
 from cutjoint.model.errors import Problems, nearest, worded
@@ -41,6 +43,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped) -> Expansion:
         directory=directory,
         names={p.name: _parameter_term(p, dimensions[p.name]) for p in parameters},
         values={p.symbol: p.value for p in parameters},
+        settled={p.symbol: sympy.Float(p.value) for p in parameters if p.binding is Binding.CONST},
         inputs=frozenset(p.name for p in parameters if p.binding is Binding.INPUT),
     )
     groups = [read_elements(scope, model), *_instances(scope, model)]

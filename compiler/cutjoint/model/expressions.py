@@ -24,6 +24,7 @@ from cutjoint.model.operations import (
     all_of,
     any_of,
     binary,
+    check_extent,
     choice,
     compare,
     constant,
@@ -64,6 +65,7 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
         raise ExpressionError("the expression is nested too deep") from None
     if not all(_is_finite(number) for number in term.value.atoms(sympy.Number)):
         raise ExpressionError("a number in the expression is out of range")
+    check_extent(term.value)
     if term.value.has(sympy.Abs):
         return replace(term, value=term.value.replace(sympy.Abs, _absolute_value))
     return term

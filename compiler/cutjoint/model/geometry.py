@@ -1,4 +1,4 @@
-"""Points, directions and inertia of the design position, as exact as their expressions allow."""
+"""Points, directions and frames of the design position, as exact as their expressions allow."""
 
 from __future__ import annotations
 
@@ -11,15 +11,19 @@ from cutjoint.model import values
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Scalar, Vector
 from cutjoint.model.scope import FAILED, Element
-from cutjoint.model.source import Path
-from cutjoint.model.units import INERTIA, LENGTH
+from cutjoint.model.source import Path, field_name
+from cutjoint.model.units import LENGTH
 
 #: Cosine of the angle between directions that must be perpendicular.
 PERPENDICULAR = 1e-9
+#: The directions x, y, z of the design frame.
+GLOBAL_AXES: tuple[Vector, Vector, Vector] = (
+    (sympy.Integer(1), sympy.Integer(0), sympy.Integer(0)),
+    (sympy.Integer(0), sympy.Integer(1), sympy.Integer(0)),
+    (sympy.Integer(0), sympy.Integer(0), sympy.Integer(1)),
+)
 #: Directions shorter than this are zero.
 SHORTEST = 1e-12
-
-Inertia = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 
 
 def read_point(element: Element, point: Any, keys: Path) -> Vector:
@@ -48,6 +52,7 @@ def read_direction(element: Element, direction: Any, keys: Path) -> Vector:
         vector = _vector(b - a for a, b in zip(start, end, strict=True))
     else:
         vector = element.triple(direction, None, keys)
+    vector = element.settle(vector)
     if math.hypot(*map(element.value, vector)) < SHORTEST:
         element.fail(f"{keys[0]} has no direction: its length is zero", "", keys)
     return unit(vector)
@@ -62,6 +67,11 @@ def unit(vector: Vector) -> Vector:
     if length in (0.0, 1.0) or math.isnan(length):
         return vector
     return _vector(sympy.Float(float(c) / length) if c != 0 else sympy.Integer(0) for c in vector)
+
+
+def least_component(direction: Vector) -> int:
+    """The first of the components of a numeric direction that are least in size: tangents across it begin with that axis."""
+    return min(range(3), key=lambda i: (abs(float(direction[i])), i))
 
 
 def dot(a: Vector, b: Vector) -> Scalar:
@@ -84,42 +94,20 @@ def perpendicular(element: Element, a: Vector, b: Vector) -> bool:
     return not abs(element.value(dot(a, b))) > PERPENDICULAR
 
 
-def read_inertia(element: Element, inertia: Any) -> Inertia:
-    """The inertia matrix about the centre of mass in global axes, kg m2: Ixx, Iyy, Izz, Ixy, Ixz, Iyz."""
-    zero = sympy.Integer(0)
-    if inertia is None:
-        return (zero,) * 6
-    if isinstance(inertia, values.Principal):
-        return _principal_inertia(element, inertia)
-    entries = [element.scalar(value, INERTIA, ("inertia", index)) for index, value in enumerate(inertia)]
-    a, b, c, d, e, f = [*entries, zero, zero, zero][:6]
-    return (a, b, c, d, e, f)
-
-
-def _principal_inertia(element: Element, inertia: values.Principal) -> Inertia:
-    moments = element.triple(inertia.principal, INERTIA, ("inertia", "principal"))
-    axes = _principal_axes(element, inertia)
-
-    def entry(row: int, column: int) -> Scalar:
-        return sum((m * axis[row] * axis[column] for m, axis in zip(moments, axes, strict=True)), sympy.Integer(0))
-
-    return (entry(0, 0), entry(1, 1), entry(2, 2), entry(0, 1), entry(0, 2), entry(1, 2))
-
-
-def _principal_axes(element: Element, inertia: values.Principal) -> tuple[Vector, Vector, Vector]:
-    """The three directions x, y, z; the sign of the one that is not given does not matter to the inertia."""
-    given = {key: getattr(inertia, key) for key in "xyz" if getattr(inertia, key) is not None}
+def read_axes(element: Element, part: Any, keys: Path) -> tuple[Vector, Vector, Vector]:
+    """The directions x, y, z of a frame, of which the part gives two; the three make a right-handed frame."""
+    given = {key: getattr(part, key) for key in "xyz" if getattr(part, key) is not None}
     failed = (FAILED, FAILED, FAILED)
     if len(given) != 2:
-        element.fail("inertia needs two of the principal directions x, y, z", "", ("inertia",))
+        element.fail(f"{field_name(keys) or 'its frame'} needs two of the directions x, y, z", "", keys)
         return (failed, failed, failed)
-    axes = {key: read_direction(element, value, ("inertia", key)) for key, value in given.items()}
+    axes = {key: read_direction(element, value, (*keys, key)) for key, value in given.items()}
     (first, a), (second, b) = axes.items()
     if not perpendicular(element, a, b):
-        message = f"the principal directions {first} and {second} are not perpendicular"
-        element.fail(message, "", ("inertia", second))
+        element.fail(f"the directions {first} and {second} are not perpendicular", "", (*keys, second))
+        return (failed, failed, failed)
     third = ({"x", "y", "z"} - axes.keys()).pop()
-    axes[third] = cross(a, b)
+    axes[third] = cross(b, a) if third == "y" else cross(a, b)
     return (axes["x"], axes["y"], axes["z"])
 
 

@@ -56,6 +56,8 @@ class _Law:
                 return self.table(law, keys)
             case values.SpringDamper():
                 return self.spring(law, keys)
+            case values.Stop():
+                return self.stop(law.stop, (*keys, "stop"))
         return self.element.scalar(law, self.kind.result, keys, self.names)
 
     def of(self, name: str, keys: Path) -> str:
@@ -152,6 +154,46 @@ class _Law:
         damping = self.element.scalar(law.damping, self.kind.per("rate"), (*keys, "damping"))
         origin = self.element.scalar(rest or 0, self.kind.variables[name], (*keys, free))
         return stiffness * (variable(name) - origin) + damping * variable("rate")
+
+    def stop(self, law: values.OneSided, keys: Path) -> Scalar:
+        """A soft stop on one side of a place; what pushes two points apart is negative tension."""
+        if _position(self.kind) is None:
+            self.element.fail("a stop belongs to a force over length, travel or position", "write an expression", keys)
+            return FAILED
+        side = {"lower" if law.side == "below" else "upper": law.at}
+        return soft_stops(self.element, self.kind, keys, law.stiffness, law.damping, **side)
+
+
+def _position(kind: LawKind) -> str | None:
+    """The variable that tells where the parts of a force element are."""
+    return next((name for name in ("length", "travel", "position") if name in kind.variables), None)
+
+
+def soft_stops(
+    element: Element, kind: LawKind, keys: Path, stiffness: Any, damping: Any, *, lower: Any = None, upper: Any = None
+) -> Scalar:
+    """The law of springs and dampers that are met below ``lower`` and above ``upper``, push back, and never hold on."""
+    name = _position(kind)
+    assert name is not None
+    k = element.scalar(stiffness, kind.per(name), (*keys, "stiffness"))
+    c = element.scalar(damping, kind.per("rate"), (*keys, "damping"))
+    if element.value(k) <= 0:
+        element.fail("the stiffness of a stop must be greater than zero", "", (*keys, "stiffness"))
+    if element.value(c) < 0:
+        element.fail("the damping of a stop must not be negative", "", (*keys, "damping"))
+    branches = []
+    for given, key, beyond, inward in (
+        (lower, "lower", sympy.StrictLessThan, sympy.StrictGreaterThan),
+        (upper, "upper", sympy.StrictGreaterThan, sympy.StrictLessThan),
+    ):
+        if given is not None:
+            place = (*keys, key) if keys[-1] == "limits" else (*keys, "at")
+            limit = element.scalar(given, kind.variables[name], place)
+            force = k * (limit - variable(name)) - c * variable("rate")
+            met = beyond(variable(name), limit, evaluate=False)
+            pushes = inward(force, 0, evaluate=False)
+            branches.append((force, met if c == 0 else sympy.And(met, pushes, evaluate=False)))
+    return choice(*branches, (sympy.Integer(0), sympy.true)) * (-1 if name == "length" else 1)
 
 
 #: Variable, its key for the unloaded state, the key that it must not have, and the sign of the law.

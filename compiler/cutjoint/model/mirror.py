@@ -6,16 +6,21 @@ so that a positive angle of the image is the image of a positive angle.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cutjoint.model.elements import Elements
 from cutjoint.model.expressions import variable
+from cutjoint.model.geometry import least_component
 from cutjoint.model.records import (
+    COORDINATES,
     AxialForce,
     Body,
     BodyLoad,
+    Bushing,
     Force,
     Joint,
+    JointForce,
     JointKind,
     Marker,
     PointSpring,
@@ -24,6 +29,7 @@ from cutjoint.model.records import (
     Tyre,
     Vector,
 )
+from cutjoint.model.scope import FAILED
 
 _TRANSLATION = (JointKind.PRISMATIC, JointKind.POINT_ON_LINE)
 
@@ -44,19 +50,21 @@ class Mirror:
         return (-a, -b, -c)
 
     def law(self, expression: Scalar) -> Scalar:
-        """An expression over x y z vx vy vz, as the image sees it."""
+        """An expression over x y z vx vy vz and wx wy wz, as the image sees it; angular velocities turn over as rotations do."""
         axis = "xyz"[self.signs.index(-1)]
-        return expression.xreplace({variable(name): -variable(name) for name in (axis, f"v{axis}")})
+        turned = (axis, f"v{axis}", *(f"w{other}" for other in "xyz" if other != axis))
+        return expression.xreplace({variable(name): -variable(name) for name in turned})
 
 
 def mirror_elements(elements: Elements, axis: str) -> Elements:
     """The image of all elements under reflection along "x", "y" or "z"."""
     x, y, z = (-1 if name == axis else 1 for name in "xyz")
     mirror = Mirror((x, y, z))
+    signs = {joint.name: coordinate_signs(mirror, joint) for joint in elements.joints}
     return Elements(
         tuple(_body(mirror, body) for body in elements.bodies),
-        tuple(_joint(mirror, joint) for joint in elements.joints),
-        tuple(_force(mirror, force) for force in elements.forces),
+        tuple(_joint(mirror, joint, signs[joint.name]) for joint in elements.joints),
+        tuple(_force(mirror, force, signs) for force in elements.forces),
         tuple(_reaction(mirror, reaction) for reaction in elements.reactions),
         tuple(_marker(mirror, marker) for marker in elements.markers),
     )
@@ -69,7 +77,43 @@ def _body(mirror: Mirror, body: Body) -> Body:
     return replace(body, centre_of_mass=mirror.vector(body.centre_of_mass), inertia=inertia)
 
 
-def _joint(mirror: Mirror, joint: Joint) -> Joint:
+def coordinate_signs(mirror: Mirror, joint: Joint) -> Mapping[str, int]:
+    """For each coordinate of a joint whether it counts the same way in the image.
+
+    A cylindrical joint's axis mirrors as one of rotation, so that it slides the other way.  Tangents across a direction are
+    its vector products with a global axis; they mirror as vectors where that axis does, but for the first one across a rod.
+    """
+    ones = dict.fromkeys(COORDINATES[joint.kind], 1)
+    match joint.kind:
+        case JointKind.CYLINDRICAL:
+            return {**ones, "displacement": -1}
+        case JointKind.FREE:
+            return dict(zip("xyz", mirror.signs, strict=True))
+        case JointKind.PLANAR:
+            sign = _tangent_sign(mirror, joint.axes[0])
+            return {**ones, "displacement_1": sign, "displacement_2": sign}
+        case JointKind.DISTANCE:
+            assert joint.to is not None
+            x, y, z = (b - a for a, b in zip(joint.at, joint.to, strict=True))
+            sign = _tangent_sign(mirror, (x, y, z))
+            return {"angle_1": sign, "angle_2": -sign}
+    return ones
+
+
+def _tangent_sign(mirror: Mirror, direction: Vector) -> int:
+    """The sign of the global axis from which the tangents across a direction are made; an open direction has none to derive."""
+    if any(component.free_symbols or component.has(FAILED) for component in direction):
+        return 1
+    return mirror.signs[least_component(direction)]
+
+
+def _guides(joint: Joint, signs: Mapping[str, int]) -> tuple[Scalar, ...] | None:
+    if joint.guide is None:
+        return None
+    return tuple(sign * guide for sign, guide in zip(signs.values(), joint.guide, strict=False))
+
+
+def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
     image = mirror.vector if joint.kind in _TRANSLATION else mirror.rotation
     return replace(
         joint,
@@ -77,21 +121,44 @@ def _joint(mirror: Mirror, joint: Joint) -> Joint:
         axes=tuple(image(axis) for axis in joint.axes),
         to=None if joint.to is None else mirror.vector(joint.to),
         pitch=None if joint.pitch is None else -joint.pitch,
+        guide=_guides(joint, signs),
     )
 
 
-def _force(mirror: Mirror, force: Force) -> Force:
+def _force(mirror: Mirror, force: Force, signs: Mapping[str, Mapping[str, int]]) -> Force:
     match force:
+        case JointForce():
+            same_way = signs.get(force.joint, {}).get(force.coordinate, 1) > 0
+            return force if same_way else replace(force, law=_turned_over(force.law))
         case PointSpring():
             return replace(force, start=mirror.vector(force.start), end=mirror.vector(force.end))
         case AxialForce():
             origin, point = mirror.vector(force.origin), mirror.vector(force.point)
             return replace(force, origin=origin, point=point, axis=mirror.vector(force.axis))
+        case Bushing():
+            return _bushing(mirror, force)
         case BodyLoad():
             return _load(mirror, force)
         case Tyre():
             return replace(force, centre=mirror.vector(force.centre), axis=mirror.rotation(force.axis))
     return force
+
+
+def _bushing(mirror: Mirror, force: Bushing) -> Bushing:
+    """Its axes change their sign along the mirror's axis once more, which keeps them right-handed, and global axes global."""
+    x, y, z = (_times(sign, mirror.vector(axis)) for sign, axis in zip(mirror.signs, force.axes, strict=True))
+    signs = (*mirror.signs, *(-sign for sign in mirror.signs))
+    laws = tuple(law if sign > 0 else _turned_over(law) for sign, law in zip(signs, force.laws, strict=True))
+    return replace(force, point=mirror.vector(force.point), axes=(x, y, z), laws=laws)
+
+
+def _times(sign: int, v: Vector) -> Vector:
+    return (sign * v[0], sign * v[1], sign * v[2])
+
+
+def _turned_over(law: Scalar) -> Scalar:
+    """A law in which position, rate and force count the other way."""
+    return -law.xreplace({variable(name): -variable(name) for name in ("position", "rate")})
 
 
 def _load(mirror: Mirror, load: BodyLoad) -> BodyLoad:

@@ -32,7 +32,7 @@ CPP_MACROS = frozenset((
 # fmt: on
 
 #: Names that mean something else in every expression or in the laws, and so cannot be a parameter's.
-VARIABLES = ("length", "rate", "travel", "position", "x", "y", "z", "vx", "vy", "vz", "t")
+VARIABLES = ("length", "rate", "travel", "position", "x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz", "t")
 RESERVED_IN_EXPRESSIONS = frozenset({"pi", *FUNCTIONS, *VARIABLES})
 
 

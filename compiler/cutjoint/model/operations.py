@@ -1,7 +1,7 @@
 """Operations on terms: expressions with their dimensions, their values if constant, and their sizes.
 
 Constants are tried in plain floats before SymPy sees them, so that nothing overflows or grows without bound.
-Functions with kinks (min, max, abs, sign, where) become SymPy's Piecewise, so that derivatives are exact.
+Functions with kinks (min, max, abs, sign, where) become cases, so that derivatives are exact.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from fractions import Fraction
 from typing import Any
 
 import sympy
-from sympy.functions.elementary.piecewise import ExprCondPair
 
+from cutjoint.model.choices import Choice, Extent, measure
 from cutjoint.model.records import Scalar
 from cutjoint.model.units import Dimension
 
 MAX_SIZE = 5000  #: nodes after expansion
+MAX_DERIVED = 25_000  #: nodes of a second derivative, about
 MAX_POWER = 12
 MAX_INTEGER = 2**53
 
@@ -201,27 +202,31 @@ def where(condition: Scalar, yes: Term, no: Term, size: int) -> Term:
 
 
 def choice(*branches: tuple[Scalar, Scalar]) -> Scalar:
-    """The value of the first branch whose condition holds, as SymPy's Piecewise, left as written."""
-    plain = [(value, _plain_condition(value, condition)) for value, condition in branches]
-    return sympy.Piecewise(*plain, evaluate=False)
+    """The value of the first branch whose condition holds, left as written."""
+    return Choice(*branches)
 
 
-def _plain_condition(value: Scalar, condition: Scalar) -> Scalar:
-    """A condition of comparisons, and, or, not: SymPy turns Piecewise in a condition into if-then-else."""
-    folded = ExprCondPair(value, condition).cond
-    if not folded.has(sympy.ITE):
-        return folded
-    return folded.replace(sympy.ITE, lambda test, yes, no: sympy.Or(sympy.And(test, yes), sympy.And(sympy.Not(test), no)))
+def check_extent(expression: Scalar, of_symbols: Mapping[Scalar, Extent] | None = None) -> None:
+    """Raises ExpressionError when an expression, or what its derivatives become, is too large."""
+    extent = measure(expression, of_symbols)
+    if extent.nodes > MAX_SIZE:
+        raise ExpressionError(f"the expression expands to more than {MAX_SIZE} operations")
+    if extent.second > MAX_DERIVED:
+        raise ExpressionError(
+            f"the second derivative of the expression expands to more than {MAX_DERIVED} operations",
+            "write fewer factors in a product, and fewer functions within functions",
+        )
 
 
 def _extreme(sign: ast.cmpop) -> Callable[[list[Term]], Term]:
     def extreme(terms: list[Term]) -> Term:
-        best = terms[0]
-        for term in terms[1:]:
-            if best.size + term.size > MAX_SIZE:
-                raise ExpressionError(f"the expression expands to more than {MAX_SIZE} operations")
-            best = where(compare(sign, best, term), best, term, best.size + term.size)
-        return best
+        if len(terms) == 1:
+            return terms[0]
+        half = (len(terms) + 1) // 2
+        a, b = extreme(terms[:half]), extreme(terms[half:])
+        if a.size + b.size > MAX_SIZE:
+            raise ExpressionError(f"the expression expands to more than {MAX_SIZE} operations")
+        return where(compare(sign, a, b), a, b, a.size + b.size)
 
     return extreme
 

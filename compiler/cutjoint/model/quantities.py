@@ -11,6 +11,7 @@ from cutjoint.model.records import (
     AxialForce,
     Body,
     BodyLoad,
+    Bushing,
     Force,
     Joint,
     JointForce,
@@ -47,6 +48,12 @@ QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
     Marker: _MOTION,
     PointSpring: {"force": "N", "length": "m", "rate": "m/s", **_TANGENTS},
     AxialForce: {"force": "N", "travel": "m", "rate": "m/s", **_TANGENTS},
+    Bushing: {
+        **dict.fromkeys(("Fx", "Fy", "Fz"), "N"),
+        **dict.fromkeys(("Mx", "My", "Mz"), "N*m"),
+        **dict.fromkeys(("dx", "dy", "dz"), "m"),
+        **dict.fromkeys(("rx", "ry", "rz"), "rad"),
+    },
     BodyLoad: {"Fx": "N", "Fy": "N", "Fz": "N"},
     Tyre: {"Fz": "N", "Fy": "N", "Mz": "N*m", "slip": "rad", "camber": "rad", "deflection": "m"},
     Reaction: {"force": "N"},
@@ -79,8 +86,8 @@ def quantities(element: Element, joints: Mapping[str, Joint]) -> Mapping[str, st
         case BodyLoad(point=None):
             return _TORQUE
         case JointForce():
-            slides = joints[element.joint].kind is JointKind.PRISMATIC
-            return {"force": "N", **_TANGENTS} if slides else _ROTARY_LAW
+            turns = _joint_unit(element.coordinate) == "rad"
+            return _ROTARY_LAW if turns else {"force": "N", **_TANGENTS}
     return QUANTITIES[type(element)]
 
 

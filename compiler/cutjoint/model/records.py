@@ -135,7 +135,7 @@ class Joint:
     ``to`` is the follower's point of a distance joint.  ``pitch`` is a screw's advance in metres a radian.
     The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`.
     ``cut`` is True for a joint that the model cuts, False for one it wants in the tree, None to let the
-    compiler choose.  ``guide`` prescribes the joint's single coordinate as a function of ``t`` and of inputs.
+    compiler choose.  ``guide`` prescribes the joint's coordinates, each as a function of ``t`` and of inputs.
     """
 
     name: str
@@ -147,7 +147,7 @@ class Joint:
     to: Vector | None
     pitch: Scalar | None
     cut: bool | None
-    guide: Scalar | None
+    guide: tuple[Scalar, ...] | None
     span: Span
 
 
@@ -189,13 +189,34 @@ class AxialForce:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Bushing:
+    """Six forces between two bodies at ``point``, common to both in the design position, along and about ``axes`` of ``base``.
+
+    With E the axes carried by the base and G those carried by the follower, the three displacements are E^T times the way from
+    the base's to the follower's point, the three rotations half the sum of the vector products of e_k and g_k (in E): for a small
+    angle the angle, for a large one its sine.  ``laws`` are six expressions over ``position`` (m, rad), its ``rate``, ``t`` and
+    parameters: forces on the follower at its point (N) and what works on its rotations (N m).  The base has the opposite
+    wrench at the same point, so that the power of the pair is the sum of law times rate.
+    """
+
+    name: str
+    base: str
+    follower: str
+    point: Vector
+    axes: tuple[Vector, Vector, Vector]
+    laws: tuple[Scalar, ...]
+    active: bool
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class BodyLoad:
     """A force at a point of a body, or a torque on it when ``point`` is None.
 
     ``components`` are three expressions in N (or N m) in ``axes`` ("global" or "body") over ``x y z`` (m),
     ``vx vy vz`` (m/s) of the point in those axes' directions (positions always global), ``t`` and parameters;
-    those of a torque over ``t`` and parameters only.  With ``moving_only`` the load is absent while the
-    equilibrium is sought.
+    those of a torque over the body's angular velocity ``wx wy wz`` (rad/s) in those axes, ``t`` and parameters.
+    With ``moving_only`` the load is absent while the equilibrium is sought.
     """
 
     name: str
@@ -210,13 +231,14 @@ class BodyLoad:
 
 @dataclass(frozen=True, kw_only=True)
 class JointForce:
-    """A generalised force on the single coordinate of a tree joint.
+    """A generalised force on one scalar coordinate of a tree joint, named as in :data:`COORDINATES`.
 
-    ``law`` is in N or N m over ``position``, ``rate``, ``t`` and parameters.
+    ``law`` is in N (N m on an angle) over ``position``, ``rate`` of the coordinate, ``t`` and parameters.
     """
 
     name: str
     joint: str
+    coordinate: str
     law: Scalar
     active: bool
     span: Span
@@ -240,7 +262,7 @@ class Tyre:
     span: Span
 
 
-Force: TypeAlias = PointSpring | AxialForce | BodyLoad | JointForce | Tyre
+Force: TypeAlias = PointSpring | AxialForce | Bushing | BodyLoad | JointForce | Tyre
 
 
 @dataclass(frozen=True, kw_only=True)

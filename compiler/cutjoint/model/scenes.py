@@ -8,11 +8,12 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from cutjoint.model import document
+from cutjoint.model.choices import Extent, measure
 from cutjoint.model.errors import nearest
 from cutjoint.model.expand import Expansion, used_submodels
 from cutjoint.model.expressions import variable
 from cutjoint.model.laws import LawKind, read_law
-from cutjoint.model.operations import Term
+from cutjoint.model.operations import ExpressionError, Term, check_extent
 from cutjoint.model.quantities import JOINT_QUANTITIES, quantities
 from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.records import (
@@ -161,7 +162,20 @@ def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str,
         hint = nearest(name, inputs, "inputs") or "give a parameter binding: input"
         where.fail(f"unknown input '{name}'", hint, ("inputs", name), at_key=True)
     names = {**scope.constants(), "t": Term(variable("t"))}
-    return {name: _input(where, name, laws[name], names) for name in inputs if name in laws}
+    functions = {name: _input(where, name, laws[name], names) for name in inputs if name in laws}
+    _check_guides(where, {inputs[name].symbol: measure(function) for name, function in functions.items()}, stage)
+    return functions
+
+
+def _check_guides(where: Element, extents: Mapping[Scalar, Extent], stage: _Stage) -> None:
+    """Guides are differentiated twice with the scene's functions of time put in for their inputs."""
+    guides = ((joint, guide) for joint in stage.joints.values() for guide in joint.guide or ())
+    for joint, guide in guides:
+        if guide.free_symbols & extents.keys():
+            try:
+                check_extent(guide, extents)
+            except ExpressionError as error:
+                where.fail(f"the guide of the joint '{joint.name}' with these inputs: {error.message}", error.hint, ("inputs",))
 
 
 def _input(where: Element, name: str, law: Any, names: Mapping[str, Term]) -> Scalar:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import sympy
 
-from cutjoint.model import document
+from cutjoint.model import joint_parts
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import read_term, variable
@@ -33,7 +33,7 @@ class Directory:
     """
 
     bodies: frozenset[str]
-    joints: Mapping[str, document.Joint]
+    joints: Mapping[str, joint_parts.Joint]
     broken: frozenset[str]
 
     def misses(self, name: str) -> bool:
@@ -46,8 +46,8 @@ class Scope:
     """Where elements are read: the model itself (empty ``prefix``) or one instance of a submodel.
 
     ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``inputs``
-    those of them that may change with time.  ``values`` are the parameters' values by symbol.  ``connectors``
-    maps local body names to full ones.
+    those of them that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
+    that never change.  ``connectors`` maps local body names to full ones.
     """
 
     source: Source
@@ -56,6 +56,7 @@ class Scope:
     names: Mapping[str, Term]
     values: Mapping[Scalar, float]
     inputs: frozenset[str] = frozenset()
+    settled: Mapping[Scalar, Scalar] = field(default_factory=dict)
     path: Path = ()
     prefix: str = ""
     connectors: Mapping[str, str] = field(default_factory=dict)
@@ -141,6 +142,11 @@ class Element:
         """Whether an expression has a value once the parameters have theirs."""
         return not expression.has(FAILED) and expression.free_symbols <= self.scope.values.keys()
 
+    def settle(self, vector: Vector) -> Vector:
+        """A vector with the numbers of all parameters that never change."""
+        x, y, z = (component.xreplace(self.scope.settled) for component in vector)
+        return (x, y, z)
+
     def number(self, value: int | float | str, expected: Dimension | None, keys: Path) -> float:
         """A number that depends on no parameter; NaN when it is wrong."""
         expression = self.scalar(value, expected, keys, {})
@@ -175,12 +181,19 @@ class Element:
             self.fail(f"unknown body '{name}'", nearest(name, self._known_bodies(), "bodies here"), keys)
         return UNKNOWN
 
+    def two_bodies(self, names: tuple[str, ...]) -> tuple[str, str]:
+        """The full names of the two bodies under ``bodies``."""
+        base, follower = (self.body(name, ("bodies", index)) for index, name in enumerate(names))
+        if base == follower != UNKNOWN:
+            self.fail(f"joins the body '{base}' to itself", "name two bodies", ("bodies",))
+        return base, follower
+
     def _known_bodies(self) -> list[str]:
         prefix = self.scope.prefix
         own = [name.removeprefix(prefix) for name in self.scope.directory.bodies if name.startswith(prefix)]
         return [GROUND, *self.scope.connectors, *own]
 
-    def joint(self, name: str, keys: Path) -> tuple[str, document.Joint | None]:
+    def joint(self, name: str, keys: Path) -> tuple[str, joint_parts.Joint | None]:
         """The full name of a joint, and what the document says of it."""
         full = self.scope.prefix + name
         directory = self.scope.directory

@@ -167,6 +167,8 @@ def _fields_at(location: tuple[str | int, ...]) -> list[str]:
     for step in location:
         part = _descend(part, step)
     part = get_args(part)[0] if get_origin(part) is Annotated else part
+    if get_origin(part) in (Union, types.UnionType):  # an optional part
+        part = next((member for member in get_args(part) if _is_model(member)), None)
     return [field.alias or name for name, field in part.model_fields.items()] if _is_model(part) else []
 
 

@@ -110,9 +110,10 @@ def read_measure(text: str) -> Measure | None:
 
 def measure(value: float, unit: str) -> Measure:
     """``value`` in ``unit``, converted to SI.  Raises UnitError when the unit cannot be read."""
-    if unit.strip() == "1":
+    unit = " ".join(unit.split())
+    if unit == "1":
         return Measure(value, NONE, "1")
-    if len(unit) > MAX_UNIT_LENGTH or not re.fullmatch(_UNIT, unit.strip()):
+    if len(unit) > MAX_UNIT_LENGTH or not re.fullmatch(_UNIT, unit):
         raise UnitError(f"'{unit[:MAX_UNIT_LENGTH]}' is not a unit")
     try:
         quantity = _registry().Quantity(value, unit).to_base_units()
@@ -121,7 +122,7 @@ def measure(value: float, unit: str) -> Measure:
     if not math.isfinite(quantity.magnitude):
         raise UnitError(f"'{value} {unit}' is out of range")
     dimension = _dimension(quantity)
-    return Measure(float(quantity.magnitude), dimension, _si_text(unit.strip(), dimension))
+    return Measure(float(quantity.magnitude), dimension, _si_text(unit, dimension))
 
 
 def _dimension(quantity: Any) -> Dimension:

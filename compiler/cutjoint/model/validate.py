@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from itertools import permutations
-
-import numpy as np
 
 from cutjoint.model import document
 from cutjoint.model.errors import Problems
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion
-from cutjoint.model.records import GROUND, Body, Joint, Span
+from cutjoint.model.forces import JOINT_FORCES
+from cutjoint.model.mass import moments_problem
+from cutjoint.model.records import GROUND, Body, Joint, JointKind, Span
 from cutjoint.model.scope import Scope
 from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
-
-#: Relative error allowed in the conditions on inertia.
-TOLERANCE = 1e-9
 
 #: The sections whose names must differ.
 _SECTIONS = ("bodies", "joints", "forces", "reactions", "markers", "instances")
@@ -42,8 +37,14 @@ def check_names(source: Source, problems: Problems, model: document.Document) ->
 
 
 def _named(source: Source, part: document.Elements, path: Path) -> list[tuple[str, str, Span]]:
-    """Name, kind and place of all elements of a scope."""
-    return [
+    """Name, kind and place of all elements of a scope, the forces that joints bring included."""
+    own = [
+        (f"{name}_{suffix}", "force", source.key_span((*path, "joints", name, field)))
+        for name, joint in part.joints.items()
+        for field, suffix in JOINT_FORCES.items()
+        if getattr(joint, field) is not None
+    ]
+    return own + [
         (name, KINDS[section], source.key_span((*path, section, name)))
         for section in _SECTIONS
         for name in getattr(part, section, ())
@@ -71,11 +72,42 @@ def check_elements(expansion: Expansion, problems: Problems) -> None:
             problems.add(body.span, f"body '{body.name}'", message)
     if not _joints_are_known(expansion):
         return
+    check_guides(expansion, problems)
     reached = _reached(expansion.elements.joints)
     for body in expansion.elements.bodies:
         if body.name not in reached:
             message, hint = "no joint connects it to the ground", "add a joint, for example one of kind: free"
             problems.add(body.span, f"body '{body.name}'", message, hint)
+
+
+def check_guides(expansion: Expansion, problems: Problems) -> None:
+    """Note joints whose bodies guides hold already, each with a loop of prescribed motions without any freedom."""
+    held: dict[str, list[tuple[str, Joint]]] = {}
+    prescribed = [j for j in expansion.elements.joints if not j.cut and (j.guide is not None or j.kind is JointKind.FIXED)]
+    closing = [j for j in expansion.elements.joints if j not in prescribed]
+    for joint in (*prescribed, *closing):
+        loop = _way(held, joint.base, joint.follower)
+        guided = sorted((other for other in (*loop, joint) if other.guide is not None), key=lambda other: other.span)
+        if loop and guided:
+            names = ", ".join(f"'{other.name}'" for other in guided)
+            message = f"it closes a loop without any freedom: the motion of its bodies is given by the guide of {names}"
+            problems.add(joint.span, f"joint '{joint.name}'", message, "leave a joint of the loop unguided")
+        if joint in prescribed:
+            held.setdefault(joint.base, []).append((joint.follower, joint))
+            held.setdefault(joint.follower, []).append((joint.base, joint))
+
+
+def _way(held: dict[str, list[tuple[str, Joint]]], start: str, end: str) -> list[Joint]:
+    """The joints on a way between two bodies; none where there is no way."""
+    ways: dict[str, list[Joint]] = {start: []}
+    waiting = [start]
+    while waiting:
+        body = waiting.pop()
+        for other, joint in held.get(body, []):
+            if other not in ways:
+                ways[other] = [*ways[body], joint]
+                waiting.append(other)
+    return ways.get(end, [])
 
 
 def _joints_are_known(expansion: Expansion) -> bool:
@@ -104,16 +136,9 @@ def _mass_problems(scope: Scope, body: Body) -> Iterator[str]:
     mass = evaluate(body.mass, scope.values)
     if mass < 0:
         yield f"the mass is negative: {mass:g} kg"
-    xx, yy, zz, xy, xz, yz = (evaluate(entry, scope.values) for entry in body.inertia)
-    matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if not np.isfinite(matrix).all():
-        return
-    moments = [float(moment) for moment in np.linalg.eigvalsh(matrix)]
-    bound = TOLERANCE * max(map(abs, moments))
-    shown = ", ".join(f"{moment:g}" for moment in moments)
-    if min(moments) < -bound:
-        yield f"a principal moment of inertia is negative: {shown} kg m2"
-    elif any(a > b + c + bound for a, b, c in permutations(moments)):
-        yield f"a principal moment of inertia is larger than the sum of the other two: {shown} kg m2"
-    if mass == 0 and max(moments) > 0 and not math.isnan(mass):
+    inertia = [evaluate(entry, scope.values) for entry in body.inertia]
+    problem = moments_problem(inertia)
+    if problem:
+        yield problem
+    if mass == 0 and max(inertia[:3]) > 0:
         yield "it has inertia but no mass"

@@ -7,7 +7,7 @@ form, so that what is wrong is reported once and in the user's words.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import (
     AfterValidator,
@@ -80,6 +80,12 @@ def _two(value: Any) -> Any:
     raise shape_error("needs two names", "write [one, other]")
 
 
+def _six(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) == 6:
+        return value
+    raise shape_error("needs six values", "write [along x, y, z, about x, y, z]")
+
+
 def _checked_name(name: str) -> str:
     problem = name_problem(name)
     if problem:
@@ -101,6 +107,7 @@ Number = Annotated[int | float | str, PlainValidator(_number), WithJsonSchema({"
 Unit = Annotated[str, PlainValidator(_unit), WithJsonSchema({"type": ["string", "integer"]})]
 Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), BeforeValidator(_three)]
 Pair = Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=2), BeforeValidator(_two)]
+Six = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
 Coefficients = Annotated[tuple[Number, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
 
 
@@ -146,10 +153,21 @@ def _three_or_six(value: Any) -> Any:
 
 
 _Matrix = Annotated[tuple[Number, ...], Field(min_length=3, max_length=6), BeforeValidator(_three_or_six)]
+
+
+class FramedMatrix(Part):
+    """An inertia matrix in a frame of which two directions are given."""
+
+    matrix: _Matrix
+    x: Direction | None = None
+    y: Direction | None = None
+    z: Direction | None = None
+
+
 Inertia: TypeAlias = Annotated[
-    Annotated[_Matrix, Tag("<list>")] | Annotated[Principal, Tag("<principal>")],
+    Annotated[_Matrix, Tag("<list>")] | Annotated[Principal, Tag("<principal>")] | Annotated[FramedMatrix, Tag("<matrix>")],
     told_by(
-        {tuple: "<list>", "principal": "<principal>"},
+        {tuple: "<list>", "principal": "<principal>", "matrix": "<matrix>"},
         "needs three or six numbers or {principal: [a, b, c], x: direction, y: direction}",
     ),
 ]
@@ -204,20 +222,37 @@ class SpringDamper(Part):
     free_position: Number | None = None
 
 
+class OneSided(Part):
+    """Where a stop is met, on which side of it, and how stiff it is."""
+
+    at: Number
+    side: Literal["below", "above"]
+    stiffness: Number
+    damping: Number = 0
+
+
+class Stop(Part):
+    """A linear spring and damper that acts on one side of a place only and never holds on to it."""
+
+    stop: OneSided
+
+
 Law: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")]
     | Annotated[Polynomial, Tag("<polynomial>")]
     | Annotated[Piecewise, Tag("<piecewise>")]
     | Annotated[Sum, Tag("<sum>")]
     | Annotated[Table, Tag("<table>")]
-    | Annotated[SpringDamper, Tag("<spring>")],
+    | Annotated[SpringDamper, Tag("<spring>")]
+    | Annotated[Stop, Tag("<stop>")],
     told_by(
         {
             **dict.fromkeys((int, float, str), "<number>"),
-            **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "table")},
+            **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "table", "stop")},
             **dict.fromkeys(("stiffness", "damping"), "<spring>"),
         },
-        "needs a number, an expression, or a mapping with polynomial, piecewise, sum, table or stiffness",
+        "needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
     ),
 ]
+Laws = Annotated[tuple[Law, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
 Sum.model_rebuild()

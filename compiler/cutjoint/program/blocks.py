@@ -310,6 +310,10 @@ class Builder:
 
     def lane_sum(self, a: Block) -> Block:
         """The sum of a block's lanes."""
+        if is_zero(a):
+            return a
+        if not a.lanes:
+            raise ValueError(f"lane_sum of {a!r}, which has no lanes")
         return self._make("lane_sum", (a,), a.shape, symmetric=a.symmetric, lanes=0)
 
     def again(self, block: Block, args: Sequence[Block]) -> Block:

@@ -5,7 +5,7 @@ They share no code with the lowering or the printer: blocks are evaluated with w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -41,7 +41,11 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 def interpret_blocks(
     roots: Iterable[Block], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]
 ) -> dict[Block, Array]:
-    """Evaluate the roots and all that they depend on; inputs are columns by symbol name.  A block with lanes has them as first axis."""
+    """Evaluate the roots and all that they depend on; inputs are columns by symbol name.
+
+    Inputs (..., n) may carry batch axes, which the values (..., rows, columns) of all that depends on them have too.  The lanes of a block
+    are the axis before its rows.
+    """
     values: dict[Block, Array] = {}
     with np.errstate(all="ignore"):
         for block in reachable_blocks(roots):
@@ -54,19 +58,20 @@ def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], road
     if block.op in ("const", "lane_const"):
         return np.array(data, dtype=float)
     if block.op == "symbol":
-        return np.asarray(inputs[str(data)], dtype=float).reshape(block.shape)
+        column = np.asarray(inputs[str(data)], dtype=float)
+        return column.reshape(*column.shape[:-1], *block.shape)
     if block.op == "call":
         return _call(data[0], data[1], args, roads)
     if block.op == "stack":
-        return _stack(data, args, block.lanes)
+        return _stack(data, args)
     if block.op == "take":
         return args[0][..., slice(*data[0]), slice(*data[1])]
     if block.op == "gather":
-        return np.stack(args)
+        return np.stack(_over_one_batch(args), axis=-3)
     if block.op == "lane":
-        return args[0][data]
+        return args[0][..., data, :, :]
     if block.op == "lane_sum":
-        return np.asarray(args[0].sum(axis=0))
+        return np.asarray(args[0].sum(axis=-3))
     return _MATRIX[block.op](*args)
 
 
@@ -78,11 +83,15 @@ def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str,
     return np.asarray(FUNCTIONS[function](*args), dtype=float)
 
 
-def _stack(data: Any, args: list[Array], lanes: int) -> Array:
-    rows, columns = len(data[0]), len(data[1])
-    if lanes:
-        args = [np.broadcast_to(a, (lanes, *a.shape[-2:])) for a in args]
-    return np.concatenate([np.concatenate(args[i * columns : (i + 1) * columns], axis=-1) for i in range(rows)], axis=-2)
+def _stack(data: Any, args: list[Array]) -> Array:
+    rows, columns, parts = len(data[0]), len(data[1]), _over_one_batch(args)
+    return np.concatenate([np.concatenate(parts[i * columns : (i + 1) * columns], axis=-1) for i in range(rows)], axis=-2)
+
+
+def _over_one_batch(args: Sequence[Array]) -> list[Array]:
+    """The matrices with equal axes before their rows; in a solution, NumPy would else take a matrix for a row of vectors."""
+    batch = np.broadcast_shapes(*(a.shape[:-2] for a in args))
+    return [np.broadcast_to(a, (*batch, *a.shape[-2:])) for a in args] if batch else list(args)
 
 
 def _turned(a: Array) -> Array:
@@ -101,6 +110,10 @@ def _ldl(m: Array) -> tuple[Array, Array]:
     return c / diagonal[..., None, :], (1.0 / diagonal**2)[..., None]
 
 
+def _solve(a: Array, b: Array) -> Array:
+    return np.asarray(np.linalg.solve(*_over_one_batch([a, b])), dtype=np.float64)
+
+
 _MATRIX: dict[str, Callable[..., Array]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
@@ -116,15 +129,9 @@ _MATRIX: dict[str, Callable[..., Array]] = {
     "skew": _skew,
     "ldl_factor": lambda m: _ldl(m)[0],
     "ldl_pivots": lambda m: _ldl(m)[1],
-    "forward": lambda lower, b: np.linalg.solve(*_paired(lower, b)),
-    "backward": lambda lower, b: np.linalg.solve(*_paired(_turned(lower), b)),
+    "forward": lambda lower, b: _solve(lower, b),
+    "backward": lambda lower, b: _solve(_turned(lower), b),
 }
-
-
-def _paired(a: Array, b: Array) -> tuple[Array, Array]:
-    """Two matrices with the same lanes, so that NumPy does not take a matrix for a row of vectors."""
-    lanes = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
-    return np.broadcast_to(a, lanes + a.shape[-2:]), np.broadcast_to(b, lanes + b.shape[-2:])
 
 
 def interpret_scalars(

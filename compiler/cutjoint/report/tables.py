@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.table import Table
 
+from cutjoint.analysis.conditioning import RatedChoice, RatedOption
 from cutjoint.analysis.mobility import Mobility
+from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
 from cutjoint.pipeline import Artifact
 from cutjoint.run.results import Equilibrium, Trajectory
 from cutjoint.topology.records import Topology
@@ -32,8 +34,21 @@ def topology_facts(topology: Topology, mobility: Mobility) -> Table:
         ("isomorphic subtrees", "; ".join(classes) or "none"),
         ("coordinates", f"{mobility.speeds} relative"),
         ("cut-joint equations", f"{mobility.equations}, rank {mobility.rank}"),
+        ("design position", _design_position(mobility)),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
     ])  # fmt: skip
+
+
+def _design_position(mobility: Mobility) -> str:
+    """Whether the design position is an ordinary one."""
+    if not mobility.closed:
+        return "not closed: no pose near it closes the loops while the guides stand where they begin"
+    others = f"{mobility.poses - 1} other pose{'s' if mobility.poses != 2 else ''} of the motion"
+    if mobility.design_rank < mobility.rank:
+        return f"singular for a moment: rank {mobility.design_rank}, but {mobility.rank} in {others}"
+    if mobility.poses == 1 and mobility.degrees_of_freedom:
+        return f"rank {mobility.rank}; no other pose was found beside it, so that it may be singular"
+    return f"rank {mobility.rank} as in {others}, condition {mobility.condition:.3g}" if mobility.poses > 1 else "rigid"
 
 
 def loop_table(topology: Topology) -> Table:
@@ -47,6 +62,54 @@ def loop_table(topology: Topology) -> Table:
         chosen = "" if cut.cut else " (chosen)"
         table.add_row(loop.cut, cut.kind.value + chosen, str(cut.span.line), loop.base, ", ".join(loop.bodies), str(loop.width))
     return table
+
+
+def redundancy_table(redundancy: Redundancy) -> Table:
+    """One row a cut joint and kind: the equations that follow from the others."""
+    table = Table(title="redundant cut-joint equations", title_justify="left", box=None)
+    for heading in ("cut joint", "line", "equations", "redundant"):
+        table.add_column(heading, overflow="fold")
+    for when, found in (("in every pose", redundancy.structural), ("in the design position only", redundancy.momentary)):
+        for joint in dict.fromkeys(r.joint for r in found):
+            rows = [r for r in found if r.joint == joint]
+            table.add_row(joint, rows[0].place, ", ".join(map(_redundant_equation, rows)), when)
+    return table
+
+
+def _redundant_equation(redundant: RedundantEquation) -> str:
+    """The equation's name, and which others might be left out in its stead."""
+    others = [name.removeprefix(f"{redundant.joint}.") for name in redundant.instead]
+    if len(others) > _SHOWN:
+        others = [*others[:_SHOWN], f"{len(others) - _SHOWN} more"]
+    return f"{redundant.equation} (or one of {', '.join(others)})" if others else redundant.equation
+
+
+#: How many equations that could be left out instead are named.
+_SHOWN = 6
+
+
+def cut_choices(choices: Sequence[RatedChoice], redundant: int) -> str:
+    """The cut joint of each loop, why it is cut, and up to three alternatives, the best first.
+
+    ``redundant`` is the number of redundant equations with the cut joints in use.
+    """
+    names = [o.option.joint.name for choice in choices for o in (choice.used, *choice.alternatives)]
+    width = max(len("choice of the cut joints"), *(len(name) + 6 for name in names))
+    lines = ["choice of the cut joints".ljust(width) + "".join(f"  {heading}" for heading in _FIGURES)]
+    for choice in choices:
+        base = redundant - choice.used.option.cost.redundant
+        lines += [f" {choice.used.option.joint.name}".ljust(width) + _figures(choice.used, base), f"   {choice.reason}"]
+        lines += [f"   or {o.option.joint.name}".ljust(width) + _figures(o, base) for o in choice.alternatives]
+    return "\n".join(lines)
+
+
+_FIGURES = ("width", "operations", "redundant", "condition")
+
+
+def _figures(rated: RatedOption, base: int) -> str:
+    cost = rated.option.cost
+    figures = (str(cost.width), str(cost.operations), str(base + cost.redundant), f"{rated.condition:.3g}")
+    return "".join(f"  {figure:>{len(heading)}}" for figure, heading in zip(figures, _FIGURES, strict=True))
 
 
 def run_facts(artifact: Artifact, run: Trajectory) -> Table:

@@ -34,7 +34,7 @@ class FailureReport:
 class Trajectory:
     """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
 
-    ``seconds`` is the processor time of the steps alone; ``failure`` is None when the run reached its end.
+    ``seconds`` is the time of the steps alone; ``failure`` is None when the run reached its end.
     """
 
     t: Array

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from cutjoint.model.records import GROUND, Joint, Model
 from cutjoint.topology.classes import find_classes
-from cutjoint.topology.elimination import Elimination, eliminate
+from cutjoint.topology.elimination import eliminate
 from cutjoint.topology.records import Loop, Topology, TreeJoint
 from cutjoint.topology.spanning_tree import span
 
@@ -18,17 +18,17 @@ def build_topology(model: Model) -> Topology:
         TopologyError: the model's own cuts cannot be honoured.
     """
     tree, cuts = span(model)
-    elimination = eliminate(tree, cuts)
-    loops = tuple(_loop(cut, tree, elimination) for cut in cuts)
+    coupled = eliminate(tree, cuts)
+    loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
     return Topology(model=model, tree=tree, cuts=cuts, loops=loops, classes=find_classes(model, tree, cuts))
 
 
-def _loop(cut: Joint, tree: Sequence[TreeJoint], elimination: Elimination) -> Loop:
+def _loop(cut: Joint, tree: Sequence[TreeJoint], coupled: Mapping[str, frozenset[str]]) -> Loop:
     parent = {t.child: t.parent for t in tree}
     left, right = _ancestors(cut.base, parent), _ancestors(cut.follower, parent)
     base = next(b for b in left if b in right)
     bodies = (*left[: left.index(base)], *right[: right.index(base)])
-    width = max((len(elimination.coupled[b]) for b in bodies), default=0)
+    width = max((len(coupled[b]) for b in bodies), default=0)
     return Loop(cut=cut.name, base=base, bodies=bodies, width=width)
 
 

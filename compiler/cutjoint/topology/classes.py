@@ -11,6 +11,7 @@ from cutjoint.model.records import (
     GROUND,
     AxialForce,
     BodyLoad,
+    Bushing,
     Force,
     Joint,
     JointForce,
@@ -91,7 +92,7 @@ def _signature(
 
 
 def _bodies(force: Force, child_of: Mapping[str, str]) -> tuple[str, ...]:
-    if isinstance(force, PointSpring | AxialForce):
+    if isinstance(force, PointSpring | AxialForce | Bushing):
         return force.base, force.follower
     if isinstance(force, JointForce):
         return (child_of[force.joint],)
@@ -101,7 +102,9 @@ def _bodies(force: Force, child_of: Mapping[str, str]) -> tuple[str, ...]:
 def _force(force: Force, where: Any, child_of: Mapping[str, str]) -> tuple[str, tuple[int, ...], str]:
     shape = ""
     if isinstance(force, PointSpring | AxialForce | JointForce):
-        shape = _shape(force.law)
+        shape = _shape(force.law) + (force.coordinate if isinstance(force, JointForce) else "")
+    elif isinstance(force, Bushing):
+        shape = ";".join(_shape(law) for law in force.laws)
     elif isinstance(force, BodyLoad):
         shape = ";".join(_shape(c) for c in force.components)
     else:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Joint, JointForce, JointKind, Model
 from cutjoint.topology.elimination import degrees, eliminate
+from cutjoint.topology.operations import predict_operations
 from cutjoint.topology.records import TreeJoint
 
 
@@ -18,8 +20,7 @@ def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
     """The tree joints, parents first, and the cut joints in the file's order.
 
     Given cuts are honoured.  Where loops stay, the compiler cuts: it starts from the tree of shortest paths to the ground and
-    exchanges a cut joint for a tree joint of its loop as long as that makes the widest loop narrower or, at equal width, the
-    predicted operations fewer.
+    exchanges a cut joint for a tree joint of its loop as long as that lowers the cost, see ``cost_of``.
 
     Raises:
         TopologyError: the given cuts tear a body off, or joints that must not be cut close a loop.
@@ -29,8 +30,7 @@ def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
     chosen = _shortest_paths(joints, bound)
     _check(model, joints, chosen, bound)
     chosen = _improve(model, joints, chosen, bound)
-    tree = _orient(model, [j for j in joints if j.name in chosen])
-    return tree, tuple(j for j in model.joints if j.name not in chosen)
+    return split(model, chosen)
 
 
 def tree_only(model: Model) -> frozenset[str]:
@@ -81,79 +81,95 @@ def _check(model: Model, joints: Sequence[Joint], chosen: set[str], bound: froze
         raise TopologyError("\n".join(problems))
 
 
+@dataclass(frozen=True, kw_only=True, order=True)
+class Cost:
+    """What a choice of cut joints costs; the first difference decides.
+
+    ``width`` is the largest number of bodies to which an eliminated body is coupled, ``operations`` are predicted for one evaluation,
+    ``redundant`` counts the cut joints' equations that are redundant by their kind.
+    """
+
+    width: int
+    operations: int
+    redundant: int
+
+
+#: Kinds whose cut aligns an axis by three equations of which two are independent.
+_ONE_TOO_MANY = frozenset({JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.PLANAR, JointKind.SCREW})
+
+
+def cost_of(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Cost:
+    """The cost of a spanning tree and its cut joints."""
+    coupled = eliminate(tree, cuts)
+    return Cost(
+        width=max((len(s) for s in coupled.values()), default=0), operations=predict_operations(model, tree, cuts, coupled),
+        redundant=sum(c.kind in _ONE_TOO_MANY for c in cuts),
+    )  # fmt: skip
+
+
+def split(model: Model, chosen: set[str]) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
+    """The tree that the chosen joints form, parents first, and the others in the file's order."""
+    return _orient([j for j in model.joints if j.name in chosen]), tuple(j for j in model.joints if j.name not in chosen)
+
+
 def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> set[str]:
-    best, cost = chosen, _cost(model, joints, chosen)
+    best, cost = chosen, cost_of(model, *split(model, chosen))
     improved = True
     while improved:
         improved = False
-        for candidate in _exchanges(joints, best, bound):
-            price = _cost(model, joints, candidate)
+        for candidate in _exchanges(model, joints, best, bound):
+            price = cost_of(model, *split(model, candidate))
             if price < cost:
                 best, cost, improved = candidate, price, True
                 break
     return best
 
 
-def _cost(model: Model, joints: Sequence[Joint], chosen: set[str]) -> tuple[int, int]:
-    tree = _orient(model, [j for j in joints if j.name in chosen])
-    cuts = [j for j in model.joints if j.name not in chosen]
-    elimination = eliminate(tree, cuts)
-    return max((len(s) for s in elimination.coupled.values()), default=0), elimination.operations
-
-
-def _exchanges(joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> Iterable[set[str]]:
+def _exchanges(model: Model, joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> Iterable[set[str]]:
     """Every tree that differs from the chosen one by one exchange of a compiler's cut joint for a joint of its loop."""
+    tree, _ = split(model, chosen)
     for cut in (j for j in joints if j.name not in chosen):
-        for name in _loop(joints, chosen, cut):
-            if name not in bound:
-                yield (chosen - {name}) | {cut.name}
+        for t in joints_around(tree, cut):
+            if t.joint.name not in bound:
+                yield (chosen - {t.joint.name}) | {cut.name}
 
 
-def _loop(joints: Sequence[Joint], chosen: set[str], cut: Joint) -> list[str]:
-    """The tree joints on the way from the cut joint's base to its follower."""
-    came: dict[str, tuple[str, str]] = {cut.base: ("", "")}
-    queue = deque([cut.base])
-    while queue:
-        body = queue.popleft()
-        for joint in joints:
-            other = _other(joint, body) if joint.name in chosen else None
-            if other is not None and other not in came:
-                came[other] = (body, joint.name)
-                queue.append(other)
-    path, body = [], cut.follower
-    while body != cut.base:
-        body, name = came[body]
-        path.append(name)
-    return path
+def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
+    """The tree joints of a cut joint's loop, from its follower round to its base."""
+    above = {t.child: t for t in tree}
+    from_follower, from_base = _way_in(above, cut.follower), _way_in(above, cut.base)
+    while from_follower and from_base and from_follower[-1] is from_base[-1]:
+        del from_follower[-1], from_base[-1]
+    return from_follower + from_base[::-1]
 
 
-def _orient(model: Model, joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:
-    """The joints as seen from the ground, depth first in the file's order, so that a subtree stands together."""
+def _way_in(above: dict[str, TreeJoint], body: str) -> list[TreeJoint]:
+    way: list[TreeJoint] = []
+    while body != GROUND:
+        way.append(above[body])
+        body = above[body].parent
+    return way
+
+
+def _orient(joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:
+    """The joints as seen from the ground, depth first in the file's order, so that a subtree stands together; what moves in a known
+    way comes last, so that it is eliminated first and its couplings merge."""
+    at: dict[str, list[Joint]] = {}
+    for joint in sorted(joints, key=lambda j: degrees(j) == 0):
+        at.setdefault(joint.base, []).append(joint)
+        at.setdefault(joint.follower, []).append(joint)
     tree: list[TreeJoint] = []
-    stack = [GROUND]
-    placed: set[str] = set()
-    while stack:
-        body = stack.pop()
-        found = [j for j in joints if j.name not in placed and body in (j.base, j.follower)]
-        arrived = [t for t in tree if t.child == body]
-        assert body == GROUND or arrived, body
-        for joint in found:
-            child = joint.follower if joint.base == body else joint.base
-            placed.add(joint.name)
-            tree.append(TreeJoint(joint=joint, parent=body, child=child, reversed=joint.base != body))
-        stack.extend(t.child for t in reversed(tree[len(tree) - len(found) :]))
-    return _depth_first(tree)
-
-
-def _depth_first(tree: Sequence[TreeJoint]) -> tuple[TreeJoint, ...]:
-    """Subtrees together; what moves in a known way comes last, so that it is eliminated first and its couplings merge."""
-    children: dict[str, list[TreeJoint]] = {}
-    for t in sorted(tree, key=lambda t: degrees(t.joint) == 0):
-        children.setdefault(t.parent, []).append(t)
-    ordered: list[TreeJoint] = []
-    stack = list(reversed(children.get(GROUND, [])))
+    stack = _outwards(GROUND, "", at)
     while stack:
         t = stack.pop()
-        ordered.append(t)
-        stack.extend(reversed(children.get(t.child, [])))
-    return tuple(ordered)
+        tree.append(t)
+        stack.extend(_outwards(t.child, t.joint.name, at))
+    return tuple(tree)
+
+
+def _outwards(body: str, arrived: str, at: dict[str, list[Joint]]) -> list[TreeJoint]:
+    """The joints that lead on from a body, last first."""
+    return [
+        TreeJoint(joint=j, parent=body, child=j.follower if j.base == body else j.base, reversed=j.base != body)
+        for j in reversed(at.get(body, [])) if j.name != arrived
+    ]  # fmt: skip

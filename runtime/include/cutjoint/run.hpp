@@ -199,10 +199,15 @@ class Run {
     for (long first = 0; first < steps; first += stride) {
       const long last = std::min(first + stride, steps);
       const auto begin = std::chrono::steady_clock::now();
-      for (long n = first; n < last; ++n) {
-        count(n, integrator.evaluations(), seconds);
-        integrator.step(state_, n + 1);
-        state_.t = origin + Real(n + 1) * Real(dt);
+      try {
+        for (long n = first; n < last; ++n) {
+          count(n, integrator.evaluations(), seconds);
+          integrator.step(state_, n + 1);
+          state_.t = origin + Real(n + 1) * Real(dt);
+        }
+      } catch (const Failure&) {
+        if (steps_ > first) write();  // the last state that converged
+        throw;
       }
       seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
       count(last, integrator.evaluations(), seconds);

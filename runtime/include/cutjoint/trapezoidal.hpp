@@ -86,16 +86,19 @@ class Trapezoidal {
       }
       if (abs(state.vdot[i]) > largest) largest = abs(state.vdot[i]);
     }
-    return change_ <= Real(fixed_point_.tolerance) * (Real(1) + largest);
+    size_ = Real(1) + largest;
+    return change_ <= Real(fixed_point_.tolerance) * size_;
   }
 
   [[noreturn]] void give_up(State<Real>& state, long number, Real t, int iteration) {
     const bool finite = std::isfinite(static_cast<double>(change_));
     const std::string what = finite ? "the fixed point did not converge in " + std::to_string(iteration) + " iterations"
                                     : "the fixed point diverged to infinity";
+    const char* advice = change_ <= Real(1e-4) * size_ ? "what is left may be rounding: take a smaller penalty or a larger tolerance"
+                                                       : "take a smaller dt, or softer springs and dampers";
     state = before_;
     throw Failure(what, static_cast<double>(t), number, std::string(mechanism_.description().speeds[worst_]),
-                  static_cast<double>(change_), "take a smaller dt, or softer springs and dampers");
+                  static_cast<double>(change_), advice);
   }
 
   M& mechanism_;
@@ -104,7 +107,7 @@ class Trapezoidal {
   FixedPoint fixed_point_;
   std::vector<Real> v_hat_, z_hat_, delta_, vdot_, correction_;
   State<Real> before_;
-  Real change_{0};
+  Real change_{0}, size_{1};
   std::size_t worst_ = 0;
   long evaluations_ = 0;
 };

@@ -13,19 +13,20 @@ template <class Real>
 class BodySystem {
  public:
   BodySystem(std::size_t bodies, std::size_t slots)
-      : M_(bodies, Matrix6<Real>::Zero()), Q_(bodies, Vector6<Real>::Zero()), joint_force_(bodies, Real(0)),
+      : M_(bodies, Matrix6<Real>::Zero()), Q_(bodies, Vector6<Real>::Zero()), joint_force_(bodies, Vector6<Real>::Zero()),
         C_(slots, Matrix6<Real>::Zero()) {}
 
   void clear() {
     for (auto& M : M_) M.setZero();
     for (auto& Q : Q_) Q.setZero();
     for (auto& C : C_) C.setZero();
-    for (auto& force : joint_force_) force = Real(0);
+    for (auto& force : joint_force_) force.setZero();
   }
 
   Matrix6<Real>& M(int i) { return M_[static_cast<std::size_t>(i)]; }
   Vector6<Real>& Q(int i) { return Q_[static_cast<std::size_t>(i)]; }
-  Real& joint_force(int i) { return joint_force_[static_cast<std::size_t>(i)]; }
+  /// On the joint's speeds, in their order.
+  Vector6<Real>& joint_force(int i) { return joint_force_[static_cast<std::size_t>(i)]; }
 
   /// C_ij of body i's link to j.
   Matrix6<Real> coupling(const Link& link) const {
@@ -49,7 +50,7 @@ class BodySystem {
  private:
   std::vector<Matrix6<Real>> M_;
   std::vector<Vector6<Real>> Q_;
-  std::vector<Real> joint_force_;
+  std::vector<Vector6<Real>> joint_force_;
   std::vector<Matrix6<Real>> C_;
 };
 

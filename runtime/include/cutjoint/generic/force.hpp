@@ -1,6 +1,7 @@
 // Applied forces as contributions to the body system, with the quantities that they report.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "cutjoint/generic/body_system.hpp"
@@ -23,6 +24,7 @@ class Forces {
   void add(BodySystem<Real>& system, const Real* q, const Real* v) {
     for (const PointSpring& force : model_.point_springs) add(system, force);
     for (const AxialForce& force : model_.axial_forces) add(system, force);
+    for (const Bushing& force : model_.bushings) add(system, force);
     for (const BodyLoad& force : model_.loads) add(system, force);
     for (const JointForce& force : model_.joint_forces) add(system, force, q, v);
     for (std::size_t i = 0; i < tyres_.size(); ++i) add(system, model_.tyres[i], tyres_[i]);
@@ -93,15 +95,45 @@ class Forces {
     push_pair(system, base, follower, point, push * axis);
   }
 
+  /// x = E^T (p_f - p_b), theta = half the sum of e_k x g_k in E, the follower gets E law(x) and E (d theta/d turn)^T law(theta).
+  void add(BodySystem<Real>& system, const Bushing& bushing) {
+    const int base = bushing.on_base.body, follower = bushing.on_follower.body;
+    Matrix3<Real> axes;
+    for (int i = 0; i < 3; ++i) axes.col(i) = model_.vectors[bushing.axes[static_cast<std::size_t>(i)]];
+    const Matrix3<Real> E = k_.frame(base).R * axes, S = E.transpose() * k_.frame(follower).R * axes;
+    const Matrix3<Real> by_turn = (S.trace() * Matrix3<Real>::Identity() - S) / Real(2);
+    const Vector3<Real> point = k_.point(bushing.on_follower), step = k_.pole_step(base, follower);
+    const Vector3<Real> spin = k_.frame(follower).Z.template tail<3>() - k_.frame(base).Z.template tail<3>();
+    Vector6<Real> place, rate, load;
+    place << E.transpose() * (point - k_.point(bushing.on_base) + step), S(2, 1) - S(1, 2), S(0, 2) - S(2, 0), S(1, 0) - S(0, 1);
+    place.template tail<3>() /= Real(2);
+    rate << E.transpose() * (k_.velocity(follower, point) - k_.velocity(base, point + step)), by_turn * (E.transpose() * spin);
+    for (int i = 0; i < 6; ++i) {
+      const Law& law = bushing.laws[static_cast<std::size_t>(i)];
+      e_.set(law.position, place[i]);
+      e_.set(law.rate, rate[i]);
+      e_.run(law.value);
+      load[i] = e_[law.force];
+    }
+    load.template tail<3>() = (by_turn.transpose() * load.template tail<3>()).eval();
+    Real* out = &quantities_[static_cast<std::size_t>(bushing.quantity)];
+    std::copy_n(place.data(), 6, std::copy_n(load.data(), 6, out));
+    const Vector3<Real> force = E * load.template head<3>(), torque = E * load.template tail<3>();
+    push_pair(system, base, follower, point, force);
+    system.Q(follower).template tail<3>() += torque;
+    system.Q(base).template tail<3>() -= torque;
+  }
+
   void add(BodySystem<Real>& system, const BodyLoad& load) {
     const int body = load.point.body;
     const Frame<Real>& frame = k_.frame(body);
     const Vector3<Real> point = load.torque ? frame.r : k_.point(load.point), place = point + frame.pole;
-    Vector3<Real> speed = k_.velocity(body, point), components;
-    if (load.body_axes) speed = frame.R.transpose() * speed;
+    Vector3<Real> speed = k_.velocity(body, point), spin = frame.Z.template tail<3>(), components;
+    if (load.body_axes) speed = frame.R.transpose() * speed, spin = frame.R.transpose() * spin;
     for (std::size_t i = 0; i < 3; ++i) {
       e_.set(load.place[i], place[static_cast<int>(i)]);
       e_.set(load.place[i + 3], speed[static_cast<int>(i)]);
+      e_.set(load.place[i + 6], spin[static_cast<int>(i)]);
     }
     e_.run(load.value);
     for (std::size_t i = 0; i < 3; ++i) components[static_cast<int>(i)] = e_[load.components[i]];
@@ -112,8 +144,8 @@ class Forces {
   }
 
   void add(BodySystem<Real>& system, const JointForce& force, const Real* q, const Real* v) {
-    const Real position = k_.position(force.body, 0, q), rate = k_.rate(force.body, 0, v);
-    system.joint_force(force.body) += evaluate(force.law, force.quantity, position, rate);
+    const Real position = k_.position(force.body, force.coordinate, q), rate = k_.rate(force.body, force.coordinate, v);
+    system.joint_force(force.body)[force.coordinate] += evaluate(force.law, force.quantity, position, rate);
   }
 
   void add(BodySystem<Real>& system, const Tyre& tyre, const TyreValues<Real>& values) {

@@ -45,8 +45,13 @@ class Kinematics {
   void begin_step() {
     for (std::size_t i = 1; i < guides_.size(); ++i) {
       if (!model_.bodies[i].guided) continue;
-      const Guide& guide = model_.bodies[i].guide;
-      guides_[i] = {model_.expressions[guide.position], model_.expressions[guide.rate], model_.expressions[guide.acceleration]};
+      for (int n = 0; n < 3; ++n) {
+        const Guide& guide = model_.bodies[i].guides[static_cast<std::size_t>(n)];
+        if (guide.position < 0) break;
+        guides_[i].position[n] = model_.expressions[guide.position];
+        guides_[i].rate[n] = model_.expressions[guide.rate];
+        guides_[i].acceleration[n] = model_.expressions[guide.acceleration];
+      }
     }
   }
 
@@ -62,14 +67,14 @@ class Kinematics {
   const Frame<Real>& frame(int body) const { return frames_[static_cast<std::size_t>(body)]; }
   const JointMotion<Real>& motion(int body) const { return motions_[static_cast<std::size_t>(body)]; }
 
-  /// Coordinate and speed of a joint with a single coordinate, guided or not, or of a coordinate of any other.
+  /// Coordinate and speed of a joint, guided or not.
   Real position(int body, int coordinate, const Real* q) const {
     const Body& b = model_.body(body);
-    return b.guided ? guides_[static_cast<std::size_t>(body)].position : q[b.q + coordinate];
+    return b.guided ? guides_[static_cast<std::size_t>(body)].position[coordinate] : q[b.q + coordinate];
   }
   Real rate(int body, int speed, const Real* v) const {
     const Body& b = model_.body(body);
-    return b.guided ? guides_[static_cast<std::size_t>(body)].rate : v[b.v + speed];
+    return b.guided ? guides_[static_cast<std::size_t>(body)].rate[speed] : v[b.v + speed];
   }
 
   /// A body-fixed direction in global axes.
@@ -92,13 +97,13 @@ class Kinematics {
 
  private:
   struct GuideValues {
-    Real position{0}, rate{0}, acceleration{0};
+    Vector3<Real> position = Vector3<Real>::Zero(), rate = Vector3<Real>::Zero(), acceleration = Vector3<Real>::Zero();
   };
 
   void follow_guide(std::size_t i) {
     const GuideValues& guide = guides_[i];
-    carry(i, &guide.position, &guide.rate);
-    motions_[i].d += guide.acceleration * motions_[i].b.col(0);
+    carry(i, guide.position.data(), guide.rate.data());
+    motions_[i].d += motions_[i].b.template leftCols<3>() * guide.acceleration;
   }
 
   /// A free root carries its pole along: b is the unit matrix, d = [-w x v; 0].

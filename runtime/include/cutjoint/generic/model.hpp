@@ -42,7 +42,7 @@ struct Body {
   int parent = ground, root = ground;
   Joint joint;
   bool reversed = false, guided = false, massless = false;
-  Guide guide;
+  std::array<Guide, 3> guides;  ///< of a guided joint's coordinates
   int q = 0, v = 0, speeds = 0;
   int mass = -1;
   Fixed centre, inner;  ///< centre of mass; the joint's point of the parent
@@ -77,18 +77,26 @@ struct AxialForce {
   int quantity;
 };
 
+/// Six laws between two bodies at a point, along and about axes of the base; the registers of each law's position, rate and force.
+struct Bushing {
+  Fixed on_base, on_follower;
+  std::array<int, 3> axes;
+  std::array<Law, 6> laws;
+  int quantity;
+};
+
 /// A force at `point`, or a torque; `place` and `components` are registers.
 struct BodyLoad {
   Fixed point;
   bool torque, body_axes;
-  std::array<int, 6> place;
+  std::array<int, 9> place;
   std::array<int, 3> components;
   Routine value;
   int quantity;
 };
 
 struct JointForce {
-  int body;
+  int body, coordinate;
   Law law;
   int quantity;
 };
@@ -177,6 +185,7 @@ struct Model {
   std::vector<Cut> cuts;
   std::vector<PointSpring> point_springs;
   std::vector<AxialForce> axial_forces;
+  std::vector<Bushing> bushings;
   std::vector<BodyLoad> loads;
   std::vector<JointForce> joint_forces;
   std::vector<Tyre> tyres;

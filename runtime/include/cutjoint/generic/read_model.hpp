@@ -95,9 +95,9 @@ class ModelReader {
 
   void read_coordinates(Body& b, const Json& joint) {
     b.guided = !joint.at("guide").is_null();
-    if (b.guided) {
-      const auto guide = triple(joint.at("guide"));
-      b.guide = {guide[0], guide[1], guide[2]};
+    for (std::size_t i = 0; b.guided && i < joint.at("guide").size(); ++i) {
+      const auto guide = triple(joint.at("guide").at(i));
+      b.guides.at(i) = {guide[0], guide[1], guide[2]};
     }
     if (joint.at("q").is_null()) return;  // fixed or guided
     b.q = joint.at("q");
@@ -134,6 +134,7 @@ class ModelReader {
     for (const std::string& name : names) quantities_[name] = model_.quantities++;
     if (kind == "point_spring") read_point_spring(json, first);
     else if (kind == "axial_force") read_axial_force(json, first);
+    else if (kind == "bushing") read_bushing(json, first);
     else if (kind == "load") read_load(json, first);
     else if (kind == "joint_force") read_joint_force(json, first);
     else if (kind == "tyre") read_tyre(json, first);
@@ -165,7 +166,21 @@ class ModelReader {
                                    read_law(json.at("law"), "travel"), quantity});
   }
 
-  /// A torque has no point; its law may use the place of the body's origin.
+  void read_bushing(const Json& json, int quantity) {
+    const int base = body(json.at("base")), follower = body(json.at("follower"));
+    Bushing bushing{point(base, json.at("point")), point(follower, json.at("point")), {}, {}, quantity};
+    for (std::size_t i = 0; i < 3; ++i) bushing.axes[i] = model_.vectors.add(triple(json.at("axes").at(i)));
+    Expressions<Real>& e = model_.expressions;
+    for (std::size_t i = 0; i < 6; ++i) {
+      Law& law = bushing.laws[i];
+      law.position = e.variable("position");
+      law.rate = e.variable("rate");
+      law.value = e.routine([&] { law.force = e.read(json.at("laws").at(i)); });
+    }
+    model_.bushings.push_back(bushing);
+  }
+
+  /// A torque has no point; its law uses the body's angular velocity.
   void read_load(const Json& json, int quantity) {
     BodyLoad load{};
     const int on = body(json.at("body"));
@@ -174,14 +189,14 @@ class ModelReader {
     load.body_axes = json.at("axes") == "body";
     load.quantity = quantity;
     Expressions<Real>& e = model_.expressions;
-    const char* const names[] = {"x", "y", "z", "vx", "vy", "vz"};
-    for (std::size_t i = 0; i < 6; ++i) load.place[i] = e.variable(names[i]);
+    const char* const names[] = {"x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz"};
+    for (std::size_t i = 0; i < 9; ++i) load.place[i] = e.variable(names[i]);
     load.value = e.routine([&] { load.components = triple(json.at("components")); });
     model_.loads.push_back(load);
   }
 
   void read_joint_force(const Json& json, int quantity) {
-    model_.joint_forces.push_back({body(json.at("body")), read_law(json.at("law"), "position"), quantity});
+    model_.joint_forces.push_back({body(json.at("body")), json.at("coordinate"), read_law(json.at("law"), "position"), quantity});
   }
 
   void read_tyre(const Json& json, int quantity) {

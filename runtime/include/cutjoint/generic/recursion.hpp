@@ -110,7 +110,7 @@ class Recursion {
     const Vector6<Real> force = system.Q(i) - M * d;
     auto g = pivot.g.template head<K>();
     g = b_times<K>(force, i);
-    if constexpr (K == 1) g[0] += system.joint_force(i);
+    g += system.joint_force(i).template head<K>();
     forward<K>(pivot.lower, g);
     system.Q(parent) += force;
     system.M(parent) += M;

@@ -1,0 +1,126 @@
+"""The cut joints' equations as numbers: residual and Jacobian at given coordinates, and coordinates that close the loops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.formulate.records import Equations
+from cutjoint.program.blocks import Block
+from cutjoint.program.interpret import RoadTable, interpret_blocks
+
+Array: TypeAlias = NDArray[np.float64]
+
+#: A residual below this (m, rad) is closed.
+CLOSED = 1e-9
+#: Damping of the steps by the largest square of a speed's effect: what depends on other equations to six digits moves nothing.
+_DAMPING = 1e-12
+_ITERATIONS = 30
+
+
+class _NoRoad:
+    """A flat road; the closures never look at it."""
+
+    def height(self, x: float, y: float) -> float:
+        """Height, m."""
+        return 0.0
+
+    def slope(self, x: float, y: float) -> float:
+        """dz/dx."""
+        return 0.0
+
+
+def design_coordinates(equations: Equations) -> Array:
+    """q of the design position: zeros and unit quaternions."""
+    q = np.zeros(equations.coordinates)
+    for chart in equations.charts:
+        if chart.ball:
+            q[chart.q + chart.scalars] = 1.0
+    return q
+
+
+def evaluate_closures(equations: Equations, q: Array) -> tuple[Array, Array]:
+    """Residual (equations) and Jacobian (equations, speeds) of the cut joints, guides standing still."""
+    close = next(f for f in equations.functions if f.name == "close").results
+    residuals, rates = ([close[f"{quantity}:{c.joint}"] for c in equations.closures] for quantity in ("residual", "rate"))
+    values = _interpret(equations, q, [*residuals, *rates])
+    residual = np.concatenate([np.zeros(0), *(values[block][:, 0] for block in residuals)])
+    return residual, np.concatenate([np.zeros((0, equations.speeds)), *(_by_speeds(equations, values[block]) for block in rates)])
+
+
+def evaluate_rates(equations: Equations, q: Array, rates: Sequence[Block]) -> list[Array]:
+    """Of columns (m, 1) that are linear in the speeds, the matrices (m, speeds)."""
+    values = _interpret(equations, q, rates)
+    return [_by_speeds(equations, values[block]) for block in rates]
+
+
+def _interpret(equations: Equations, q: Array, blocks: Sequence[Block]) -> dict[Block, Array]:
+    """The blocks at all unit speeds in one batch; what depends on coordinates alone is evaluated once and has no batch axis."""
+    roads: dict[str, RoadTable] = {name: _NoRoad() for name in equations.roads}
+    return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds)), roads)
+
+
+def _by_speeds(equations: Equations, rates: Array) -> Array:
+    return np.broadcast_to(rates[..., 0], (equations.speeds, rates.shape[-2])).T
+
+
+def make_inputs(equations: Equations, q: Array, v: Array) -> dict[str, Array]:
+    """The interpreter's inputs for coordinates and speeds (..., speeds) at t = 0, everything else at its default."""
+    numerics = equations.scene.numerics
+    inputs = {
+        "t": np.zeros(1),
+        "motion": np.zeros(1),
+        "parameters": np.array([p.value for p in equations.parameters]),
+        "numerics": np.array([numerics.penalty, numerics.damping_ratio, numerics.frequency]),
+    }
+    for chart in equations.charts:
+        inputs[f"q:{chart.joint}"] = q[chart.q : chart.q + len(chart.coordinate_names)]
+        inputs[f"v:{chart.joint}"] = v[..., chart.v : chart.v + len(chart.speed_names)]
+        inputs[f"vdot:{chart.joint}"] = np.zeros(len(chart.speed_names))
+    for closure in equations.closures:
+        inputs[f"lambda:{closure.joint}"] = np.zeros(len(closure.names))
+    return inputs
+
+
+def close_loops(equations: Equations, q: Array, across: Array | None = None) -> tuple[Array, Array] | None:
+    """Coordinates near q that close the loops, and the Jacobian there, by Gauss-Newton steps; None where they do not converge.
+
+    Steps are taken across the direction ``across`` (speeds), so that they do not undo a step along it: where branches of motion cross,
+    shortest steps alone would lead back to the crossing.
+    """
+    rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]
+    best = np.inf
+    for _ in range(_ITERATIONS):
+        residual, jacobian = evaluate_closures(equations, q)
+        error = float(np.abs(residual).max(initial=0.0))
+        if error == 0.0 or best / 2 <= error < CLOSED:
+            return q, jacobian
+        if not np.isfinite(error):
+            return None
+        best = error
+        q = retract(equations, q, _step(np.concatenate([jacobian, rows]), np.concatenate([-residual, np.zeros(len(rows))])))
+    return None
+
+
+def _step(matrix: Array, right: Array) -> Array:
+    """The short x of small |matrix x - right|: (matrix^T matrix + damping) x = matrix^T right."""
+    gram = matrix.T @ matrix
+    damping = _DAMPING * gram.diagonal().max(initial=0.0) or 1.0
+    return np.asarray(np.linalg.solve(gram + damping * np.eye(len(gram)), matrix.T @ right), dtype=np.float64)
+
+
+def retract(equations: Equations, q: Array, delta: Array) -> Array:
+    """q (+) delta as in runtime/include/cutjoint/retraction.hpp: scalars add, a quaternion is turned by (1, theta/2)."""
+    result = q.copy()
+    for chart in equations.charts:
+        ball = chart.q + chart.scalars
+        result[chart.q : ball] += delta[chart.v : chart.v + chart.scalars]
+        if chart.ball:
+            x, y, z = delta[chart.v + chart.scalars : chart.v + chart.scalars + 3] / 2
+            turn = np.array([[1, -x, -y, -z], [x, 1, -z, y], [y, z, 1, -x], [z, -y, x, 1]])
+            e = turn @ q[ball : ball + 4]
+            result[ball : ball + 4] = e / np.linalg.norm(e)
+    return result

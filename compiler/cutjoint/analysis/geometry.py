@@ -1,0 +1,80 @@
+"""Joints as numbers in the design position: what a tree joint frees and what a cut joint holds, as twists about the world's origin."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy
+
+from cutjoint.analysis.closing import Array
+from cutjoint.formulate import closures
+from cutjoint.formulate.closures import derive_closure
+from cutjoint.formulate.inputs import inner_point
+from cutjoint.formulate.joints import QUATERNION, derive_joint
+from cutjoint.model.records import Joint, Model, Scalar
+from cutjoint.topology.elimination import degrees
+from cutjoint.topology.records import TreeJoint
+
+
+def evaluate(model: Model, expressions: Sequence[Scalar], values: Mapping[Scalar, Scalar] | None = None) -> Array:
+    """The values of expressions over parameters and, where given, further symbols."""
+    known = {p.symbol: sympy.Float(p.value) for p in model.parameters}
+    return np.array([float(sympy.sympify(e).xreplace(values or {}).xreplace(known)) for e in expressions])
+
+
+@dataclass(kw_only=True)
+class JointGeometry:
+    """Twists of joints, derived once for all joints that differ by their place alone."""
+
+    model: Model
+    _shapes: dict[Hashable, Array] = field(default_factory=dict)
+
+    def freed(self, t: TreeJoint) -> Array:
+        """The twists [v0; w] (6, k) of the outer body beside the inner one at unit speeds of the joint; none if it is guided."""
+        if degrees(t.joint) == 0:
+            return np.zeros((6, 0))
+        key = (t.reversed, *_shape(t.joint))
+        if key not in self._shapes:
+            kernel = derive_joint(t)
+            upright = {**dict.fromkeys((*kernel.q, *QUATERNION), sympy.Integer(0)), QUATERNION[0]: sympy.Integer(1)}
+            self._shapes[key] = evaluate(self.model, list(kernel.subspace), upright).reshape(6, -1)
+        twists = self._shapes[key]
+        centre = _skew(evaluate(self.model, inner_point(t.joint, t.reversed)))
+        return np.concatenate([twists[:3] + centre @ twists[3:], twists[3:]])
+
+    def held(self, cut: Joint) -> Array:
+        """The Jacobian (m, 6) of a cut joint's equations by the twist [v0; w] of its follower beside its base."""
+        key = ("cut", *_shape(cut))
+        if key not in self._shapes:
+            kernel = derive_closure(cut)
+            values = _at_the_joint(cut, kernel.base_directions, kernel.follower_directions)
+            self._shapes[key] = evaluate(self.model, list(kernel.jacobian), values).reshape(-1, 6)
+        rows = self._shapes[key]
+        centre = _skew(evaluate(self.model, cut.at))
+        return np.concatenate([rows[:, :3], rows[:, 3:] - rows[:, :3] @ centre], axis=1)
+
+
+def _shape(joint: Joint) -> tuple[Hashable, ...]:
+    """All of a joint's geometry but its place."""
+    return joint.kind, joint.axes, None if joint.to is None else _rod(joint), joint.pitch
+
+
+def _rod(joint: Joint) -> tuple[Scalar, ...]:
+    assert joint.to is not None
+    return tuple(b - a for a, b in zip(joint.at, joint.to, strict=True))
+
+
+def _at_the_joint(cut: Joint, base: Sequence[Sequence[Scalar]], follower: Sequence[Sequence[Scalar]]) -> dict[Scalar, Scalar]:
+    """The kernel's symbols in the design position, points from the joint's own."""
+    nowhere = (0, 0, 0)
+    points = [(closures.P, nowhere if cut.to is None else _rod(cut)), (closures.P0, nowhere)]
+    directions = [*zip(closures.B, base, strict=False), *zip(closures.F, follower, strict=False)]
+    return {symbol[i]: sympy.sympify(vector[i]) for symbol, vector in [*points, *directions] for i in range(3)}
+
+
+def _skew(p: Array) -> Array:
+    """p~ with p~ x = p x x."""
+    x, y, z = p
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

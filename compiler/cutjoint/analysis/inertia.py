@@ -1,0 +1,146 @@
+"""Motions that no mass resists: the condensation would divide by zero.
+
+The joints' unknowns are eliminated from M + Phi_v^T a Phi_v, which is positive definite unless some speeds move neither a mass nor a
+cut joint's equation.  A massless link between two spherical joints is the usual case: it is free to spin about its own axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutjoint.analysis.closing import Array, design_coordinates, evaluate_closures, evaluate_rates
+from cutjoint.analysis.geometry import evaluate
+from cutjoint.analysis.poses import TOLERANCE, explore
+from cutjoint.formulate.inputs import make_translator
+from cutjoint.formulate.kinematics import Kinematics, derive_kinematics, halves
+from cutjoint.formulate.records import Equations
+from cutjoint.model.records import Body, JointKind, Model
+from cutjoint.program.blocks import Block, Builder
+from cutjoint.topology.elimination import degrees
+from cutjoint.topology.records import TreeJoint
+
+#: A share of a motion below this is none.
+_PART = 1e-6
+
+
+class NoInertiaError(ValueError):
+    """Joints move in a way that no mass resists."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdleMotion:
+    """A motion without inertia: the tree joints that take part and the names of their speeds."""
+
+    joints: tuple[TreeJoint, ...]
+    speeds: tuple[str, ...]
+
+
+def require_inertia(equations: Equations) -> None:
+    """Refuse a mechanism that the condensation cannot solve.
+
+    Raises:
+        NoInertiaError: some motion moves no mass in any pose; one line for each.
+    """
+    found = find_idle_motions(equations)
+    if found:
+        raise NoInertiaError("\n".join(_describe(motion) for motion in found))
+
+
+def _describe(motion: IdleMotion) -> str:
+    joint = motion.joints[0].joint
+    bodies = ", ".join(f"'{t.child}'" for t in motion.joints)
+    return (
+        f"{joint.span}: joint '{joint.name}': nothing resists the motion of {'body' if len(motion.joints) == 1 else 'bodies'} {bodies} "
+        f"({', '.join(motion.speeds)}), so that its acceleration would be a division by zero; give it mass and inertia, or take a "
+        "joint that does not leave it free (a massless link between two spherical joints: make one of them universal)"
+    )
+
+
+def find_idle_motions(equations: Equations) -> tuple[IdleMotion, ...]:
+    """The motions that move no mass and no cut joint's equation, in the design position and in all poses near it."""
+    if _every_body_resists(equations):
+        return ()
+    effects = _effects(equations)
+    if not _null_space(equations, effects, design_coordinates(equations)).size:
+        return ()
+    spaces = [_null_space(equations, effects, pose.q) for pose in explore(equations)]
+    return _separate(equations, min(spaces, key=lambda n: n.shape[1]))
+
+
+# Bodies whose own mass resists their joint
+
+
+def _every_body_resists(equations: Equations) -> bool:
+    """Whether each body's own mass resists every motion in its joint: then so does the mechanism, and no pose need be looked at."""
+    topology = equations.topology
+    bodies = {b.name: b for b in topology.model.bodies}
+    return all(_resists(topology.model, bodies[t.child], t) for t in topology.tree)
+
+
+def _resists(model: Model, body: Body, t: TreeJoint) -> bool:
+    if degrees(t.joint) == 0:
+        return True
+    (mass,) = evaluate(model, [body.mass])
+    xx, yy, zz, xy, xz, yz = evaluate(model, body.inertia)
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if t.joint.kind is JointKind.PRISMATIC:
+        return bool(mass > 0)
+    if t.joint.kind is JointKind.REVOLUTE:
+        axis, arm = evaluate(model, t.joint.axes[0]), evaluate(model, body.centre_of_mass) - evaluate(model, t.joint.at)
+        return bool(axis @ inertia @ axis + mass * np.sum(np.cross(axis, arm) ** 2) > TOLERANCE * (np.trace(inertia) + mass * arm @ arm))
+    principal = np.linalg.eigvalsh(inertia)
+    return bool(mass > 0 and principal[0] > TOLERANCE * principal[-1])
+
+
+# Speeds that move nothing
+
+
+def _effects(equations: Equations) -> list[Block]:
+    """What the masses resist: each body's momentum and angular momentum about its centre of mass in its own axes."""
+    b, model = Builder(), equations.topology.model
+    charts = {c.joint: c for c in equations.charts}
+    k = derive_kinematics(b, make_translator(b, model, equations.scene), equations.topology, equations.scene, charts)
+    return [block for body in model.bodies for block in _momenta(k, body)]
+
+
+def _momenta(k: Kinematics, body: Body) -> Iterable[Block]:
+    b = k.builder
+    xx, yy, zz, xy, xz, yz = (k.translator.scalar(x) for x in body.inertia)
+    own = b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    _, w = halves(b, k.frames[body.name].Z)
+    yield b.scale(k.translator.scalar(body.mass), k.velocity(body.name, k.point(body.name, body.centre_of_mass)))
+    yield b.mul(own, b.mul(b.transpose(k.frames[body.name].R), w))
+
+
+def _null_space(equations: Equations, effects: Sequence[Block], q: Array) -> Array:
+    """The speeds that move no mass and no cut joint's equation, as orthonormal columns; each effect counts by its own measure."""
+    parts = [*evaluate_rates(equations, q, effects), evaluate_closures(equations, q)[1]]
+    scaled = [p / largest for p in parts if (largest := np.abs(p).max(initial=0.0)) > 0]
+    matrix = np.concatenate([np.zeros((equations.speeds, equations.speeds)), *scaled])
+    _, values, turned = np.linalg.svd(matrix, full_matrices=False)
+    space: Array = turned[values <= TOLERANCE * values.max(initial=0.0)].T
+    return space
+
+
+def _separate(equations: Equations, space: Array) -> tuple[IdleMotion, ...]:
+    """The independent motions of a null space: speeds that its projector connects move together."""
+    connected = np.abs(space @ space.T) > _PART
+    tree = {t.joint.name: t for t in equations.topology.tree}
+    owners = [c.joint for c in equations.charts for _ in c.speed_names]
+    motions, seen = [], np.zeros(len(owners), dtype=bool)
+    for i in np.flatnonzero(connected.diagonal()):
+        if seen[i]:
+            continue
+        group = connected[i]
+        while (wider := connected[group].any(axis=0)).sum() > group.sum():
+            group = wider
+        seen |= group
+        speeds = np.flatnonzero(group)
+        joints = dict.fromkeys(owners[n] for n in speeds)
+        motions.append(
+            IdleMotion(joints=tuple(tree[j] for j in joints), speeds=tuple(equations.speed_names[n] for n in speeds))
+        )  # fmt: skip
+    return tuple(motions)

@@ -1,0 +1,113 @@
+"""The shapes of bodies in a model file."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+from pydantic import Field, StrictBool, Tag, model_validator
+
+from cutjoint.model.values import Direction, Inertia, Number, Part, Point, Triple, shape_error, told_by
+
+MAX_SHAPES = 1000
+
+
+class Solid(Part):
+    """What shapes with a volume have; a hole takes its mass away."""
+
+    at: Point
+    density: Number | None = None
+    mass: Number | None = None
+    hole: StrictBool = False
+
+    @model_validator(mode="after")
+    def _density_or_mass(self) -> Solid:
+        if (self.density is None) == (self.mass is None):
+            raise shape_error("needs either density or mass")
+        return self
+
+
+class Box(Solid):
+    """A cuboid around ``at``: its lengths along its own x, y, z, two of which may be given."""
+
+    box: Triple
+    x: Direction | None = None
+    y: Direction | None = None
+    z: Direction | None = None
+
+
+class CylinderSize(Part):
+    """Radius and length of a cylinder."""
+
+    radius: Number
+    length: Number
+
+
+class Cylinder(Solid):
+    """A solid cylinder around ``at``."""
+
+    cylinder: CylinderSize
+    axis: Direction
+
+
+class Sphere(Solid):
+    """A solid sphere of a radius around ``at``."""
+
+    sphere: Number
+
+
+class RodEnds(Part):
+    """The two ends of a rod."""
+
+    from_: Point = Field(alias="from")
+    to: Point
+
+
+class Rod(Part):
+    """A slender rod."""
+
+    rod: RodEnds
+    mass: Number
+
+
+class PointMass(Part):
+    """A mass without extent."""
+
+    point: Point
+    mass: Number
+
+
+Shape: TypeAlias = Annotated[
+    Annotated[Box, Tag("<box>")]
+    | Annotated[Cylinder, Tag("<cylinder>")]
+    | Annotated[Sphere, Tag("<sphere>")]
+    | Annotated[Rod, Tag("<rod>")]
+    | Annotated[PointMass, Tag("<point>")],
+    told_by(
+        {key: f"<{key}>" for key in ("box", "cylinder", "sphere", "rod", "point")},
+        "needs one of box, cylinder, sphere, rod, point",
+    ),
+]
+
+
+class Body(Part):
+    """A rigid body, by its mass and inertia or by its shapes; the inertia is about ``about``, by default its centre of mass."""
+
+    mass: Number | None = None
+    centre_of_mass: Point | None = None
+    inertia: Inertia | None = None
+    about: Point | None = None
+    shapes: Annotated[tuple[Shape, ...], Field(min_length=1, max_length=MAX_SHAPES)] | None = None
+    massless: StrictBool = False
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Body:
+        given = {name for name in ("mass", "centre_of_mass", "inertia", "about") if getattr(self, name) is not None}
+        if self.shapes is not None and (given or self.massless):
+            raise shape_error("its shapes give mass, centre and inertia", f"remove {', '.join(sorted(given)) or 'massless'}")
+        if self.massless and given & {"mass", "inertia", "about"}:
+            raise shape_error("a massless body has no mass and no inertia", "remove them, or 'massless'")
+        if self.shapes is None and not self.massless and not {"mass", "centre_of_mass"} <= given:
+            raise shape_error("needs mass and centre_of_mass, or shapes", "add them, or write massless: true")
+        if "about" in given and "inertia" not in given:
+            raise shape_error("'about' belongs to an inertia", "add inertia, or remove about")
+        return self

@@ -1,0 +1,203 @@
+"""Mass, centre of mass and inertia of bodies: as given in any frame and about any point, or of their shapes.
+
+An inertia is a symmetric 3x3 SymPy matrix in global design axes; :func:`moments_problem` tells whether one can exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any, TypeAlias
+
+import numpy as np
+import sympy
+
+from cutjoint.model import body_parts, values
+from cutjoint.model.geometry import coincide, read_axes, read_direction, read_point
+from cutjoint.model.records import Scalar, Vector
+from cutjoint.model.scope import FAILED, Element
+from cutjoint.model.source import Path
+from cutjoint.model.units import INERTIA, LENGTH, MASS, Dimension
+
+Matrix: TypeAlias = Any
+Inertia: TypeAlias = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
+
+#: Relative error allowed in the conditions on inertia.
+TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Lump:
+    """A mass with its centre and the inertia about it, (3, 3)."""
+
+    mass: Scalar
+    centre: Vector
+    inertia: Matrix
+
+
+def read_mass(element: Element, body: body_parts.Body) -> tuple[Scalar, Vector, Inertia]:
+    """Mass, centre of mass, and inertia about it (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) in global axes."""
+    lump = _given(element, body) if body.shapes is None else _compound(element, body.shapes)
+    J = lump.inertia
+    return lump.mass, lump.centre, (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
+
+
+def moments_problem(inertia: Sequence[float]) -> str:
+    """Why no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; empty when one can or when it is not finite."""
+    xx, yy, zz, xy, xz, yz = inertia
+    matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if not np.isfinite(matrix).all():
+        return ""
+    moments = [float(moment) for moment in np.linalg.eigvalsh(matrix)]
+    bound = TOLERANCE * max(map(abs, moments))
+    shown = ", ".join(f"{moment:g}" for moment in moments)
+    if min(moments) < -bound:
+        return f"a principal moment of inertia is negative: {shown} kg m2"
+    if any(a > b + c + bound for a, b, c in permutations(moments)):
+        return f"a principal moment of inertia is larger than the sum of the other two: {shown} kg m2"
+    return ""
+
+
+def _given(element: Element, body: body_parts.Body) -> Lump:
+    zero = sympy.Integer(0)
+    centre: Vector = (zero, zero, zero)
+    if body.centre_of_mass is not None:
+        centre = read_point(element, body.centre_of_mass, ("centre_of_mass",))
+    mass = zero if body.mass is None else element.scalar(body.mass, MASS, ("mass",))
+    inertia = _inertia(element, body.inertia)
+    if body.about is not None:
+        inertia = _moved(element, inertia, mass, _way(read_point(element, body.about, ("about",)), centre))
+    return Lump(mass, centre, inertia)
+
+
+def _moved(element: Element, inertia: Matrix, mass: Scalar, way: Matrix) -> Matrix:
+    """An inertia about a point taken to the centre of mass, ``way`` from there, by the parallel-axis theorem."""
+    own = inertia - _steiner(mass, way)
+    problem = moments_problem([element.value(own[ij]) for ij in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
+    if not problem:
+        return own
+    element.fail(f"no body has this inertia about this point; about its centre of mass {problem}", "check about and mass", ("about",))
+    return _scaled(FAILED, sympy.ones(3, 3))
+
+
+def _way(start: Vector, end: Vector) -> Matrix:
+    return sympy.Matrix([b - a for a, b in zip(start, end, strict=True)])
+
+
+def _steiner(mass: Scalar, way: Matrix) -> Matrix:
+    """The inertia of a point mass at the end of a way: m (d.d 1 - d d^T)."""
+    return _scaled(mass, _scaled(way.dot(way), sympy.eye(3)) - way * way.T)
+
+
+def _scaled(factor: Scalar, matrix: Matrix) -> Matrix:
+    """A multiple of a matrix; SymPy's own product would lose the matrix where the factor has failed."""
+    return matrix.applyfunc(lambda entry: factor * entry)
+
+
+def _inertia(element: Element, inertia: Any) -> Matrix:
+    """The inertia matrix as the file gives it, in global axes."""
+    if inertia is None:
+        return sympy.zeros(3, 3)
+    if isinstance(inertia, values.Principal):
+        moments = element.triple(inertia.principal, INERTIA, ("inertia", "principal"))
+        return _turned(read_axes(element, inertia, ("inertia",)), sympy.diag(*moments))
+    if isinstance(inertia, values.FramedMatrix):
+        matrix = _symmetric(element, inertia.matrix, ("inertia", "matrix"))
+        return _turned(read_axes(element, inertia, ("inertia",)), matrix)
+    return _symmetric(element, inertia, ("inertia",))
+
+
+def _symmetric(element: Element, numbers: tuple[Any, ...], keys: Path) -> Matrix:
+    entries = [element.scalar(value, INERTIA, (*keys, index)) for index, value in enumerate(numbers)]
+    xx, yy, zz, xy, xz, yz = [*entries, 0, 0, 0][:6]
+    return sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _turned(axes: tuple[Vector, Vector, Vector], matrix: Matrix) -> Matrix:
+    """A matrix given along three directions, in global axes."""
+    turn = sympy.Matrix([list(axis) for axis in axes]).T
+    return turn * matrix * turn.T
+
+
+# Shapes
+
+
+def _compound(element: Element, shapes: tuple[body_parts.Shape, ...]) -> Lump:
+    """The body that shapes make together."""
+    lumps = [_lump(element, shape, ("shapes", index)) for index, shape in enumerate(shapes)]
+    mass = sum((lump.mass for lump in lumps), sympy.Integer(0))
+    if element.value(mass) <= 0:
+        element.fail(f"the shapes have no mass: {element.value(mass):g} kg together", "", ("shapes",))
+        mass = FAILED
+    x, y, z = (sum((lump.mass * lump.centre[i] for lump in lumps), sympy.Integer(0)) / mass for i in range(3))
+    inertia = sympy.zeros(3, 3)
+    for lump in lumps:
+        inertia += lump.inertia + _steiner(lump.mass, _way((x, y, z), lump.centre))
+    return Lump(mass, (x, y, z), inertia)
+
+
+def _lump(element: Element, shape: body_parts.Shape, keys: Path) -> Lump:
+    match shape:
+        case body_parts.PointMass():
+            mass = _positive(element, shape.mass, MASS, (*keys, "mass"))
+            return Lump(mass, read_point(element, shape.point, (*keys, "point")), sympy.zeros(3, 3))
+        case body_parts.Rod():
+            return _rod(element, shape, keys)
+        case body_parts.Box():
+            return _box(element, shape, keys)
+        case body_parts.Cylinder():
+            return _cylinder(element, shape, keys)
+        case body_parts.Sphere():
+            r = _positive(element, shape.sphere, LENGTH, (*keys, "sphere"))
+            mass = _solid_mass(element, shape, sympy.Rational(4, 3) * sympy.pi * r**3, keys)
+            centre = read_point(element, shape.at, (*keys, "at"))
+            return Lump(mass, centre, _scaled(sympy.Rational(2, 5) * mass * r**2, sympy.eye(3)))
+
+
+def _rod(element: Element, shape: body_parts.Rod, keys: Path) -> Lump:
+    start = read_point(element, shape.rod.from_, (*keys, "rod", "from"))
+    end = read_point(element, shape.rod.to, (*keys, "rod", "to"))
+    if coincide(element, start, end):
+        element.fail("from and to are the same point", "a rod has two ends", (*keys, "rod", "to"))
+    mass = _positive(element, shape.mass, MASS, (*keys, "mass"))
+    x, y, z = ((a + b) / 2 for a, b in zip(start, end, strict=True))
+    return Lump(mass, (x, y, z), _steiner(mass / 12, _way(start, end)))
+
+
+def _box(element: Element, shape: body_parts.Box, keys: Path) -> Lump:
+    a, b, c = (_positive(element, side, LENGTH, (*keys, "box", index)) for index, side in enumerate(shape.box))
+    mass = _solid_mass(element, shape, a * b * c, keys)
+    own = _scaled(mass / 12, sympy.diag(b**2 + c**2, a**2 + c**2, a**2 + b**2))
+    if shape.x is not None or shape.y is not None or shape.z is not None:
+        own = _turned(read_axes(element, shape, keys), own)
+    return Lump(mass, read_point(element, shape.at, (*keys, "at")), own)
+
+
+def _cylinder(element: Element, shape: body_parts.Cylinder, keys: Path) -> Lump:
+    r, length = (_positive(element, getattr(shape.cylinder, n), LENGTH, (*keys, "cylinder", n)) for n in ("radius", "length"))
+    mass = _solid_mass(element, shape, sympy.pi * r**2 * length, keys)
+    axis = sympy.Matrix(read_direction(element, shape.axis, (*keys, "axis")))
+    along, across = mass * r**2 / 2, mass * (3 * r**2 + length**2) / 12
+    inertia = _scaled(across, sympy.eye(3)) + _scaled(along - across, axis * axis.T)
+    return Lump(mass, read_point(element, shape.at, (*keys, "at")), inertia)
+
+
+def _solid_mass(element: Element, shape: body_parts.Solid, volume: Scalar, keys: Path) -> Scalar:
+    """The mass of a shape with a volume, negative of a hole."""
+    if shape.mass is not None:
+        mass = _positive(element, shape.mass, MASS, (*keys, "mass"))
+    else:
+        assert shape.density is not None
+        mass = _positive(element, shape.density, MASS / LENGTH**3, (*keys, "density")) * volume
+    return -mass if shape.hole else mass
+
+
+def _positive(element: Element, value: Any, dimension: Dimension, keys: Path) -> Scalar:
+    expression = element.scalar(value, dimension, keys)
+    if element.value(expression) <= 0:
+        what = next(key for key in reversed(keys) if isinstance(key, str))
+        hint = "write hole: true for what is missing" if what in ("mass", "density") else ""
+        element.fail(f"shapes: {what} must be greater than zero", hint, keys)
+        return FAILED
+    return expression

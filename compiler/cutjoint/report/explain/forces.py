@@ -1,0 +1,45 @@
+"""Every force's law, its partial derivatives, and how it acts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.records import Equations
+from cutjoint.model.records import Force
+from cutjoint.report.explain.groups import Counterparts, group
+from cutjoint.report.explain.latex import variants
+from cutjoint.report.explain.manners import Manner, describe
+from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
+
+
+def explain_forces(equations: Equations, counterparts: Sequence[Counterparts]) -> Chapter:
+    """The forces that act in the scene; those that are switched off are named."""
+    model, scene = equations.topology.model, equations.scene
+    forces = {f.name: f for f in model.forces if is_active(f, scene)}
+    manners = {name: describe(f, model) for name, f in forces.items()}
+    groups = group(list(forces), counterparts, lambda name: manners[name].kind, lambda name: manners[name].laws)
+    entries = [_entry([forces[n] for n in names], [manners[n] for n in names]) for names in groups]
+    off = [f for f in model.forces if f.name not in forces]
+    if off:
+        rows = make_table(("force", "line"), ((code(f.name), f.span.place) for f in off))
+        entries.append(Entry(title="Switched off", notes=("Not in this scene's equations.",), formulas=(), table=rows))
+    notes = () if model.forces else ("None but gravity.",)
+    return Chapter(title="Forces", notes=notes, formulas=(), entries=tuple(entries))
+
+
+def _entry(forces: Sequence[Force], manners: Sequence[Manner]) -> Entry:
+    first = manners[0]
+    shared = [item for item in first.constants if all(item in m.constants for m in manners)]
+    own = [[item for item in m.constants if item not in shared] for m in manners]
+    notes = [f"Constants: {', '.join(f'{name} = {value}' for name, value in shared)}."] if shared else []
+    headings = ("force", "line", *(name for name, _ in (*first.places, *own[0])))
+    rows = [
+        (code(f.name), f.span.place, *(cell for _, cell in (*m.places, *numbers)))
+        for f, m, numbers in zip(forces, manners, own, strict=True)
+    ]  # fmt: skip
+    names = [f.name for f in forces]
+    return Entry(
+        title=f"{first.title}: {with_others(names)}", notes=(*first.notes, *notes),
+        formulas=(*first.actions, *variants(names, [m.laws for m in manners])), table=make_table(headings, rows),
+    )  # fmt: skip

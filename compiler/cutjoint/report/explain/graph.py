@@ -1,0 +1,134 @@
+"""The body graph in words: counts, spanning tree, cut joints, loops, classes, order of elimination."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cutjoint.analysis.mobility import find_mobility
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.records import Equations
+from cutjoint.model.records import GROUND, SPEEDS, Binding, Joint, JointKind
+from cutjoint.program.blocks import BindingTime
+from cutjoint.program.records import Program
+from cutjoint.program.scalars import FREE
+from cutjoint.report.explain.groups import Counterparts
+from cutjoint.report.explain.views import Entry, Table, code, make_table, plural
+from cutjoint.topology.elimination import eliminate
+from cutjoint.topology.records import SubtreeClass, Topology, TreeJoint
+
+#: The formulas of cutjoint.formulate.recursion.
+_ELIMINATION = (
+    r"D = b^T M_i b, \quad y_p = b^T (M_i + C_{ip}), \quad y_j = b^T C_{ij}, \quad e = D^{-1} b^T (Q_i - M_i d)",
+    r"\begin{aligned} M_p &\leftarrow M_p + M_i + C_{ip} + C_{pi} - y_p^T D^{-1} y_p"
+    r" \cr Q_p &\leftarrow Q_p + Q_i - M_i d - C_{pi} d - y_p^T e \cr C_{pj} &\leftarrow C_{pj} + C_{ij} - y_p^T D^{-1} y_j"
+    r" \cr Q_j &\leftarrow Q_j - C_{ji} d - y_j^T e \cr C_{jk} &\leftarrow C_{jk} - y_j^T D^{-1} y_k \end{aligned}",
+    r"\ddot z_i = e - D^{-1} \Big( y_p \ddot Z_p + \sum\nolimits_{j} y_j \ddot Z_j \Big), \quad \ddot Z_i = \ddot Z_p + b \ddot z_i + d",
+)
+
+_NOTES = (
+    r"$Z = (v_0, \omega)$ holds the velocity of a body's point at the pole and its angular velocity, in global axes. The pole is the first "
+    "joint's point of a branch on the ground, or the origin of a free root body. $M$ and $Q$ are a body's mass matrix and force there, "
+    "$C$ the couplings that cut joints bring.",
+    "Body $i$ with parent $p$, coupled to bodies $j$ and $k$, gives up its unknowns $z$, leaves first; the last line then runs from the "
+    "ground outwards (eqs. 28-42). The operations are those of this step alone.",
+)
+
+
+def summarise(equations: Equations, program: Program) -> Table:
+    """The counts."""
+    topology, mobility = equations.topology, find_mobility(equations)
+    model = topology.model
+    active = sum(1 for f in model.forces if is_active(f, equations.scene))
+    bindings = ", ".join(f"{sum(1 for p in model.parameters if p.binding is b)} {b.value}" for b in Binding)
+    widest = max((loop.width for loop in topology.loops), default=0)
+    return make_table(("what", "count"), [
+        ("bodies", f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.mass == 0)} of them massless"),
+        ("joints", f"{len(topology.tree)} in the tree ({sum(1 for t in topology.tree if t.joint.guide is not None)} guided), "
+                   f"{len(topology.cuts)} cut"),
+        ("loops", f"{len(topology.loops)}, widest couples {plural(widest, 'body', 'bodies')}"),
+        ("forces", f"{active} act, {len(model.forces) - active} switched off"),
+        ("parameters", bindings),
+        ("coordinates", f"{equations.coordinates}, quaternions with four each"),
+        ("speeds", str(equations.speeds)),
+        ("cut-joint equations", f"{mobility.equations}, rank {mobility.rank}"),
+        ("degrees of freedom", str(mobility.degrees_of_freedom)),
+        *((f"operations of `{f.name}`", str(program.operations(f.name))) for f in program.functions),
+        ("operations when parameters are loaded", _early(program, program.loaded, BindingTime.PARAM)),
+        ("operations when a step begins", _early(program, program.stepped, BindingTime.STEP)),
+    ])  # fmt: skip
+
+
+def _early(program: Program, nodes: Sequence[int], binding: BindingTime) -> str:
+    operations = sum(1 for n in nodes if program.graph.nodes[n].op not in FREE)
+    kept = sum(1 for n in program.kept if program.graph.nodes[n].binding is binding)
+    return f"{operations}, {plural(kept, 'scalar')} kept"
+
+
+def tree_lines(topology: Topology) -> tuple[str, ...]:
+    """The spanning tree as a nested list."""
+    depth = {GROUND: 0}
+    massless = {b.name for b in topology.model.bodies if b.mass == 0}
+    lines = [f"- {code(GROUND)}"]
+    for t in topology.tree:
+        depth[t.child] = depth[t.parent] + 1
+        facts = [t.joint.kind.value, unknowns_of(t), *(["reversed"] if t.reversed else [])]
+        tail = ", massless" if t.child in massless else ""
+        lines.append(f"{'  ' * depth[t.child]}- {code(t.child)} by {code(t.joint.name)} ({', '.join(facts)}){tail}")
+    return tuple(lines)
+
+
+def unknowns_of(t: TreeJoint) -> str:
+    """How many speeds a joint leaves unknown."""
+    return "guided" if t.joint.guide is not None else plural(len(SPEEDS[t.joint.kind]), "unknown")
+
+
+def cut_table(equations: Equations) -> Table:
+    """One row a cut joint."""
+    rows = [
+        (code(c.name), c.span.place, c.kind.value, _cut_by(c), code(c.base), code(c.follower), str(len(closure.names)))
+        for c, closure in zip(equations.topology.cuts, equations.closures, strict=True)
+    ]  # fmt: skip
+    return make_table(("cut joint", "line", "kind", "cut by", "base", "follower", "equations"), rows)
+
+
+def _cut_by(joint: Joint) -> str:
+    return "the model" if joint.cut else "the compiler"
+
+
+def loop_table(topology: Topology) -> Table:
+    """One row a loop."""
+    rows = [(code(x.cut), code(x.base), code(x.bodies), str(x.width)) for x in topology.loops]
+    return make_table(("loop of", "closes at", "bodies below it, base side first", "width"), rows)
+
+
+def class_entries(classes: Sequence[SubtreeClass], counterparts: Sequence[Sequence[Counterparts]]) -> tuple[Entry, ...]:
+    """One entry a class of isomorphic subtrees, its members side by side."""
+    return tuple(_class_entry(c, rows) for c, rows in zip(classes, counterparts, strict=True))
+
+
+def _class_entry(members: SubtreeClass, rows: Sequence[Counterparts]) -> Entry:
+    n = len(members.roots)
+    cells = ([code(name) for name in row] + [""] * (n - len(row)) for row in rows)
+    title = f"{n} isomorphic subtrees of {plural(members.size, 'body', 'bodies')}"
+    return Entry(title=title, notes=(), formulas=(), table=make_table([f"of {code(r)}" for r in members.roots], cells))
+
+
+def elimination(topology: Topology, operations: dict[tuple[str, str], int]) -> Entry:
+    """The order of elimination; ``operations`` by stage and element."""
+    coupled = eliminate(topology.tree, topology.cuts)
+    steps = [
+        (str(i), code(t.child), code(t.joint.name), _speeds(t), code(x for x in topology.order if x in coupled[t.child]),
+         code(t.parent), str(operations.get(("condensation", t.joint.name), 0)))
+        for i, t in enumerate(reversed(topology.tree), 1)
+    ]  # fmt: skip
+    total = sum(n for (stage, _), n in operations.items() if stage == "condensation")
+    headings = ("step", "body", "joint", "unknowns", "coupled to", "passed on to", "operations")
+    table = make_table(headings, [*steps, ("", "**sum**", "", "", "", "", f"**{total}**")])
+    return Entry(title="Order of elimination", notes=_NOTES, formulas=_ELIMINATION, table=table)
+
+
+def _speeds(t: TreeJoint) -> str:
+    if t.joint.guide is not None:
+        return "none: guided"
+    about = " about its centre" if t.joint.kind is JointKind.SPHERICAL else ""
+    return (code(SPEEDS[t.joint.kind]) or "none: fixed") + about

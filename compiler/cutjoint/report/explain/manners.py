@@ -1,0 +1,168 @@
+"""How each kind of force acts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import sympy
+
+from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, JointForce, Model, PointSpring, Tyre
+from cutjoint.report.explain import tyre
+from cutjoint.report.explain.latex import equations as print_equations
+from cutjoint.report.explain.latex import place, text
+from cutjoint.report.explain.laws import RATE, differentiate, expand_polynomials, explain_law, law_symbols
+from cutjoint.report.explain.views import code
+
+Cells = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manner:
+    """A force as the explanation shows it.
+
+    ``actions`` are formulas of what it does, ``laws`` those with its numbers; ``places`` and ``constants`` are pairs of a heading
+    and a cell, the constants those that forces of a kind may share.
+    """
+
+    title: str
+    notes: tuple[str, ...]
+    actions: tuple[str, ...]
+    laws: tuple[str, ...]
+    places: Cells
+    constants: Cells
+
+    @property
+    def kind(self) -> tuple[str, ...]:
+        """What forces that are explained together have in common."""
+        return self.title, *self.notes, *self.actions
+
+
+def describe(force: Force, model: Model) -> Manner:
+    """A force's manner."""
+    return MANNERS[type(force)](force, model)
+
+
+def _on_both(sign: str, force: str, moment: str) -> str:
+    """A wrench on the follower, the opposite one on the base."""
+    other = "+" if sign == "-" else "-"
+    wrench = rf"\begin{{bmatrix}} {force} \cr {moment} \end{{bmatrix}}"
+    return rf"Q_f \leftarrow Q_f {sign} {wrench}, \quad Q_b \leftarrow Q_b {other} {wrench}"
+
+
+def _pair(force: PointSpring | AxialForce | Bushing) -> Cells:
+    return ("base", code(force.base)), ("follower", code(force.follower))
+
+
+def _spring(force: PointSpring, model: Model) -> Manner:
+    return Manner(
+        title="Point spring",
+        notes=("$F$ is the tension between the start $p_s$, fixed in the base, and the end $p_e$, fixed in the follower.",),
+        actions=(
+            r"\ell = \lVert p_e - p_s \rVert, \quad n = (p_e - p_s) / \ell, \quad \dot \ell = n \cdot (v_e - v_s)",
+            _on_both("-", "F n", r"p_e \times F n"),
+        ),
+        laws=explain_law("F", force.law, "length", r"\ell", model),
+        places=(*_pair(force), ("start", place(force.start, model)), ("end", place(force.end, model))), constants=(),
+    )  # fmt: skip
+
+
+def _axial(force: AxialForce, model: Model) -> Manner:
+    return Manner(
+        title="Axial force",
+        notes=("$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$; both "
+               "velocities are of the bodies at $p$.",),
+        actions=(r"s = a \cdot (p - p_o), \quad \dot s = a \cdot (v_f - v_b)", _on_both("+", "F a", r"p \times F a")),
+        laws=explain_law("F", force.law, "travel", "s", model),
+        places=(*_pair(force), ("origin", place(force.origin, model)), ("point", place(force.point, model)),
+                ("axis", place(force.axis, model))),
+        constants=(),
+    )  # fmt: skip
+
+
+def _joint(force: JointForce, model: Model) -> Manner:
+    return Manner(
+        title="Joint force",
+        notes=("$F$ joins the generalised force of the coordinate $z$ where the joint is eliminated; a guided joint moves as it is "
+               "told.",),
+        actions=(r"D e = b^T (Q_i - M_i d) + F",), laws=explain_law("F", force.law, "position", "z", model),
+        places=(("joint", code(force.joint)), ("coordinate $z$", code(force.coordinate))), constants=(),
+    )  # fmt: skip
+
+
+def _bushing(force: Bushing, model: Model) -> Manner:
+    return Manner(
+        title="Bushing",
+        notes=("$E$ holds the axes $e_k$ carried by the base, $G$ the axes $g_k$ carried by the follower; $d$ are the displacements along "
+               r"and $\theta$ the small rotations about the former, both velocities are of the bodies at the follower's point $p$.",),
+        actions=(
+            r"S = E^T G, \quad d = E^T (p - p_b), \quad \theta = E^T \sum\nolimits_{k} e_k \times g_k / 2, \quad"
+            r" T = (\text{tr} S \cdot \mathbf{1} - S) / 2",
+            r"\dot d = E^T (v_f - v_b), \quad \dot \theta = T E^T (\omega_f - \omega_b)",
+            _on_both("+", "E F", r"p \times E F + E T^T M"),
+        ),
+        laws=_six_laws(force, model),
+        places=(*_pair(force), ("point", place(force.point, model)), ("axes", "; ".join(place(a, model) for a in force.axes))),
+        constants=(),
+    )  # fmt: skip
+
+
+def _six_laws(force: Bushing, model: Model) -> tuple[str, ...]:
+    """The laws of a bushing, each over one displacement or rotation, and the diagonals of their Jacobians."""
+    position = sympy.Symbol("position", real=True)
+    names = [f"{letter}_{{{axis}}}" for letter in ("d", r"\theta") for axis in "xyz"]
+    mine = [(sympy.Symbol(f"position_{i}", real=True), sympy.Symbol(f"rate_{i}", real=True)) for i in range(6)]
+    symbols = law_symbols(model)
+    for (x, rate), name in zip(mine, names, strict=True):
+        symbols |= {x: name, rate: rf"\dot {name}"}
+    laws = [expand_polynomials(law).subs({position: x, RATE: r}) for law, (x, r) in zip(force.laws, mine, strict=True)]
+    formulas: list[str] = []
+    for letter, place_of, part in (("F", "d", slice(0, 3)), ("M", r"\theta", slice(3, 6))):
+        pairs = list(zip(laws[part], mine[part], strict=True))
+        formulas += print_equations([
+            (letter, sympy.Matrix([law for law, _ in pairs])),
+            (rf"\partial {letter} / \partial {place_of}", sympy.diag(*(differentiate(law, x) for law, (x, _) in pairs))),
+            (rf"\partial {letter} / \partial \dot {place_of}", sympy.diag(*(differentiate(law, r) for law, (_, r) in pairs))),
+        ], symbols)  # fmt: skip
+    return tuple(formulas)
+
+
+_PLACE, _SPEED = (sympy.symbols(names, real=True) for names in ("x y z", "vx vy vz"))
+
+
+def _load(force: BodyLoad, model: Model) -> Manner:
+    axes = "the body's axes" if force.axes == "body" else "global axes"
+    at_point = f"A force at the body's point $p$, in {axes}; $r$ is that point's place, $v$ its velocity."
+    notes = [f"A torque in {axes}." if force.point is None else at_point]
+    if force.moving_only:
+        notes.append("Absent while the equilibrium is sought.")
+    turned = "R F" if force.axes == "body" else "F"
+    wrench = rf"0 \cr {turned}" if force.point is None else rf"{turned} \cr p \times {turned}"
+    point = (("point", place(force.point, model)),) if force.point is not None else ()
+    return Manner(
+        title="Torque" if force.point is None else "Load", notes=tuple(notes),
+        actions=(rf"Q \leftarrow Q + \begin{{bmatrix}} {wrench} \end{{bmatrix}}",), laws=_components(force, model),
+        places=(("body", code(force.body)), *point), constants=(),
+    )  # fmt: skip
+
+
+def _components(load: BodyLoad, model: Model) -> tuple[str, ...]:
+    """The components and those of their Jacobians by place and velocity that are not zero."""
+    symbols = law_symbols(model) | dict(zip(_SPEED, (f"v_{{{axis}}}" for axis in "xyz"), strict=True))
+    F = sympy.Matrix(load.components)
+    jacobians = ((r"\partial F / \partial r", F.jacobian(_PLACE)), (r"\partial F / \partial v", F.jacobian(_SPEED)))
+    return print_equations([("F", F), *((name, J) for name, J in jacobians if not J.is_zero_matrix)], symbols)
+
+
+def _tyre(force: Tyre, model: Model) -> Manner:
+    letters = {"stiffness": "stiffness k", "radius": "radius R"}
+    return Manner(
+        title="Tyre", notes=tyre.NOTES, actions=(*tyre.CONTACT, *tyre.explain_calspan(), tyre.ACTION), laws=(),
+        places=(("body", code(force.body)), ("centre", place(force.centre, model)), ("axis", place(force.axis, model))),
+        constants=tuple((letters.get(name, name), text(value, model)) for name, value in force.constants.items()),
+    )  # fmt: skip
+
+
+MANNERS: Mapping[type[Force], Callable[..., Manner]] = {
+    PointSpring: _spring, AxialForce: _axial, Bushing: _bushing, BodyLoad: _load, JointForce: _joint, Tyre: _tyre,
+}  # fmt: skip

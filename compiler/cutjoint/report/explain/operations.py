@@ -1,0 +1,105 @@
+"""What the equations cost: operations by element and stage, and the price of every parameter that stays open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from cutjoint.formulate.records import Equations
+from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.model.records import Binding, Model, Parameter, Scene
+from cutjoint.program.records import Program
+from cutjoint.program.schedule import schedule
+from cutjoint.report.explain.latex import number
+from cutjoint.report.explain.views import Table, code, make_table
+from cutjoint.topology.records import Topology
+
+#: The sweeps of an evaluation, in their order.
+_STAGES = ("inputs", "kinematics", "body", "force", "closure", "condensation", "accelerations", "multipliers")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """The price of an open parameter: operations an evaluation more than with its value folded in, and the scalars that depend on it
+    which the loaded stage keeps for later."""
+
+    parameter: Parameter
+    operations: int
+    kept: int
+
+
+def derive(topology: Topology, scene: Scene) -> tuple[Equations, Program]:
+    """The equations of a scene, and their program."""
+    equations = formulate_recursive(topology, scene, scene.outputs)
+    return equations, schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
+
+
+def count_operations(program: Program) -> dict[tuple[str, str], int]:
+    """The operations of ``evaluate`` by stage and element."""
+    counts: dict[tuple[str, str], int] = {}
+    for section, operations in program.operations_by_section("evaluate").items():
+        key = (section.stage, section.element)
+        counts[key] = counts.get(key, 0) + operations
+    return counts
+
+
+def operations_table(topology: Topology, counts: Mapping[tuple[str, str], int]) -> Table:
+    """One row an element, one column a stage."""
+    joints = (*(t.joint for t in topology.tree), *topology.cuts)
+    known = {stage for stage, _ in counts}
+    stages = [*(s for s in _STAGES if s in known), *sorted(known - set(_STAGES))]
+    lines = {e.name: e.span.place for e in (*topology.model.bodies, *joints, *topology.model.forces)}
+    elements = [name for name in ("", *lines) if any((stage, name) in counts for stage in stages)]
+    rows = [
+        (code(name) if name else "inputs", lines.get(name, ""), *_cells([counts.get((stage, name), 0) for stage in stages]))
+        for name in elements
+    ]  # fmt: skip
+    sums = _cells([sum(n for (stage, _), n in counts.items() if stage == s) for s in stages])
+    return make_table(("element", "line", *stages, "sum"), [*rows, ("**sum**", "", *(f"**{cell}**" for cell in sums))])
+
+
+def _cells(counts: list[int]) -> tuple[str, ...]:
+    return tuple(str(n) if n else "" for n in (*counts, sum(counts)))
+
+
+def parameter_costs(equations: Equations, program: Program) -> tuple[Cost, ...]:
+    """The price of each parameter with binding ``param``, the others staying open."""
+    costs = []
+    for i, parameter in enumerate(equations.parameters):
+        dependent = _dependent(program, i)
+        operations = _saved(equations, program, parameter) if dependent else 0
+        costs.append(Cost(parameter=parameter, operations=operations, kept=len(dependent & program.kept)))
+    return tuple(costs)
+
+
+def _saved(equations: Equations, program: Program, parameter: Parameter) -> int:
+    """The operations of ``evaluate`` that folding in the parameter's value saves."""
+    model = _close(equations.topology.model, parameter)
+    _, closed = derive(replace(equations.topology, model=model), equations.scene)
+    return program.operations("evaluate") - closed.operations("evaluate")
+
+
+def _close(model: Model, parameter: Parameter) -> Model:
+    """The model with the parameter's value folded in."""
+    closed = replace(parameter, binding=Binding.CONST)
+    return replace(model, parameters=tuple(closed if p is parameter else p for p in model.parameters))
+
+
+def _dependent(program: Program, index: int) -> set[int]:
+    """The scalars of the loaded stage that depend on a parameter; none if no function needs it."""
+    dependent: set[int] = set()
+    for n in program.loaded:
+        node = program.graph.nodes[n]
+        if node.data == ("parameters", index) or dependent.intersection(node.args):
+            dependent.add(n)
+    return dependent
+
+
+def cost_table(costs: tuple[Cost, ...]) -> Table:
+    """One row a parameter."""
+    rows = [
+        (code(c.parameter.name), c.parameter.span.place, number(c.parameter.value, times="e{}"), c.parameter.unit,
+         f"{c.operations:+d}" if c.operations else "0", str(c.kept))
+        for c in costs
+    ]  # fmt: skip
+    return make_table(("parameter", "line", "value", "unit", "operations of `evaluate`", "scalars kept when loaded"), rows)

@@ -1,0 +1,96 @@
+"""Predicted operations of one evaluation, from the body graph alone.
+
+What a joint's kinematics and a cut joint's equations take is a table by kind: the means counted in the programs of random
+mechanisms.  What the condensation takes is counted from its formulas (formulate/recursion.py) with dense blocks.  Forces are left out:
+they cost the same whatever is cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from cutjoint.model.records import GROUND, Joint, JointKind, Model
+from cutjoint.topology.elimination import degrees
+from cutjoint.topology.records import TreeJoint
+
+K = JointKind
+
+#: Pose, velocity and motion subspace of the outer body: next to the ground, and on a body that moves.
+PLACING: Mapping[JointKind, tuple[int, int]] = {
+    K.FIXED: (0, 14), K.REVOLUTE: (20, 115), K.PRISMATIC: (2, 65), K.CYLINDRICAL: (30, 160), K.SCREW: (25, 195),
+    K.UNIVERSAL: (115, 270), K.PLANAR: (60, 240), K.SPHERICAL: (26, 125), K.POINT_ON_LINE: (80, 280),
+    K.DISTANCE: (890, 1190), K.FREE: (38, 265),
+}  # fmt: skip
+
+#: Residual, Jacobian, penalty mass and force, correction of the multipliers: to the ground, in one branch, between two branches.
+CLOSING: Mapping[JointKind, tuple[int, int, int]] = {
+    K.FIXED: (330, 575, 650), K.REVOLUTE: (200, 325, 390), K.PRISMATIC: (565, 800, 930), K.CYLINDRICAL: (410, 510, 595),
+    K.SCREW: (590, 960, 1050), K.UNIVERSAL: (240, 305, 395), K.PLANAR: (355, 335, 470), K.SPHERICAL: (115, 190, 280),
+    K.POINT_ON_LINE: (225, 390, 525), K.DISTANCE: (180, 250, 400),
+}  # fmt: skip
+
+#: Mass matrix, weight and inertia force of a body.
+BODY = 170
+
+
+def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint], coupled: Mapping[str, frozenset[str]]) -> int:
+    """Operations of one evaluation but for the forces; ``coupled`` is what ``eliminate`` found."""
+    still = _reached(tree, [t for t in tree if degrees(t.joint) == 0])
+    upright = _reached(tree, [t for t in tree if t.joint.kind in (K.FIXED, K.PRISMATIC)])
+    moving = [t for t in tree if t.child not in still]
+    turning = {t.child for t in moving} - upright
+    return (
+        BODY * len({b.name for b in model.bodies if b.mass != 0} & turning)
+        + sum(PLACING[t.joint.kind][t.parent in turning] for t in moving)
+        + sum(_condensation(t, coupled[t.child] - still, t.parent not in still) for t in moving)
+        + _closing(tree, cuts, still)
+    )
+
+
+def _reached(tree: Sequence[TreeJoint], joints: Sequence[TreeJoint]) -> set[str]:
+    """The ground and the bodies that these joints alone connect to it."""
+    reached, names = {GROUND}, {t.joint.name for t in joints}
+    for t in tree:
+        if t.parent in reached and t.joint.name in names:
+            reached.add(t.child)
+    return reached
+
+
+def _closing(tree: Sequence[TreeJoint], cuts: Sequence[Joint], still: set[str]) -> int:
+    root = {GROUND: GROUND}
+    for t in tree:
+        root[t.child] = t.child if t.parent == GROUND else root[t.parent]
+    total = 0
+    for cut in cuts:
+        moving = {cut.base, cut.follower} - still
+        if moving:
+            total += CLOSING[cut.kind][0 if len(moving) == 1 else 1 + (root[cut.base] != root[cut.follower])]
+    return total
+
+
+def _condensation(t: TreeJoint, others: frozenset[str], inner: bool) -> int:
+    """Operations of eliminating a body and of its way back; ``others`` it is coupled to, ``inner`` when its parent moves."""
+    k, s = degrees(t.joint), len(others)
+    passed_on = (27 + 36 * s) * inner
+    if k == 0:
+        return passed_on
+    is_ball = t.joint.kind is K.SPHERICAL
+    linked = len(others | {t.parent}) if inner and not is_ball else s
+    factor = k**3 // 3 + k + 6 * k * (k - 1) * linked
+    updates = 60 * k * linked + 36 * k * linked * (linked - 1)
+    drift = 66 * (1 + s) * inner
+    way_back = 12 * k * (linked + 1)
+    return (_ball(s, inner) if is_ball else _projection(t, s, inner)) + factor + drift + updates + passed_on + way_back
+
+
+def _ball(s: int, inner: bool) -> int:
+    """A ball about its centre: inertia there, moments of s couplings, and what goes on to a parent that moves."""
+    return 40 + 120 * inner + (70 + 90 * inner) * s
+
+
+def _projection(t: TreeJoint, s: int, inner: bool) -> int:
+    """b^T M b and b^T C of s couplings, by the rows of b that are not nought."""
+    if t.joint.kind is K.FREE and not inner:
+        return 0
+    k, width = degrees(t.joint), 5 if t.joint.kind is K.PRISMATIC or not inner else 11
+    return width * (6 * k * (1 + s) + k * (k + 1) // 2)

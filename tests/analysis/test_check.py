@@ -1,0 +1,49 @@
+"""What ``check`` says of redundant equations and of the choice of cut joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from tests.analysis.test_inertia import spherical_tie_rods
+from tests.conftest import MODELS
+from tests.mechanisms.overconstrained import IN_LINE, parallel_cranks_text
+
+
+def check(path: Path, status: int = 0) -> str:
+    result = CliRunner().invoke(main, ["check", str(path)])
+    assert result.exit_code == status, result.output
+    return " ".join(result.output.split())
+
+
+def test_iltis() -> None:
+    said = check(MODELS / "iltis.yaml")
+    assert "design position rank 32 as in 4 other poses of the motion, condition 31.5" in said
+    assert "front_left.leaf_hinge iltis.yaml:66 axis_x (or one of in every pose axis_y, axis_z)" in said
+    assert "choice of the cut joints width operations redundant condition" in said
+    assert "given by the model: 393 operations more than at front_left.leaf_ball" in said
+    assert said.count(" or rear_right.") == 6
+
+
+def test_a_singular_design_position(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(parallel_cranks_text(2, IN_LINE))
+    said = check(path)
+    assert "singular for a moment: rank 1, but 2 in 4 other poses of the motion" in said
+    assert "m.yaml:13 x in the design position only" in said
+
+
+def test_a_tree_has_no_loops_to_speak_of(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(parallel_cranks_text(1))
+    said = check(path)
+    assert "redundant" not in said
+    assert "choice" not in said
+
+
+def test_a_motion_without_inertia_is_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(spherical_tie_rods())
+    assert "nothing resists the motion of body 'rear_left.tie_rod'" in check(path, status=1)

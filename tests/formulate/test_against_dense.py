@@ -1,0 +1,231 @@
+"""The recursive formulation against the dense oracle: accelerations, corrections, residuals and their rates.
+
+Both solve the same penalty system, so that what they may differ by is rounding times its condition (the oracle's
+differences lose 1e-13 of a velocity over their step of 1e-3 s); residual and rate need no solution and agree to rounding.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+
+from cutjoint.model.read import read_model
+from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Scene, Tyre
+from cutjoint.topology.build import build_topology
+from tests.mechanisms import random_models
+from tests.mechanisms.random_models import CLOSINGS, CUT_KINDS, TIME, TREE_KINDS, K, scene, stop, variable, workshop
+from tests.oracles.dense import Array, DenseMechanism, Instant, Numerics, Solution
+from tests.oracles.evaluation import BlockMechanism, both
+from tests.oracles.tyre import Flat
+
+MODELS = Path(__file__).parents[2] / "models"
+SCENE = scene({"drive": 0.1 + sympy.sin(2 * TIME) / 5})
+PARAMETERS = {"size": 1.3}
+SOFT = Numerics(penalty=1e3, damping_ratio=0.7, frequency=5.0)
+EPS = float(np.finfo(float).eps)
+
+
+class Slope(Flat):
+    """A road that rises by one in twenty."""
+
+    def height(self, x: float, y: float) -> float:
+        return 0.01 + x / 20 + 0.002 * np.sign(y)
+
+    def slope(self, x: float, y: float) -> float:
+        return 1 / 20
+
+
+def relative_error(value: Array, reference: Array, floor: float) -> float:
+    """The largest difference over the largest reference value, at least ``floor``."""
+    return float(np.max(np.abs(value - reference), initial=0.0) / max(np.max(np.abs(reference), initial=0.0), floor))
+
+
+def assert_agree(found: Solution, expected: Solution, numerics: Numerics) -> None:
+    """Agreement to rounding; accelerations and corrections to that times the system's condition."""
+    solved = 1e-11 + 50 * EPS * expected.condition
+    assert relative_error(found.residual, expected.residual, 0.1) < 1e-12
+    assert relative_error(found.rate, expected.rate, 0.1) < 1e-12
+    assert relative_error(found.vdot, expected.vdot, 1.0) < solved
+    assert relative_error(found.correction, expected.correction, 0.1 * numerics.penalty) < solved
+
+
+def compare(model: Model, seed: int, motion: float = 1.0) -> None:
+    """A random model at a random state with random multipliers."""
+    blocks, dense = both(build_topology(model), SCENE, parameters=PARAMETERS)
+    rng = np.random.default_rng(seed)
+    q, v = random_models.state(dense.layout, dense.nq, dense.nv, rng)
+    at, multipliers = Instant(q=q, v=v, t=0.37, motion=motion), 10 * rng.standard_normal(dense.m)
+    assert_agree(blocks.solve(at, multipliers, SOFT), dense.solve(at, multipliers, SOFT), SOFT)
+
+
+# Random models
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("direction", ["normal", "reversed"])
+@pytest.mark.parametrize("kind", TREE_KINDS)
+def test_tree_joint(kind: JointKind, direction: str, seed: int) -> None:
+    model = random_models.tree_with(kind, direction == "reversed", seed)
+    tried = [t for t in build_topology(model).tree if t.joint.kind is kind and t.reversed == (direction == "reversed")]
+    assert {t.parent == GROUND for t in tried} == {True, False}
+    compare(model, seed)
+
+
+@pytest.mark.parametrize("closing", CLOSINGS)
+@pytest.mark.parametrize("kind", CUT_KINDS)
+def test_cut_joint(kind: JointKind, closing: str) -> None:
+    seed = CLOSINGS.index(closing) + CUT_KINDS.index(kind)
+    model = random_models.loop_with(kind, closing, seed)
+    assert build_topology(model).cuts[-1].kind is kind
+    compare(model, seed)
+
+
+@pytest.mark.parametrize("order", ["base_inside", "base_outside"])
+@pytest.mark.parametrize("kind", CUT_KINDS)
+def test_cut_joint_to_ground(kind: JointKind, order: str) -> None:
+    model = random_models.loop_with(kind, "ground", 10 + (order == "base_outside"))
+    (cut,) = build_topology(model).cuts
+    assert (cut.base if order == "base_outside" else cut.follower) == GROUND
+    compare(model, 0)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_tree(seed: int) -> None:
+    compare(random_models.random_tree(seed), seed)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_coupled_loops(seed: int) -> None:
+    compare(random_models.random_loops(seed), seed)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_cuts_chosen_by_the_compiler(seed: int) -> None:
+    model = random_models.chosen_loops(seed)
+    assert all(j.cut is None for j in model.joints)
+    compare(model, seed)
+
+
+@pytest.mark.parametrize("kind", random_models.GUIDABLE)
+def test_guided_joint(kind: JointKind) -> None:
+    w = workshop(0, f"guided {kind}")
+    w.grow(w.guided(w.guided(w.grow(GROUND), kind), kind))
+    w.load_all()
+    compare(w.model(), 0)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in TREE_KINDS if COORDINATES[kind]])
+def test_force_on_every_coordinate(kind: JointKind) -> None:
+    """Of a joint at the ground, and of one on a body that is seen from its follower."""
+    w = workshop(0, f"forces on {kind}")
+    w.grow(w.grow(GROUND, kind, is_reversed=False), kind, is_reversed=True)
+    for joint in w.joints:
+        for n, coordinate in enumerate(COORDINATES[kind]):
+            law = stop(variable("position"), variable("rate"), 30) + 3 + n
+            name = f"force_{len(w.forces)}"
+            force = JointForce(name=name, joint=joint.name, coordinate=coordinate, law=law, active=True, span=random_models.NOWHERE)
+            w.forces.append(force)
+    compare(w.model(), 0)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_held_at_rest(seed: int) -> None:
+    """Guides stand where they are when ``motion`` is nought."""
+    model = random_models.random_loops(seed)
+    assert any(j.guide is not None for j in model.joints)
+    compare(model, seed, motion=0.0)
+
+
+# Tyres
+
+CALSPAN = {"A0": 2625, "A1": 14.47, "A2": 12930, "A3": 2.29, "A4": 18175, "B1": -4.64e-5, "B3": 1.216, "B4": 2.18e-11, "SN": 1.0274,
+           "AF1": -1.71e-5, "AF2": 1.71e-5}  # fmt: skip
+WHEELS = {  # deflection m, forward m/s, sideways m/s, yaw rad, camber rad
+    "rolling": (0.008, 5.0, 0.1, 0.0, 0.02),
+    "turned": (0.008, 4.0, -0.2, 2.0, -0.1),
+    "sliding": (0.004, 5.0, 3.0, 0.5, 0.05),
+    "overloaded": (0.040, 8.0, 0.3, -0.4, 0.1),
+    "beyond_friction": (0.080, 8.0, -6.0, 0.3, 0.0),
+    "standing": (0.008, 0.0, 0.1, 0.3, 0.1),
+    "backwards": (0.008, -5.0, 0.1, 0.3, 0.1),
+    "lifted": (-0.010, 5.0, 0.1, 0.3, 0.1),
+}
+
+
+@pytest.mark.parametrize("road", ["flat", "slope"])
+@pytest.mark.parametrize("wheel", WHEELS)
+def test_tyre(wheel: str, road: str) -> None:
+    deflection, forward, sideways, yaw, camber = WHEELS[wheel]
+    w = workshop(0, "tyre")
+    w.grow(GROUND, K.FREE, is_reversed=False)
+    constants = {name: sympy.Float(value) for name, value in {**CALSPAN, "stiffness": 460000, "radius": 0.364}.items()}
+    tyre = Tyre(
+        name="tyre", body="body_0", centre=w.bodies[0].centre_of_mass, axis=(sympy.Integer(0), sympy.Integer(1), sympy.Integer(0)),
+        constants=constants, active=True, span=random_models.NOWHERE,
+    )  # fmt: skip
+    w.forces.append(tyre)
+    surface = Slope() if road == "slope" else Flat()
+    blocks, dense = both(build_topology(w.model()), SCENE, parameters=PARAMETERS, roads={"tyre": surface})
+    q = np.array([0.0, 0.0, 0.0, np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+    q = dense.retract(q, np.array([0.3, -0.2, 0, camber * np.cos(yaw), camber * np.sin(yaw), 0]))
+    R, p = dense.poses(q, 0.0)["body_0"]
+    centre = p + R @ dense.vector(tyre.centre)
+    q[2] += surface.height(centre[0], centre[1]) + 0.364 - deflection - centre[2]
+    c, s = np.cos(yaw), np.sin(yaw)
+    v = np.array([forward * c - sideways * s, forward * s + sideways * c, 0.1, 0.3, -0.2, 0.1])
+    joint = w.joints[0]
+    v[:3] -= np.cross(v[3:], R @ (dense.vector(tyre.centre) - dense.vector(joint.at)))
+    at = Instant(q=q, v=v)
+    none = np.zeros(0)
+    assert_agree(blocks.solve(at, none, SOFT), dense.solve(at, none, SOFT), SOFT)
+
+
+# Models of the repository
+
+
+def in_scene(file: str, name: str) -> tuple[BlockMechanism, DenseMechanism, Scene]:
+    model = read_model(MODELS / file)
+    topology, chosen = build_topology(model), model.scenes[name]
+    roads = {f.name: Slope() for f in model.forces if isinstance(f, Tyre)}
+    return *both(topology, chosen, roads=roads), chosen
+
+
+def near_design(dense: DenseMechanism, rng: np.random.Generator, size: float) -> Array:
+    """Coordinates near those of the design position."""
+    q = np.zeros(dense.nq)
+    for x in dense.layout.values():
+        if x.ball:
+            q[x.q + x.scalars] = 1.0
+    return dense.retract(q, size * rng.standard_normal(dense.nv))
+
+
+@pytest.mark.parametrize("penalty", [1e4, 1e9])
+@pytest.mark.parametrize("name", ["simul1s", "iavsd_sine_2mm"])
+def test_iltis(name: str, penalty: float) -> None:
+    blocks, dense, _ = in_scene("iltis.yaml", name)
+    numerics, rng = Numerics(penalty=penalty, damping_ratio=1.0, frequency=10.0), np.random.default_rng(1)
+    for height in (-0.15, 0.0, 0.2):  # bumpers met, design position, wheels lifted
+        q = near_design(dense, rng, 0.03)
+        q[2] += height
+        v = 0.3 * rng.standard_normal(dense.nv)
+        v[0] += 5.0
+        at, multipliers = Instant(q=q, v=v, t=0.3), 1e3 * rng.standard_normal(dense.m)
+        assert_agree(blocks.solve(at, multipliers, numerics), dense.solve(at, multipliers, numerics), numerics)
+
+
+def test_iltis_has_the_size_of_the_paper() -> None:
+    blocks, _, _ = in_scene("iltis.yaml", "simul1s")
+    assert (blocks.equations.speeds, len(blocks.equations.equation_names)) == (42, 36)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_four_bar(seed: int) -> None:
+    blocks, dense, chosen = in_scene("four_bar.yaml", "swing")
+    numerics = Numerics(penalty=chosen.numerics.penalty, damping_ratio=1.0, frequency=10.0)
+    rng = np.random.default_rng(seed)
+    at = Instant(q=rng.standard_normal(dense.nq), v=rng.standard_normal(dense.nv))
+    multipliers = 10 * rng.standard_normal(dense.m)
+    assert_agree(blocks.solve(at, multipliers, numerics), dense.solve(at, multipliers, numerics), numerics)

@@ -1,0 +1,30 @@
+"""Planar linkages in space whose loops have more equations than they need."""
+
+from __future__ import annotations
+
+_HEAD = """cutjoint: 1
+name: {name}
+gravity: [0, -9.81, 0]
+bodies:
+"""
+_BODY = "  {name}: {{mass: 1, centre_of_mass: [{x}, {y}, 0], inertia: [0.1, 0.1, 0.1]}}\n"
+_PIN = "  {name}: {{kind: revolute, bodies: [{base}, {follower}], at: [{x}, {y}, 0], axis: [0, 0, 1]{cut}}}\n"
+
+#: Where the cranks end, from their ground pins: upright, or so that all pins are in line.
+UPRIGHT, IN_LINE = (0.0, 1.0), (1.5, 0.0)
+
+
+def parallel_cranks_text(cranks: int, crank: tuple[float, float] = UPRIGHT, *, cut: str = ", cut: true") -> str:
+    """A rigid coupler on parallel cranks of one length that stand one metre apart.
+
+    Two cranks guide the coupler; every further one brings two equations in the plane, of which one says nothing new.
+    """
+    dx, dy = crank
+    bodies = "".join(_BODY.format(name=f"crank_{i}", x=i + dx / 2, y=dy / 2) for i in range(cranks))
+    bodies += _BODY.format(name="coupler", x=dx + (cranks - 1) / 2, y=dy)
+    pins = "".join(_PIN.format(name=f"pin_{i}", base="ground", follower=f"crank_{i}", x=i, y=0, cut="") for i in range(cranks))
+    pins += "".join(
+        _PIN.format(name=f"closure_{i}", base="coupler", follower=f"crank_{i}", x=i + dx, y=dy, cut=cut if i else "")
+        for i in range(cranks)
+    )
+    return f"{_HEAD.format(name='parallel_cranks')}{bodies}\njoints:\n{pins}"

@@ -1,0 +1,465 @@
+"""A dense twin of the mechanics: body poses from coordinates, everything else by numerical differentiation.
+
+Shared with the compiler are the records and the meaning of coordinates and residuals, nothing else.  A twist is the derivative
+of a pose, found by a complex step (exact to rounding); an acceleration is the derivative of a velocity along the path of constant
+speeds, by central differences of eighth order.  Forces enter by the virtual power of the lengths that they work on.
+The equations of motion with penalty cut joints (Cuadrado et al. 2000, eqs. 39-42) are assembled and solved densely::
+
+    (M + Phi_v^T a Phi_v) vdot = Q - bias - Phi_v^T (lambda + a s)        s = Phidd_0 + 2 xi w Phid + w^2 Phi
+    correction = a (Phi_v vdot + s)
+
+Arrays of poses carry leading batch axes: R (..., 3, 3), p (..., 3) with x = p + R X for a point X of the design position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import sympy
+
+from cutjoint.model.records import (
+    COORDINATES,
+    GROUND,
+    AxialForce,
+    Binding,
+    Body,
+    BodyLoad,
+    Bushing,
+    Joint,
+    JointForce,
+    JointKind,
+    PointSpring,
+    Scene,
+    Tyre,
+)
+from cutjoint.topology.records import Topology, TreeJoint
+from tests.oracles.joints import BALLS, ROWS, SCALARS, VECTORS, apply, quaternion_product, relative_motion, residual, vector_of
+from tests.oracles.tyre import Flat, tyre_contact
+
+#: Imaginary step of the complex-step derivative: its square is lost against one.
+TINY = 1e-30
+#: Step in time of the central differences, s, and their weights at 1, 2, 3, 4 steps.
+STEP = 0.001
+WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+
+TIME = sympy.Symbol("t", real=True)
+Array = np.ndarray
+Poses = Mapping[str, tuple[Array, Array]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """Where a joint's unknowns stand: ``q``, ``v`` their first elements, ``scalars`` coordinates, then a quaternion if ``ball``."""
+
+    q: int
+    v: int
+    scalars: int
+    ball: bool
+
+    @property
+    def q_slice(self) -> slice:
+        """The joint's part of q."""
+        return slice(self.q, self.q + self.scalars + 4 * self.ball)
+
+    @property
+    def v_slice(self) -> slice:
+        """The joint's part of v."""
+        return slice(self.v, self.v + self.scalars + 3 * self.ball)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """Penalty a, damping ratio xi and frequency w (1/s) of the cut joints."""
+
+    penalty: float
+    damping_ratio: float
+    frequency: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instant:
+    """Where the mechanism is: coordinates, speeds, time; ``motion`` 0 stops the guides at their place, and drives."""
+
+    q: Array
+    v: Array
+    t: float = 0.0
+    motion: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """The bodies at an instant, by name: R, p, their columns by v (``R_v`` (nv, 3, 3), ``p_v`` (nv, 3)), rates, rates of rates."""
+
+    R: Mapping[str, Array]
+    p: Mapping[str, Array]
+    R_v: Mapping[str, Array]
+    p_v: Mapping[str, Array]
+    R_t: Mapping[str, Array]
+    p_t: Mapping[str, Array]
+    R_tt: Mapping[str, Array]
+    p_tt: Mapping[str, Array]
+
+    def spin(self, body: str) -> tuple[Array, Array, Array]:
+        """Jacobian (3, nv) of the angular velocity, the angular velocity, and its rate without accelerations."""
+        R = self.R[body]
+        columns = np.array([vector_of(R_k @ R.T) for R_k in self.R_v[body]]).reshape(-1, 3).T
+        w = vector_of(self.R_t[body] @ R.T)
+        return columns, w, vector_of(self.R_tt[body] @ R.T)
+
+    def point(self, body: str, X: Array) -> tuple[Array, Array, Array, Array]:
+        """A body's point given in the design position: place, Jacobian (3, nv), velocity, acceleration without accelerations."""
+        columns = (self.p_v[body] + self.R_v[body] @ X).T
+        place, velocity = self.p[body] + self.R[body] @ X, self.p_t[body] + self.R_t[body] @ X
+        return place, columns, velocity, self.p_tt[body] + self.R_tt[body] @ X
+
+
+@dataclass(frozen=True, kw_only=True)
+class Closures:
+    """All cut joints at an instant: Phi, Phi_v, Phid, and Phidd without accelerations, seen from each cut joint's base."""
+
+    residual: Array
+    jacobian: Array
+    rate: Array
+    drift: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """What the generated functions compute, in the order of v and of the cut joints' equations.
+
+    ``condition`` is that of the system solved, scaled to a unit diagonal: what either solution may lose.
+    """
+
+    vdot: Array
+    correction: Array
+    residual: Array
+    rate: Array
+    condition: float
+
+
+class DenseMechanism:
+    """A model on its spanning tree in a scene; ``parameters`` override values by name, ``roads`` are the tyres' roads by name."""
+
+    def __init__(
+        self, topology: Topology, scene: Scene, parameters: Mapping[str, float] | None = None,
+        roads: Mapping[str, Flat] | None = None,
+    ) -> None:  # fmt: skip
+        self.topology, self.scene, self.model = topology, scene, topology.model
+        self.roads = roads or {}
+        given = parameters or {}
+        self._values: dict[sympy.Symbol, object] = {
+            p.symbol: given.get(p.name, p.value) for p in self.model.parameters if p.binding is not Binding.INPUT
+        }
+        for p in self.model.parameters:
+            if p.binding is Binding.INPUT:
+                self._values[p.symbol] = sympy.sympify(scene.inputs.get(p.name, p.value)).subs(self._values)
+        self._functions: dict[tuple[object, tuple[object, ...]], Callable[..., float]] = {}
+        self.layout = _layout(topology)
+        self.nq = sum(x.scalars + 4 * x.ball for x in self.layout.values())
+        self.nv = sum(x.scalars + 3 * x.ball for x in self.layout.values())
+        self.equations: dict[str, slice] = {}
+        first = 0
+        for cut in topology.cuts:
+            self.equations[cut.name] = slice(first, first + ROWS[cut.kind])
+            first += ROWS[cut.kind]
+        self.m = first
+
+    # Numbers and functions of the model
+
+    def number(self, expression: object) -> float:
+        """The value of an expression over parameters."""
+        return float(sympy.sympify(expression).subs(self._values))
+
+    def vector(self, expressions: tuple[object, ...]) -> Array:
+        """The values of a design vector."""
+        return np.array([self.number(e) for e in expressions])
+
+    def law(self, expression: object, variables: str, values: tuple[float, ...], t: float) -> float:
+        """The value of a law at its variables and time."""
+        return self._function(expression, variables)(*values, t)
+
+    def _function(self, expression: object, variables: str, modules: str = "math") -> Callable[..., float]:
+        symbols = (*(sympy.Symbol(n, real=True) for n in variables.split()), TIME)
+        key = (expression, symbols, modules)
+        if key not in self._functions:
+            inserted = plain_cases(sympy.sympify(expression).subs(self._values))
+            self._functions[key] = sympy.lambdify(symbols, inserted, modules=modules)
+        return self._functions[key]
+
+    @cached_property
+    def geometry(self) -> dict[str, tuple[Array, tuple[Array, ...], Array | None, float]]:
+        """Point, axes, second point and pitch of every joint, as numbers."""
+        return {
+            j.name: (
+                self.vector(j.at), tuple(self.vector(a) for a in j.axes),
+                None if j.to is None else self.vector(j.to), 0.0 if j.pitch is None else self.number(j.pitch),
+            )
+            for j in self.model.joints
+        }  # fmt: skip
+
+    # Positions
+
+    def retract(self, q: Array, delta: Array) -> Array:
+        """q (+) delta, batched: scalars add, a quaternion is turned by the Cayley map of a rotation vector in inner axes."""
+        shape = np.broadcast_shapes(q.shape[:-1], delta.shape[:-1])
+        result = np.empty((*shape, self.nq), dtype=np.result_type(q, delta))
+        for x in self.layout.values():
+            result[..., x.q : x.q + x.scalars] = q[..., x.q : x.q + x.scalars] + delta[..., x.v : x.v + x.scalars]
+            if x.ball:
+                half = delta[..., x.v_slice][..., x.scalars :] / 2
+                old = q[..., x.q_slice][..., x.scalars :]
+                turned = quaternion_product(np.concatenate([np.ones((*half.shape[:-1], 1)), half], axis=-1), old)
+                length = np.sqrt((turned * turned).sum(axis=-1, keepdims=True))
+                result[..., x.q_slice][..., x.scalars :] = turned / length
+        return result
+
+    def poses(self, q: Array, t: Array | float) -> Poses:
+        """R and p of every body and of the ground, batched over q and t."""
+        shape = q.shape[:-1]
+        poses = {GROUND: (np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))}
+        for tree_joint in self.topology.tree:
+            at, axes, to, pitch = self.geometry[tree_joint.joint.name]
+            inner, outer = (at, at) if to is None else (at, to)
+            if tree_joint.reversed:
+                inner, outer = outer, inner
+            turn, shift = relative_motion(
+                tree_joint.joint.kind, tree_joint.reversed, axes, outer - inner, pitch, self._coordinates(tree_joint, q, t)
+            )
+            R, p = poses[tree_joint.parent]
+            place = p + apply(R, inner + shift)
+            R = R @ turn
+            poses[tree_joint.child] = (R, place - apply(R, outer))
+        return poses
+
+    def _coordinates(self, tree_joint: TreeJoint, q: Array, t: Array | float) -> Array:
+        joint = tree_joint.joint
+        if joint.guide is not None:
+            values = (self._function(guide, "", "numpy")(t) for guide in joint.guide)
+            return np.stack([np.broadcast_to(value, q.shape[:-1]) for value in values], axis=-1)
+        return q[..., self.layout[joint.name].q_slice] if joint.name in self.layout else q[..., :0]
+
+    # Motion
+
+    def along_coordinates(self, at: Instant) -> tuple[Array, float]:
+        """Coordinates with an imaginary step along each speed in turn."""
+        return self.retract(at.q, 1j * TINY * np.eye(self.nv)), at.t
+
+    def along_path(self, at: Instant) -> tuple[Array, Array]:
+        """Coordinates and times at the differences' nodes on the path of constant speeds, with an imaginary step in time."""
+        nodes = STEP * np.array([0, 1, -1, 2, -2, 3, -3, 4, -4]) + 1j * TINY
+        return self.retract(at.q, nodes[:, np.newaxis] * at.v), at.t + at.motion * nodes
+
+    def motion(self, at: Instant) -> Motion:
+        """Poses of all bodies with their derivatives."""
+        here = self.poses(at.q, at.t)
+        columns = self.poses(*self.along_coordinates(at))
+        path = self.poses(*self.along_path(at))
+        rates = {b: (R.imag / TINY, p.imag / TINY) for b, (R, p) in path.items()}
+        return Motion(
+            R={b: R for b, (R, p) in here.items()}, p={b: p for b, (R, p) in here.items()},
+            R_v={b: R.imag / TINY for b, (R, p) in columns.items()}, p_v={b: p.imag / TINY for b, (R, p) in columns.items()},
+            R_t={b: R[0] for b, (R, p) in rates.items()}, p_t={b: p[0] for b, (R, p) in rates.items()},
+            R_tt={b: difference(R) for b, (R, p) in rates.items()}, p_tt={b: difference(p) for b, (R, p) in rates.items()},
+        )  # fmt: skip
+
+    # Mass, inertia forces, applied forces
+
+    def inertia(self, motion: Motion) -> tuple[Array, Array]:
+        """The mass matrix (nv, nv), and the inertia forces without accelerations less the weight (nv)."""
+        M, bias = np.zeros((self.nv, self.nv)), np.zeros(self.nv)
+        gravity = self.vector(self.model.gravity)
+        for body in self.model.bodies:
+            mass, centre, own = self.inertia_of(body)
+            _, J, _, a = motion.point(body.name, centre)
+            W, w, wd = motion.spin(body.name)
+            inertia = motion.R[body.name] @ own @ motion.R[body.name].T
+            M += mass * J.T @ J + W.T @ inertia @ W
+            bias += mass * J.T @ (a - gravity) + W.T @ (inertia @ wd + np.cross(w, inertia @ w))
+        return M, bias
+
+    def inertia_of(self, body: Body) -> tuple[float, Array, Array]:
+        """Mass, centre of mass in the design position, inertia matrix about it."""
+        xx, yy, zz, xy, xz, yz = self.vector(body.inertia)
+        return self.number(body.mass), self.vector(body.centre_of_mass), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def applied(self, at: Instant, motion: Motion) -> Array:
+        """The generalised forces of all elements that the scene has switched on, (nv)."""
+        Q = np.zeros(self.nv)
+        for force in self.model.forces:
+            if not self.scene.switches.get(force.name, force.active):
+                continue
+            if isinstance(force, PointSpring | AxialForce):
+                Q += self._pair(force, at)
+            elif isinstance(force, Bushing):
+                Q += self._bushing(force, at)
+            elif isinstance(force, BodyLoad):
+                Q += self._load(force, at, motion)
+            elif isinstance(force, JointForce):
+                Q += self._joint_force(force, at)
+            else:
+                Q += self._tyre(force, motion)
+        return Q
+
+    def _joint_force(self, force: JointForce, at: Instant) -> Array:
+        """A force on one coordinate, which alone is its virtual displacement."""
+        Q, i = np.zeros(self.nv), self.coordinate(force)
+        if force.joint in self.layout:
+            x = self.layout[force.joint]
+            Q[x.v + i] = self.law(force.law, "position rate", (at.q[x.q + i], at.v[x.v + i]), at.t)
+        return Q
+
+    def coordinate(self, force: JointForce) -> int:
+        """The place of a joint force's coordinate among those of its joint."""
+        kind = next(j.kind for j in self.model.joints if j.name == force.joint)
+        return COORDINATES[kind].index(force.coordinate)
+
+    def _pair(self, force: PointSpring | AxialForce, at: Instant) -> Array:
+        """A force between two bodies: its virtual power is that of its length (tension) or of its travel (push)."""
+        along = self.length if isinstance(force, PointSpring) else self.travel
+        here = along(force, self.poses(at.q, at.t))
+        by_v = along(force, self.poses(*self.along_coordinates(at))).imag / TINY
+        q, t = self.along_path(at)
+        rate = along(force, self.poses(q[0], t[0])).imag / TINY
+        if isinstance(force, PointSpring):
+            return -self.law(force.law, "length rate", (float(here), float(rate)), at.t) * by_v
+        return self.law(force.law, "travel rate", (float(here), float(rate)), at.t) * by_v
+
+    def _bushing(self, force: Bushing, at: Instant) -> Array:
+        """The virtual power of the six laws on their displacements and rotations."""
+        columns = self.bushing_place(force, self.poses(*self.along_coordinates(at))).imag / TINY
+        return self.bushing_laws(force, at) @ columns.T
+
+    def bushing_laws(self, force: Bushing, at: Instant) -> Array:
+        """The values of a bushing's six laws."""
+        here, rate = self.bushing_place(force, self.poses(at.q, at.t)), self.bushing_rate(force, at)
+        laws = zip(force.laws, here, rate, strict=True)
+        return np.array([self.law(law, "position rate", (float(x), float(v)), at.t) for law, x, v in laws])
+
+    def bushing_rate(self, force: Bushing, at: Instant) -> Array:
+        """The rates of a bushing's displacements and rotations."""
+        q, t = self.along_path(at)
+        return self.bushing_place(force, self.poses(q[0], t[0])).imag / TINY
+
+    def bushing_place(self, force: Bushing, poses: Poses, turn: Array | None = None) -> Array:
+        """Displacement and sine-like rotation of a bushing in its axes, batched (..., 6); ``turn`` rotates the follower on."""
+        axes = np.column_stack([self.vector(axis) for axis in force.axes])
+        E, G = poses[force.base][0] @ axes, poses[force.follower][0] @ axes
+        way = self._place(poses, force.follower, force.point) - self._place(poses, force.base, force.point)
+        G = G if turn is None else turn @ G
+        twist = sum(np.cross(E[..., :, k], G[..., :, k]) for k in range(3)) / 2
+        back = np.swapaxes(E, -1, -2)
+        return np.concatenate([apply(back, way), apply(back, twist)], axis=-1)
+
+    def length(self, force: PointSpring, poses: Poses) -> Array:
+        """The length of a spring, batched."""
+        way = self._place(poses, force.follower, force.end) - self._place(poses, force.base, force.start)
+        return np.sqrt((way * way).sum(axis=-1))
+
+    def travel(self, force: AxialForce, poses: Poses) -> Array:
+        """The travel of an axial force, batched."""
+        way = self._place(poses, force.follower, force.point) - self._place(poses, force.base, force.origin)
+        return (apply(poses[force.base][0], self.vector(force.axis)) * way).sum(axis=-1)
+
+    def _place(self, poses: Poses, body: str, point: tuple[object, ...]) -> Array:
+        R, p = poses[body]
+        return p + apply(R, self.vector(point))
+
+    def _load(self, force: BodyLoad, at: Instant, motion: Motion) -> Array:
+        R = motion.R[force.body]
+        x, J, v, _ = motion.point(force.body, self.vector(force.point or (0, 0, 0)))
+        v = R.T @ v if force.axes == "body" else v
+        w = R.T @ motion.spin(force.body)[1] if force.axes == "body" else motion.spin(force.body)[1]
+        components = np.array([self.law(c, "x y z vx vy vz wx wy wz", (*x, *v, *w), at.t) for c in force.components])
+        components *= at.motion if force.moving_only else 1
+        vector = R @ components if force.axes == "body" else components
+        return vector @ (J if force.point is not None else motion.spin(force.body)[0])
+
+    def _tyre(self, tyre: Tyre, motion: Motion) -> Array:
+        """The virtual power of the road's force at the contact point, and of the aligning moment."""
+        c = {name: self.number(value) for name, value in tyre.constants.items()}
+        centre = self.vector(tyre.centre)
+        place, _, velocity, _ = motion.point(tyre.body, centre)
+        axis = motion.R[tyre.body] @ self.vector(tyre.axis)
+        contact, force, moment = tyre_contact(c, place, velocity, axis, self.roads.get(tyre.name, Flat()))
+        R, p = motion.R[tyre.body], motion.p[tyre.body]
+        _, J, _, _ = motion.point(tyre.body, R.T @ (contact - p))
+        return force @ J + moment @ motion.spin(tyre.body)[0]
+
+    # Closures
+
+    def closures(self, at: Instant) -> Closures:
+        """The cut joints' residuals and their derivatives."""
+        here = self._residuals(self.poses(at.q, at.t))
+        by_v = self._residuals(self.poses(*self.along_coordinates(at))).imag / TINY
+        rates = self._residuals(self.poses(*self.along_path(at))).imag / TINY
+        turn = self.base_turn(at)
+        return Closures(residual=turn @ here, jacobian=turn @ by_v.T, rate=turn @ rates[0], drift=turn @ difference(rates))
+
+    def _residuals(self, poses: Poses) -> Array:
+        """The residuals (..., m); vectors in the axes of the cut joint's base."""
+        parts = [self._residual(cut, poses) for cut in self.topology.cuts]
+        shape = poses[GROUND][1].shape[:-1]
+        return np.concatenate(parts, axis=-1) if parts else np.zeros((*shape, 0))
+
+    def _residual(self, cut: Joint, poses: Poses) -> Array:
+        at, axes, to, pitch = self.geometry[cut.name]
+        (R_b, p_b), (R_f, p_f) = poses[cut.base], poses[cut.follower]
+        turn = np.swapaxes(R_b, -1, -2) @ R_f
+        gap = apply(np.swapaxes(R_b, -1, -2), p_f + apply(R_f, at if to is None else to) - p_b) - at
+        return residual(cut.kind, axes, None if to is None else to - at, pitch, gap, turn)
+
+    def base_turn(self, at: Instant) -> Array:
+        """Turns vector residuals from their base's axes into global axes, (m, m)."""
+        poses = self.poses(at.q, at.t)
+        turn = np.eye(self.m)
+        for cut in self.topology.cuts:
+            first = self.equations[cut.name].start
+            for row in VECTORS[cut.kind]:
+                rows = slice(first + row, first + row + 3)
+                turn[rows, rows] = poses[cut.base][0]
+        return turn
+
+    # Solution
+
+    def solve(self, at: Instant, multipliers: Array, numerics: Numerics) -> Solution:
+        """Accelerations and the multipliers' correction."""
+        motion, c = self.motion(at), self.closures(at)
+        a, w = numerics.penalty, numerics.frequency
+        s = c.drift + 2 * numerics.damping_ratio * w * c.rate + w**2 * c.residual
+        M, bias = self.inertia(motion)
+        system = M + a * c.jacobian.T @ c.jacobian
+        right = self.applied(at, motion) - bias - c.jacobian.T @ (a * s + multipliers)
+        scale = 1 / np.sqrt(np.diag(system))
+        scaled = system * np.outer(scale, scale)
+        vdot = scale * np.linalg.solve(scaled, scale * right)
+        return Solution(
+            vdot=vdot, correction=a * (c.jacobian @ vdot + s), residual=c.residual, rate=c.rate,
+            condition=float(np.linalg.cond(scaled)),
+        )  # fmt: skip
+
+
+def _layout(topology: Topology) -> dict[str, Layout]:
+    layout: dict[str, Layout] = {}
+    q = v = 0
+    for tree_joint in topology.tree:
+        joint = tree_joint.joint
+        if joint.guide is None and joint.kind is not JointKind.FIXED:
+            x = layout[joint.name] = Layout(q=q, v=v, scalars=SCALARS[joint.kind], ball=joint.kind in BALLS)
+            q, v = x.q_slice.stop, x.v_slice.stop
+    return layout
+
+
+def plain_cases(expression: sympy.Expr) -> sympy.Expr:
+    """Choices of any kind as SymPy's own, which it can print."""
+    return expression.replace(
+        lambda e: isinstance(e, sympy.Piecewise),
+        lambda e: sympy.Piecewise(*(tuple(case.args) for case in e.args), evaluate=False),
+    )
+
+
+def difference(nodes: Array) -> Array:
+    """The derivative at the first of nodes 0, 1, -1, 2, -2, ..."""
+    return sum(w * (nodes[2 * k + 1] - nodes[2 * k + 2]) for k, w in enumerate(WEIGHTS)) / STEP

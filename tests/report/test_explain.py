@@ -1,0 +1,347 @@
+"""The explanation says what the compiler derived: names, numbers, LaTeX that renders, and the same bytes every time."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.formulate.records import Equations
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import find_scene
+from cutjoint.program.interpret import interpret_scalars
+from cutjoint.program.records import Program
+from cutjoint.report.explain.document import explain
+from cutjoint.report.explain.groups import find_counterparts
+from cutjoint.report.explain.operations import derive, parameter_costs
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.elimination import eliminate
+from tests.conftest import MODELS, ROOT
+from tests.mechanisms import random_models
+from tests.model.pendulum import PENDULUM, varied
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explained:
+    """A model's explanation beside what it is about."""
+
+    text: str
+    model: Model
+    equations: Equations
+    program: Program
+
+    def table(self, heading: str) -> list[list[str]]:
+        """The rows of the first table whose headings begin so."""
+        _, _, below = self.text.partition(f"| {heading} |")
+        lines = below.split("\n\n")[0].splitlines()[2:]
+        return [[cell.strip().strip("*`") for cell in line.strip("|").split("|")] for line in lines]
+
+    def chapter(self, title: str) -> str:
+        """A chapter of section 4."""
+        return re.split(r"\n##+ (?!#)", self.text.partition(f"\n### {title}\n")[2].replace("\n####", "\n****"))[0]
+
+    def entries(self, title: str) -> list[str]:
+        """The titles of a chapter's entries."""
+        return re.findall(r"^\*\*\*\* (.*)$", self.chapter(title), re.MULTILINE)
+
+
+def explained(model: Model, scene: Scene) -> Explained:
+    equations, program = derive(build_topology(model), scene)
+    return Explained(text=explain(model, scene), model=model, equations=equations, program=program)
+
+
+@pytest.fixture(scope="module", params=["four_bar", "iltis"])
+def one(request: pytest.FixtureRequest) -> Explained:
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="module")
+def four_bar() -> Explained:
+    model = read_model(MODELS / "four_bar.yaml")
+    return explained(model, find_scene(model, None))
+
+
+@pytest.fixture(scope="module")
+def iltis() -> Explained:
+    model = read_model(MODELS / "iltis.yaml")
+    return explained(model, find_scene(model, "simul3"))
+
+
+# Structure
+
+
+def test_every_element_is_explained_with_its_line(one: Explained) -> None:
+    model = one.model
+    for chapter, elements in (("Bodies", model.bodies), ("Forces", model.forces)):
+        text = one.chapter(chapter)
+        assert [e.name for e in elements if f"| `{e.name}` | {e.span.place} |" not in text] == []
+    joints = one.chapter("Tree joints") + one.chapter("Cut joints")
+    assert [j.name for j in model.joints if f"| `{j.name}` | {j.span.place} |" not in joints] == []
+
+
+def test_counts_of_the_iltis(iltis: Explained) -> None:
+    """42 speeds, 36 equations of rank 32, 10 degrees of freedom (Cuadrado et al. 2000)."""
+    counts = {row[0]: row[1] for row in iltis.table("what")}
+    assert counts["bodies"] == "18, 9 of them massless"
+    assert counts["joints"] == "18 in the tree (1 guided), 8 cut"
+    assert (counts["speeds"], counts["cut-joint equations"], counts["degrees of freedom"]) == ("42", "36, rank 32", "10")
+    assert counts["forces"] == "13 act, 4 switched off"
+
+
+def test_counts_of_the_four_bar(four_bar: Explained) -> None:
+    counts = {row[0]: row[1] for row in four_bar.table("what")}
+    assert (counts["speeds"], counts["cut-joint equations"], counts["degrees of freedom"]) == ("5", "12, rank 4", "1")
+
+
+def test_the_tree_is_a_list_indented_by_depth(one: Explained) -> None:
+    found = re.findall(r"^( *)- `([^`]+)` by `([^`]+)`", one.text, re.MULTILINE)
+    depth = {"ground": 0}
+    for t in one.equations.topology.tree:
+        depth[t.child] = depth[t.parent] + 1
+    assert [(len(i) // 2, child, joint) for i, child, joint in found] == [
+        (depth[t.child], t.child, t.joint.name) for t in one.equations.topology.tree
+    ]
+
+
+def test_every_loop_is_listed(one: Explained) -> None:
+    rows = one.table("loop of")
+    expected = [[x.cut, x.base, "`, `".join(x.bodies), str(x.width)] for x in one.equations.topology.loops]
+    assert rows == expected
+
+
+def test_elimination_goes_from_the_leaves_to_the_ground(one: Explained) -> None:
+    topology = one.equations.topology
+    coupled = eliminate(topology.tree, topology.cuts)
+    *steps, total = one.table("step")
+    assert [row[1] for row in steps] == list(reversed(topology.order))
+    assert [set(re.findall(r"[\w.]+", row[4])) for row in steps] == [set(coupled[body]) for body in reversed(topology.order)]
+    operations = {s.element: n for s, n in one.program.operations_by_section("evaluate").items() if s.stage == "condensation"}
+    assert [int(row[6]) for row in steps] == [operations[topology.joint_of[row[1]].joint.name] for row in steps]
+    assert int(total[6]) == sum(operations.values())
+
+
+def test_counterparts_of_the_suspensions_stand_side_by_side(iltis: Explained) -> None:
+    (found,) = iltis.equations.topology.classes
+    rows = find_counterparts(iltis.equations.topology, found)
+    assert len(rows) == 4 + 4 + 2 + 4
+    for row in rows:
+        assert [name.split(".")[0] for name in row] == [root.split(".")[0] for root in found.roots]
+        assert len({name.split(".")[1] for name in row}) == 1
+
+
+def test_what_is_alike_is_explained_once(iltis: Explained) -> None:
+    assert iltis.entries("Bodies") == [
+        "`chassis`", "`front_left.arm` and 3 more", "`front_left.carrier` and 3 more", "`front_left.leaf_link` and 8 more",
+    ]  # fmt: skip
+    assert iltis.entries("Tree joints") == [
+        "Free: `chassis_free`", "Revolute: `front_left.arm_hinge` and 3 more", "Spherical: `front_left.carrier_ball` and 7 more",
+        "Universal: `front_left.tie_rod_joint` and 3 more", "Prismatic: `rack_slide`",
+    ]  # fmt: skip
+    assert iltis.entries("Cut joints") == [
+        "Revolute: `front_left.leaf_hinge` and 3 more", "Spherical: `front_left.tie_rod_ball` and 3 more",
+    ]  # fmt: skip
+    assert iltis.entries("Forces") == [
+        "Load: `speed_controller`", "Point spring: `front_left.shock` and 3 more", "Axial force: `front_left.leaf` and 3 more",
+        "Tyre: `front_left.tyre` and 3 more", "Switched off",
+    ]  # fmt: skip
+
+
+def test_mirrored_members_are_named_where_their_kernel_differs(iltis: Explained) -> None:
+    assert "the same with their own axes: `front_right.arm_hinge`, `rear_right.arm_hinge`." in iltis.text
+    assert r"R(q) = \begin{bmatrix} 1 & 0 & 0 \cr 0 & \cos {\varphi} & - \sin {\varphi}" in iltis.text
+
+
+def test_laws_and_their_derivatives(iltis: Explained) -> None:
+    text = iltis.chapter("Forces")
+    assert r"F(\ell, \dot \ell) &= 52796000 \ell^{3} - 67061000 \ell^{2} + 28397000 \ell - 4009200" in text
+    assert r"\partial F / \partial \ell = 158388000 \ell^{2} - 134122000 \ell + 28397000" in text
+    assert r"1844.3 & \text{if } \dot \ell \lt -0.2" in text
+    assert r"\partial F / \partial s = -35906" in text
+
+
+# Numbers
+
+
+def test_the_table_of_operations_adds_up_to_the_program(one: Explained) -> None:
+    *rows, total = one.table("element")
+    headings = re.search(r"\| element \| line \| (.*) \|", one.text)
+    assert headings is not None
+    stages = headings[1].split(" | ")[:-1]
+    sections = one.program.operations_by_section("evaluate").items()
+    for row in rows:
+        expected = [sum(n for s, n in sections if (s.stage, s.element) == (stage, row[0])) for stage in stages]
+        assert [int(cell or 0) for cell in row[2:]] == [*expected, sum(expected)]
+    columns = [sum(n for s, n in sections if s.stage == stage) for stage in stages]
+    assert [int(cell) for cell in total[2:]] == [*columns, one.program.operations("evaluate")]
+    assert sum(int(row[-1]) for row in rows) == one.program.operations("evaluate")
+
+
+def test_a_body_is_explained_with_its_numbers(iltis: Explained) -> None:
+    assert r"M = \begin{bmatrix} 57.35 \cdot \mathbf{1} & -57.35 \cdot \tilde c" in iltis.text
+    row = next(r for r in iltis.table("body | line") if r[0] == "chassis")
+    assert row[1:] == ["iltis.yaml:17", "chassis_mass", "(0, 0, 0.57)", "(0, 0, 0)", "130, 1620, 1670", "0, 0, 0"]
+
+
+OPEN = varied("  arm_length:", "  side: {value: 0, binding: param}\n  arm_length:", varied("[1, 0, 0], inertia", "[1, 0, side], inertia"))
+
+
+def open_pendulum(text: str = OPEN) -> tuple[Equations, Program]:
+    model = read_model_text(text, "pendulum.yaml")
+    return derive(build_topology(model), find_scene(model, None))
+
+
+def count(program: Program) -> int:
+    """Operations of an evaluation, counted over what its results reach."""
+    graph = program.graph
+    reached = graph.reachable([r.scalar for r in program.function("evaluate").results])
+    early = {*program.loaded, *program.stepped}
+    return sum(graph.nodes[n].op not in ("const", "symbol", "neg") and n not in early for n in reached)
+
+
+def test_the_cost_of_a_parameter_is_what_closing_it_in_the_file_saves() -> None:
+    equations, program = open_pendulum()
+    costs = {c.parameter.name: c for c in parameter_costs(equations, program)}
+    assert list(costs) == ["arm_mass", "side"]
+    for name, old in (("arm_mass", "{value: 2, unit: kg, binding: param}"), ("side", "{value: 0, binding: param}")):
+        _, closed = open_pendulum(varied(f"{name}: {old}", f"{name}: {old.replace('param', 'const')}", OPEN))
+        assert costs[name].operations == count(program) - count(closed)
+    assert costs["side"].operations > 0
+
+
+def test_the_scalars_that_a_parameter_keeps_are_those_that_change_with_it() -> None:
+    equations, program = open_pendulum()
+    kept = sorted(set(program.loaded) & program.kept)
+    numerics = np.array([1e9, 1.0, 10.0])
+    before, *changed = (
+        interpret_scalars(program.graph, kept, {"parameters": np.array(p), "numerics": numerics}, {})
+        for p in ((2.1, 0.3), (2.7, 0.3), (2.1, 0.4))
+    )
+    found = [sum(before[n] != after[n] for n in kept) for after in changed]
+    assert found == [c.kept for c in parameter_costs(equations, program)]
+    assert all(found)
+
+
+def test_the_table_of_parameters(iltis: Explained) -> None:
+    rows = iltis.table("parameter")
+    assert [row[0] for row in rows] == [p.name for p in iltis.equations.parameters]
+    assert rows[0] == ["chassis_mass", "iltis.yaml:9", "1260", "kg", "0", "2"]
+
+
+# LaTeX
+
+
+def formulas(text: str) -> Iterator[str]:
+    """Displayed formulas, then those in lines."""
+    displayed = re.compile(r"^\$\$\n(.*)\n\$\$$", re.MULTILINE)
+    yield from displayed.findall(text)
+    yield from re.findall(r"\$([^$]*)\$", displayed.sub("", text))
+
+
+def assert_renders(text: str) -> None:
+    """Dollars and braces pair, and Markdown takes nothing of a formula for its own."""
+    assert text.count("\n$$\n") % 2 == 0
+    rest = re.sub(r"^\$\$\n.*\n\$\$$", "", text, flags=re.MULTILINE)
+    assert "$$" not in rest
+    assert all(line.count("$") % 2 == 0 for line in rest.splitlines())
+    for formula in formulas(text):
+        assert formula.count("{") == formula.count("}")
+        assert formula.count(r"\begin") == formula.count(r"\end")
+        assert formula.count(r"\left") - formula.count(r"\leftarrow") == formula.count(r"\right")
+        assert not re.search(r"\\[^A-Za-z]", formula), formula
+        assert not re.search(r"[^A-Za-z0-9]_|[*<>]", formula), formula
+        assert not re.match(r"[-+=#>]", formula), formula
+
+
+def test_formulas_render(one: Explained) -> None:
+    assert_renders(one.text)
+
+
+def random_scene() -> Scene:
+    return random_models.scene()
+
+
+def test_formulas_of_a_random_model_render() -> None:
+    model = random_models.random_loops(0)
+    text = explain(model, random_scene())
+    assert_renders(text)
+    assert [e.name for e in (*model.bodies, *model.joints, *model.forces) if f"| `{e.name}` |" not in text] == []
+    assert "too long to print" not in text
+
+
+# The same every time
+
+
+_DIGESTS = """
+import hashlib, pathlib
+from cutjoint.model.read import read_model
+from cutjoint.model.records import JointKind
+from cutjoint.report.explain.document import explain
+from tests.mechanisms import random_models
+for name, scene in (("four_bar", "swing"), ("iltis", "iavsd_sine_2mm")):
+    model = read_model(pathlib.Path("models") / f"{name}.yaml")
+    print(hashlib.sha256(explain(model, model.scenes[scene]).encode()).hexdigest())
+model = random_models.tree_with(JointKind.UNIVERSAL, False, 3)
+print(hashlib.sha256(explain(model, random_models.scene()).encode()).hexdigest())
+"""
+
+
+def test_the_same_bytes_under_any_hash_seed() -> None:
+    runs = [
+        subprocess.Popen([sys.executable, "-c", _DIGESTS], cwd=ROOT, env={**os.environ, "PYTHONHASHSEED": seed},
+                         stdout=subprocess.PIPE, text=True)
+        for seed in ("1", "2")
+    ]  # fmt: skip
+    first, second = (run.communicate()[0] for run in runs)
+    assert [run.returncode for run in runs] == [0, 0]
+    assert first == second
+    assert len(set(first.split())) == 3
+
+
+# The command
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(main, ["explain", *arguments])
+    return result.exit_code, result.output
+
+
+def test_the_example_in_the_documentation_is_current(tmp_path: Path) -> None:
+    """To make it again: cutjoint explain models/four_bar.yaml --out docs/explain-four-bar.md"""
+    out = tmp_path / "four_bar.md"
+    assert run(str(MODELS / "four_bar.yaml"), "--out", str(out))[0] == 0
+    assert out.read_bytes() == (ROOT / "docs" / "explain-four-bar.md").read_bytes()
+
+
+def test_the_command_prints_the_named_scene(tmp_path: Path) -> None:
+    path = tmp_path / "pendulum.yaml"
+    path.write_text(PENDULUM.replace("scenes:", "scenes:\n  rise: {end: 1}"))
+    for arguments, scene in (((), "rise"), (("--scene", "fall"), "fall")):
+        code, text = run(str(path), *arguments)
+        assert code == 0
+        assert f"from model `pendulum`, scene `{scene}`" in text
+        assert str(tmp_path) not in text
+
+
+def test_an_unknown_scene_is_an_error() -> None:
+    code, text = run(str(MODELS / "four_bar.yaml"), "--scene", "fly")
+    assert code == 1
+    assert "no scene 'fly'; the model has swing" in text.replace("\n", " ")
+
+
+def test_a_model_without_loops_forces_or_parameters() -> None:
+    model = random_models.tree_with(random_models.K.REVOLUTE, False, 1)
+    bare = replace(model, forces=(), reactions=(), scenes={})
+    text = explain(replace(bare, parameters=bare.parameters), random_scene())
+    assert "### Cut joints\n\nNone." in text
+    assert "### Forces\n\nNone but gravity." in text
+    assert_renders(text)
