@@ -3,13 +3,16 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench verification lint setup clean
+.PHONY: demo test sanitize bench verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
 
 test: setup
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
+
+sanitize: setup
+	$(BIN)/python scripts/sanitize
 
 bench: setup
 	$(BIN)/python benchmarks/iltis.py

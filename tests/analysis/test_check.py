@@ -35,6 +35,15 @@ def test_a_singular_design_position(tmp_path: Path) -> None:
     assert "m.yaml:13 x in the design position only" in said
 
 
+def test_lengths_that_only_nearly_agree(tmp_path: Path) -> None:
+    """A third crank that leans by a rounded digit leaves no motion."""
+    path = tmp_path / "m.yaml"
+    path.write_text(parallel_cranks_text(3).replace("at: [2, 0, 0]", "at: [2.000001, 0, 0]"))
+    said = check(path)
+    assert "rigid, condition" in said
+    assert "some equations are nearly redundant; are the file's numbers rounded?" in said
+
+
 def test_a_tree_has_no_loops_to_speak_of(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(parallel_cranks_text(1))

@@ -15,7 +15,7 @@ from cutjoint.model.quantities import JOINT_QUANTITIES, QUANTITIES
 from cutjoint.model.read import read_model_text
 from cutjoint.model.values import MAX_COEFFICIENTS, MAX_TABLE
 
-from .pendulum import read
+from .pendulum import read, varied
 
 DOCS = Path(__file__).parents[2] / "docs" / "model-format.md"
 TEXT = DOCS.read_text(encoding="utf-8")
@@ -45,6 +45,14 @@ def test_the_parameter_and_point_examples_load() -> None:
     assert len(read(old, old + "\n".join(line for line in lines if "arm_length" not in line) + "\n").parameters) == 6
     lines = example("points:").splitlines()[1:]
     assert read("  tip: [arm_length, 0, 0]", "  tip: [0, 0, 0]\n" + "\n".join(lines)).bodies
+
+
+def test_the_shapes_example_loads() -> None:
+    shapes = example("shapes:").replace("\n", "\n    ")
+    old = "arm: {mass: arm_mass, centre_of_mass: [1, 0, 0], inertia: [0.1, 0.2, 0.2]}"
+    text = varied(old, f"arm:\n    {shapes}")
+    points = "  tip: [arm_length, 0, 0]\n"
+    assert read_model_text(varied(points, points + "  A: [0, 0, 1]\n  B: [1, 0, 0]\n  C: [0, 1, 0]\n", text), "docs").bodies
 
 
 @pytest.mark.parametrize("line", example("law:").splitlines())

@@ -129,6 +129,12 @@ def test_problems(old: str, new: str, expected: str | list[str]) -> None:
     check(old, new, expected)
 
 
+def test_the_names_of_a_joints_own_forces_are_names() -> None:
+    model = PENDULUM.replace("hinge", "hinge_")
+    expected = "@: joint 'hinge_': spring: the name 'hinge__spring' has a double underscore; rename the joint"
+    check(AXIS, f"{AXIS}, §spring: {{stiffness: 5}}", expected, model)
+
+
 def test_a_joints_own_forces_share_the_names_of_elements() -> None:
     model = PENDULUM.replace(AXIS, f"{AXIS}, spring: {{stiffness: 5}}")
     expected = "@: force 'hinge_spring': duplicate name 'hinge_spring', first defined at line 13; rename one of them"

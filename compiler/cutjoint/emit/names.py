@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import Graph
 
@@ -48,3 +50,9 @@ def unique(name: str, taken: set[str]) -> str:
         candidate, n = f"{name}_{n}", n + 1
     taken.add(candidate)
     return candidate
+
+
+def road_names(roads: Sequence[str]) -> dict[str, str]:
+    """An identifier for each tyre's road; instances may make two names alike."""
+    taken: set[str] = set()
+    return {road: unique(f"road_{road.replace('.', '_')}", taken) for road in roads}

@@ -30,7 +30,8 @@ class Printer:
     """Prints the statements of one function.
 
     ``names`` are the identifiers of scalars; ``known`` the expressions of those that exist before the function's own statements.
-    ``prefixes`` begin the names of a section's shared scalars, ``taken`` are names that they must not take.
+    ``prefixes`` begin the names of a section's shared scalars, ``taken`` are names that they must not take;
+    ``roads`` names the roads of tyres.
     """
 
     graph: Graph
@@ -38,6 +39,7 @@ class Printer:
     known: Mapping[int, str]
     prefixes: Sequence[str]
     taken: frozenset[str]
+    roads: Mapping[str, str]
     _texts: dict[int, tuple[str, int]] = field(default_factory=dict)
     _counters: dict[str, int] = field(default_factory=dict)
 
@@ -128,7 +130,7 @@ class Printer:
         a = node.args
         arguments = ", ".join(self.text(x) for x in a)
         if node.op in ("road_height", "road_slope"):
-            return f"roads_[road_{str(node.data).replace('.', '_')}].{node.op.removeprefix('road_')}({arguments})"
+            return f"roads_[{self.roads[str(node.data)]}].{node.op.removeprefix('road_')}({arguments})"
         if node.op in _CONDITIONS:
             return f"({_CONDITIONS[node.op].join(self.text(x, _SUM) for x in a)})"
         if node.op == "not":

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import jinja2
 
+from cutjoint.emit.names import road_names
 from cutjoint.emit.view import FunctionView, Viewer
 from cutjoint.formulate.records import Equations
 from cutjoint.locations import templates_folder
@@ -55,7 +56,7 @@ def emit(program: Program, equations: Equations) -> Source:
         "mechanism.hpp.jinja", summary=f"Model {stem}, formulation recursive.",
         operations={name: program.operations(name) for name in ("evaluate", "close", "report")},
         loaded=viewer.members(BindingTime.PARAM), stepped=viewer.members(BindingTime.STEP), lane_types=viewer.lane_types(),
-        roads=[{"name": r.replace(".", "_"), "index": i} for i, r in enumerate(equations.roads)],
+        roads=[{"name": name, "index": i} for i, name in enumerate(road_names(equations.roads).values())],
     )  # fmt: skip
     files["description.cpp"] = render("description.cpp.jinja", **_description(equations))
     files["main.cpp"] = render("main.cpp.jinja")

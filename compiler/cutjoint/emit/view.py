@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from textwrap import wrap
 
-from cutjoint.emit.names import name_scalars, unique
+from cutjoint.emit.names import name_scalars, road_names, unique
 from cutjoint.emit.printer import Printer, Statement, lanes_type
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import BindingTime, Section
@@ -54,6 +54,7 @@ class Viewer:
         self._names = name_scalars(program)
         self._offsets = _offsets(equations)
         self._locals = self._local_names()
+        self._roads = road_names(equations.roads)
         self._inputs = self._input_names()
         self._kept = self._kept_names()
 
@@ -73,7 +74,7 @@ class Viewer:
         charts = {c.joint: c for c in self._equations.charts}
         closures = {c.joint: c for c in self._equations.closures}
         names: dict[int, str] = {}
-        taken = set(self._names.values())
+        taken = {name for name in self._names.values() if not name.startswith("vdot_")}  # of another function
         for n, node in enumerate(self._program.graph.nodes):
             if node.op != "symbol" or not isinstance(node.data, tuple) or ":" not in node.data[0]:
                 continue
@@ -164,7 +165,7 @@ class Viewer:
     def _printer(self, known: Mapping[int, str]) -> Printer:
         prefixes = [_identifier(s) for s in self._program.sections]
         taken = frozenset(self._names.values()) | frozenset(self._locals.values())
-        return Printer(graph=self._program.graph, names=self._names, known=known, prefixes=prefixes, taken=taken)
+        return Printer(graph=self._program.graph, names=self._names, known=known, prefixes=prefixes, taken=taken, roads=self._roads)
 
     def _results(self, function: LoweredFunction, printer: Printer) -> list[str]:
         return [f"{self._target(r)} = {printer.text(r.scalar)};" for r in function.results]

@@ -79,20 +79,10 @@ def derive_joint(tree_joint: TreeJoint) -> JointKernel:
     """
     joint = tree_joint.joint
     general, known = _derive_kind(joint.kind, tree_joint.reversed), _given(tree_joint)
-    rotation, displacement, subspace, drift = (
-        matrix.applyfunc(lambda entry: _inserted(entry, known))
-        for matrix in (general.rotation, general.displacement, general.subspace, general.drift)
-    )
-    return replace(general, rotation=rotation, displacement=displacement, subspace=subspace, drift=drift)
-
-
-def _inserted(expression: Scalar, known: dict[Scalar, Scalar]) -> Scalar:
-    """An expression with values put in; ``known`` keeps the value of every part, so that equal parts are done once."""
-    if expression not in known:
-        parts = [_inserted(part, known) for part in expression.args]
-        same = all(new is old for new, old in zip(parts, expression.args, strict=True))
-        known[expression] = expression if same else expression.func(*parts)
-    return known[expression]
+    return replace(
+        general, rotation=general.rotation.xreplace(known), displacement=general.displacement.xreplace(known),
+        subspace=general.subspace.xreplace(known), drift=general.drift.xreplace(known),
+    )  # fmt: skip
 
 
 @cache

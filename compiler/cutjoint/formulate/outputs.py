@@ -59,10 +59,11 @@ class Reporter:
         raise ValueError(f"a body has no quantity {quantity}")
 
     def _attitude(self, body: str, quantity: str) -> Block:
-        """Yaw, pitch, roll about z, y, x in turn."""
+        """Yaw, pitch, roll about z, y, x in turn; the pitch by its tangent, which has a value on the nose too."""
         b, R = self.kinematics.builder, self.kinematics.frames[body].R
         if quantity == "pitch":
-            return b.call("asin", b.neg(b.element(R, 2, 0)))
+            across = b.take(R, (2, 3), (1, 3))
+            return b.call("atan2", b.neg(b.element(R, 2, 0)), b.call("sqrt", b.mul(across, b.transpose(across))))
         rows = {"yaw": ((1, 0), (0, 0)), "roll": ((2, 1), (2, 2))}[quantity]
         return b.call("atan2", *(b.element(R, i, j) for i, j in rows))
 

@@ -44,6 +44,10 @@ class Choice(sympy.Piecewise):  # type: ignore[misc]
         slopes = [(sympy.diff(value, x), condition) for value, condition in self.args]
         return Choice(*slopes) if any(slope != 0 for slope, _ in slopes) else sympy.Integer(0)
 
+    def _eval_power(self, exponent: Any) -> Any:
+        """Left as a power: a root taken case by case has complex values in the cases that do not hold."""
+        return None
+
     def _eval_simplify(self, **_: Any) -> Any:
         return self
 
@@ -70,13 +74,13 @@ _SYMBOL = Extent(1, 1, 0)
 def measure(expression: Scalar, of_symbols: Mapping[Scalar, Extent] | None = None) -> Extent:
     """The extent of an expression, all of whose symbols may vary at once; some of them may stand for larger expressions."""
     known = dict(of_symbols or {})
-    for node in _bottom_up(expression):
+    for node in bottom_up(expression):
         if node not in known:
             known[node] = _extent(node, [known[part] for part in node.args])
     return known[expression]
 
 
-def _bottom_up(expression: Scalar) -> Iterator[Scalar]:
+def bottom_up(expression: Scalar) -> Iterator[Scalar]:
     """Every different part of an expression once, after its own parts."""
     seen: set[Scalar] = set()
     stack = [(expression, False)]

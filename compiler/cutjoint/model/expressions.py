@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import sympy
 
+from cutjoint.model.choices import bottom_up
 from cutjoint.model.errors import nearest
 from cutjoint.model.operations import (
     FUNCTIONS,
@@ -66,6 +67,8 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     if not all(_is_finite(number) for number in term.value.atoms(sympy.Number)):
         raise ExpressionError("a number in the expression is out of range")
     check_extent(term.value)
+    if not any(known.value is sympy.nan for known in names.values()):
+        _require_real(term.value)
     if term.value.has(sympy.Abs):
         return replace(term, value=term.value.replace(sympy.Abs, _absolute_value))
     return term
@@ -77,6 +80,13 @@ def _is_finite(number: Scalar) -> bool:
         return number is sympy.nan or math.isfinite(float(number))
     except OverflowError:
         return False
+
+
+def _require_real(expression: Scalar) -> None:
+    """Raises ExpressionError when a part without symbols is infinite, undefined or complex, as 1/(x - x) and sqrt(-x**2) are."""
+    for part in bottom_up(expression):
+        if part in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I) or (part.is_number and part.is_extended_real is False):
+            raise ExpressionError("a part of the expression has no finite real value", "look for a division by zero and roots of what is negative")
 
 
 def _absolute_value(argument: Scalar) -> Scalar:

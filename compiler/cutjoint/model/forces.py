@@ -10,6 +10,7 @@ from cutjoint.model.errors import nearest
 from cutjoint.model.expressions import variable
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
 from cutjoint.model.laws import LawKind, read_law, soft_stops
+from cutjoint.model.names import name_problem
 from cutjoint.model.records import (
     COORDINATES,
     AxialForce,
@@ -174,6 +175,9 @@ def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[JointFo
         if part is None:
             continue
         coordinate = _coordinate(element, element.name, joint, part.coordinate, (field,), (field, "coordinate"))
+        problem = name_problem(f"{element.path[-1]}_{suffix}")
+        if problem:
+            element.fail(f"{field}: {problem[0]}", "rename the joint", (field,), at_key=True)
         yield JointForce(
             name=f"{element.name}_{suffix}",
             joint=element.name,

@@ -48,7 +48,14 @@ def _design_position(mobility: Mobility) -> str:
         return f"singular for a moment: rank {mobility.design_rank}, but {mobility.rank} in {others}"
     if mobility.poses == 1 and mobility.degrees_of_freedom:
         return f"rank {mobility.rank}; no other pose was found beside it, so that it may be singular"
-    return f"rank {mobility.rank} as in {others}, condition {mobility.condition:.3g}" if mobility.poses > 1 else "rigid"
+    condition = f"condition {mobility.condition:.3g}"
+    if mobility.condition > _NEARLY_SINGULAR:
+        condition += ": some equations are nearly redundant; are the file's numbers rounded?"
+    return f"rank {mobility.rank} as in {others}, {condition}" if mobility.poses > 1 else f"rigid, {condition}"
+
+
+#: A condition above this is that of lengths that were meant to be equal, rather than of a mechanism.
+_NEARLY_SINGULAR = 1e5
 
 
 def loop_table(topology: Topology) -> Table:

@@ -32,5 +32,7 @@ def eliminate(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Mapping[str, 
             neighbours[body].discard(t.child)
         clique = others | ({t.parent} - {GROUND})
         for body in clique:
-            neighbours[body] |= clique - {body}
+            # a body without unknowns hands its couplings to its parent and makes none among the others
+            partners = clique if degrees(t.joint) or body == t.parent else {t.parent} - {GROUND}
+            neighbours[body] |= partners - {body}
     return coupled

@@ -178,7 +178,7 @@ class Starter {
   [[noreturn]] void open_loop(const char* what, const State<Real>& state, const Vector& gap) const {
     const auto worst = static_cast<std::size_t>(index_of_largest(gap));
     throw Failure(what, static_cast<double>(state.t), 0, std::string(d_.equations[worst]), static_cast<double>(largest(gap)),
-                  "check the joints' points and the given coordinates and speeds of this loop");
+                  "check the joints' points, guides, and the given coordinates and speeds of this loop");
   }
 
   M& mechanism_;

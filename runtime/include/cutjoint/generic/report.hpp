@@ -63,7 +63,7 @@ class Reporter {
 
   /// Place, velocity, acceleration of a point; angular velocity and attitude (yaw, pitch, roll about z, y, x in turn) of its body.
   Real motion(const Output& output) const {
-    using std::asin, std::atan2;
+    using std::atan2, std::hypot;
     const Frame<Real>& frame = k_.frame(output.at.body);
     const Vector3<Real> point = k_.point(output.at);
     switch (output.quantity) {
@@ -72,7 +72,7 @@ class Reporter {
       case Quantity::angular_velocity: return frame.Z[3 + output.index];
       case Quantity::acceleration: return acceleration(output.at.body, point)[output.index];
       case Quantity::roll: return atan2(frame.R(2, 1), frame.R(2, 2));
-      case Quantity::pitch: return asin(-frame.R(2, 0));
+      case Quantity::pitch: return atan2(-frame.R(2, 0), hypot(frame.R(2, 1), frame.R(2, 2)));
       default: return atan2(frame.R(1, 0), frame.R(0, 0));
     }
   }

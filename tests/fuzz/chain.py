@@ -1,0 +1,65 @@
+"""An expression through the whole chain: read, differentiate twice, translate, lower, interpret."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+
+import numpy as np
+import sympy
+
+from cutjoint.formulate.translate import Translator
+from cutjoint.model.expressions import read_term, variable
+from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.program.blocks import BindingTime, Builder
+from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.lower import Lowering
+
+from .expressions import VARIABLES, plain_value
+
+NAMES = {name: Term(variable(name)) for name in VARIABLES}
+#: Seconds of processor time that a text may take through the chain, on a busy machine.
+SLOWEST = 4.0
+PLACES: tuple[Mapping[str, float], ...] = (
+    {"length": 0.37, "rate": -0.81, "t": 1.43}, {"length": -1.9, "rate": 0.13, "t": 0.29}, {"length": 1.21, "rate": 2.3, "t": 0.057},
+)  # fmt: skip
+
+
+def run_chain(text: str) -> str:
+    """Empty when the text was accepted and has the right values, else why it was refused; fails where the chain does."""
+    begin = time.process_time()
+    try:
+        expression = read_term(text, NAMES).value
+    except ExpressionError as error:
+        assert time.process_time() - begin < SLOWEST, f"{time.process_time() - begin:.1f} s to refuse {text!r}"
+        assert error.message
+        return error.message
+    x = variable("length")
+    slope = sympy.diff(expression, x)
+    builder = Builder()
+    column = builder.symbol("x", len(VARIABLES), BindingTime.ITERATION)
+    translator = Translator(builder, {variable(name): builder.element(column, i) for i, name in enumerate(VARIABLES)})
+    blocks = [translator.scalar(e) for e in (expression, slope, sympy.diff(slope, x))]
+    lowering = Lowering()
+    lowering.lower(blocks)
+    assert time.process_time() - begin < SLOWEST, f"{time.process_time() - begin:.1f} s for {text!r}"
+    if "kg" not in text:
+        check_values(text, lowering, blocks)
+    return ""
+
+
+def check_values(text: str, lowering: Lowering, blocks: list) -> None:
+    """Both interpreters' value against Python's, where that is finite and neighbours of the place have about the same value."""
+    ((root,),) = lowering.elements[blocks[0]]
+    for place in PLACES:
+        wanted = plain_value(text, place)
+        near = [plain_value(text, {k: x + s * 1e-9 * (k == name) for k, x in place.items()}) for name in place for s in (1, -1)]
+        if not all(math.isfinite(y) and abs(y) < 1e100 and abs(y - wanted) <= 1e-4 * abs(wanted) + 1e-7 for y in (wanted, *near)):
+            continue
+        inputs = {"x": np.array([place[name] for name in VARIABLES])}
+        with np.errstate(all="ignore"):
+            found = float(interpret_blocks(blocks[:1], inputs, {})[blocks[0]][0, 0])
+            again = float(interpret_scalars(lowering.graph, [root], inputs, {})[root])
+        for value in (found, again):
+            assert abs(value - wanted) <= 1e-3 * abs(wanted) + 1e-6, f"{value!r} instead of {wanted!r} at {place} for {text!r}"

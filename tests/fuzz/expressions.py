@@ -1,0 +1,120 @@
+"""Texts of expressions: valid ones from a grammar, mutations of these, and garbage; and Python's own value of them."""
+
+from __future__ import annotations
+
+import ast
+import math
+import random
+from collections.abc import Callable, Mapping
+from typing import Any
+
+VARIABLES = ("length", "rate", "t")
+SMOOTH = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "sqrt", "exp", "log")
+NUMBERS = ("0", "1", "2", "3", "7", "0.5", "1e-3", "2.5e2", "1e-300", "1e300", "9007199254740991", "pi", ".5", "12")
+GARBAGE = (
+    "", " ", "(", ")", "((", "*/", "//", "/*", '"', "'", "\\", "{{", "}}", "{% raw %}", "${x}", "$(x)", "\n", "\t", "#", ";", ":=", "lambda", "**",
+    "^", "%", "@", "<", "==", "!=", "not", "and", "in", "if", "else", "True", "None", "nan", "inf", "1e999", "0x10", "1j", "1_000", "[0]", ".real",
+    "__import__('os')", "eval", "é", "π", "\x00", "\u202e", "x" * 70, "9" * 400, "-" * 70, "," , "where", "min()", "5 m", "3 kg*m", "~", "`", "f''",
+)  # fmt: skip
+
+
+def write(rng: random.Random, depth: int) -> str:
+    """A valid text, with at most ``depth`` levels."""
+    if depth <= 0 or rng.random() < 0.1:
+        return rng.choice(VARIABLES) if rng.random() < 0.6 else rng.choice(NUMBERS)
+    form = rng.choice(_FORMS)
+    return form(rng, lambda: write(rng, depth - 1))
+
+
+_Part = Callable[[], str]
+
+
+def _condition(rng: random.Random, part: _Part) -> str:
+    kind = rng.randrange(5)
+    sign = rng.choice(("<", "<=", ">", ">="))
+    if kind == 0:
+        return f"({part()}) {sign} {part()} and {part()} < {rng.choice(NUMBERS)}"
+    if kind == 1:
+        return f"({part()}) {sign} {part()} or {part()} > {part()}"
+    if kind == 2:
+        return f"{rng.choice(NUMBERS)} < ({part()}) {sign} {part()}"
+    return f"({part()}) {sign} ({part()})"
+
+
+_FORMS: tuple[Callable[[random.Random, _Part], str], ...] = (
+    lambda rng, part: f"({part()}){rng.choice('+-*/')}({part()})",
+    lambda rng, part: f"{part()} {rng.choice('+-*/')} {part()} {rng.choice('+-*/')} {part()}",
+    lambda rng, part: f"-({part()})",
+    lambda rng, part: f"({part()})**{rng.choice(('2', '3', '0.5', '-1', '-0.5', '12', '(1/3)', '0', '1'))}",
+    lambda rng, part: f"{rng.choice(SMOOTH)}({part()})",
+    lambda rng, part: f"atan2({part()}, {part()})",
+    lambda rng, part: f"{rng.choice(('abs', 'sign'))}({part()})",
+    lambda rng, part: f"{rng.choice(('min', 'max'))}({', '.join(part() for _ in range(rng.randint(1, 4)))})",
+    lambda rng, part: f"where({_condition(rng, part)}, {part()}, {part()})",
+)
+
+
+def nest(rng: random.Random) -> str:
+    """One form within itself again and again, up to the limits of length."""
+    form = rng.choice((
+        "abs({x}-{c})", "max({x}, rate*{c})", "min({x}, {c}, t)", "where({x} < {c}, rate, t)", "where(t < {c}, {x}, rate)", "sign({x}+{c})",
+        "sin({x}*{c})", "exp(-({x}))", "1/({c}+{x})", "length/(rate+{x})", "atan2({x}, t)", "sqrt(({x})**2+{c})", "sqrt(({x})**2)",
+        "({x}+{c})**12", "({x})*(length+{c})", "({x})*sin(length*{c})", "log(1+{x}*t)", "tanh({x}+rate)", "({x})**0.5*({c}+t)", "-({x})",
+        "abs({x})*abs(length-{c})", "max({x},{c})*min(rate,{c})", "asin(sin({x}))", "({x})+length**3*{c}", "{c}+length*({x})",
+    ))  # fmt: skip
+    text = rng.choice(VARIABLES)
+    for _ in range(rng.randint(1, 60)):
+        longer = form.replace("{x}", text).replace("{c}", f"{rng.random():.3f}")
+        if len(longer) > 2000:
+            break
+        text = longer
+    return text
+
+
+def mutate(rng: random.Random, text: str) -> str:
+    """The text with a few passages deleted, doubled, exchanged or replaced by garbage."""
+    for _ in range(rng.randint(1, 4)):
+        i, j = sorted((rng.randint(0, len(text)), rng.randint(0, len(text))))
+        j = min(j, i + 12)
+        text = rng.choice((
+            text[:i] + text[j:], text[:i] + text[i:j] * 2 + text[j:], text[:i] + rng.choice(GARBAGE) + text[j:],
+            text[:i] + rng.choice(NUMBERS) + text[i:], text[i:j] + text[:i] + text[j:],
+        ))  # fmt: skip
+    return text
+
+
+def any_text(rng: random.Random) -> str:
+    """A text of any of these kinds."""
+    kind = rng.random()
+    if kind < 0.5:
+        return write(rng, rng.randint(1, 5))
+    if kind < 0.7:
+        return nest(rng)
+    if kind < 0.9:
+        return mutate(rng, write(rng, rng.randint(1, 4)))
+    return "".join(rng.choice((*GARBAGE, *VARIABLES, *NUMBERS, *SMOOTH)) for _ in range(rng.randint(0, 8)))
+
+
+def _real(function: Callable[..., float]) -> Callable[..., float]:
+    return lambda *x: float(function(*x))
+
+
+_PYTHON: Mapping[str, Any] = {
+    **{name: _real(getattr(math, name)) for name in (*SMOOTH, "atan2")},
+    "min": lambda *x: min(x), "max": lambda *x: max(x), "abs": abs, "sign": lambda x: (x > 0) - (x < 0), "where": lambda c, a, b: a() if c else b(), "pi": math.pi,
+    "__builtins__": {},
+}  # fmt: skip
+
+
+def plain_value(text: str, values: Mapping[str, float]) -> float:
+    """Python's value of a text that reading has accepted; NaN where it has none."""
+    tree = ast.parse(text.replace("\n", " ").strip(), mode="eval")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "where":
+            none = ast.arguments(posonlyargs=[], args=[], kwonlyargs=[], kw_defaults=[], defaults=[])
+            node.args[1:] = [ast.Lambda(args=none, body=branch) for branch in node.args[1:]]
+    try:
+        value = eval(compile(ast.fix_missing_locations(tree), "text", "eval"), {**_PYTHON, **values})
+        return float(value) if isinstance(value, int | float) else math.nan
+    except (ArithmeticError, ValueError):
+        return math.nan
