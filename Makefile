@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test sanitize bench verification lint setup clean
+.PHONY: demo test sanitize fuzz bench flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -14,8 +14,14 @@ test: setup
 sanitize: setup
 	$(BIN)/python scripts/sanitize
 
+fuzz: setup
+	$(BIN)/python -m benchmarks.fuzz 300
+
 bench: setup
 	$(BIN)/python benchmarks/iltis.py
+
+flags: setup
+	$(BIN)/python benchmarks/flags.py
 
 verification: setup
 	$(BIN)/python -m benchmarks.verification

@@ -28,13 +28,13 @@ def test_check_prints_the_counts() -> None:
 
 
 def test_simulate_writes_a_table_and_its_units(tmp_path: Path) -> None:
-    out = tmp_path / "run.csv"
+    out = tmp_path / "not" / "there" / "yet" / "run.csv"
     result = call("simulate", FOUR_BAR, "--out", out, "--end", "0.5", "--plots", tmp_path / "plots")
     assert result.exit_code == 0, result.output
     header, first = out.read_text().splitlines()[:2]
     assert header == "t,tip.x,tip.y,tip.vx,tip.vy,crank_0.pin.angle,crank_0.pin.angle_rate"
     assert [float(x) for x in first.split(",")] == [0, 0, 1, 1, 0, 0, -1]
-    units = json.loads((tmp_path / "run.units.json").read_text())
+    units = json.loads(out.with_suffix(".units.json").read_text())
     assert units == dict(zip(header.split(","), ["s", "m", "m", "m/s", "m/s", "rad", "rad/s"], strict=True))
     assert np.loadtxt(out, delimiter=",", skiprows=1).shape == (26, 7)
     assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == ["angle.png", "angular_velocity.png", "position.png", "velocity.png"]

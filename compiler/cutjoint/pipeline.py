@@ -146,6 +146,8 @@ def simulate(
     scene = artifact.scene
     numerics = scene.numerics if dt is None else replace(scene.numerics, dt=dt)
     scene = replace(scene, numerics=numerics, end=scene.end if end is None else end)
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as folder:
         table = Path(folder) / "table.csv" if out is None else out
         run_file = make_run_file(artifact.topology.model, scene, parameters or {}, task="simulate", out=str(table.resolve()))
@@ -182,7 +184,7 @@ def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mappin
     model = read_model(path)
     chosen = find_scene(model, scene)
     outputs = _everything(model)
-    equations, _, source = generate(model, chosen, outputs)
+    _, _, source = generate(model, chosen, outputs)
     run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium")
     summary = call_simulator(build(source).path, run_file)
     failure = failure_of(summary)

@@ -18,7 +18,7 @@ TOLERANCE = {1e4: 1e-10, 1e9: 1e-6}
 
 
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-@pytest.mark.parametrize("model, scene", [("four_bar", "swing"), ("iltis", "simul1s"), ("iltis", "iavsd_sine_2mm")])
+@pytest.mark.parametrize(("model", "scene"), [("four_bar", "swing"), ("iltis", "simul1s"), ("iltis", "iavsd_sine_2mm")])
 def test_generated_code_equals_the_interpreter(monkeypatch: pytest.MonkeyPatch, compiler: str, model: str, scene: str) -> None:
     monkeypatch.setenv("CXX", compiler)
     artifact = compile_model(MODELS / f"{model}.yaml", scene=scene)

@@ -28,7 +28,7 @@ def test_the_reviewed_example_is_what_the_compiler_makes_today() -> None:
     assert kept == dict(made)
 
 
-@pytest.mark.parametrize("model, scene", [("four_bar", "swing"), ("iltis", "simul1s")])
+@pytest.mark.parametrize(("model", "scene"), [("four_bar", "swing"), ("iltis", "simul1s")])
 def test_same_bytes_under_any_hash_seed(model: str, scene: str) -> None:
     script = f"from tests.emit.test_source import source; print(source({model!r}, {scene!r}).digest)"
     digests = {

@@ -161,7 +161,7 @@ def test_tyre(wheel: str, road: str) -> None:
     deflection, forward, sideways, yaw, camber = WHEELS[wheel]
     w = workshop(0, "tyre")
     w.grow(GROUND, K.FREE, is_reversed=False)
-    constants = {name: sympy.Float(value) for name, value in {**CALSPAN, "stiffness": 460000, "radius": 0.364}.items()}
+    constants = {name: sympy.Float(value) for name, value in {**CALSPAN, "stiffness": 460000, "radius": 0.364, "spin_inertia": 1.9}.items()}
     tyre = Tyre(
         name="tyre", body="body_0", centre=w.bodies[0].centre_of_mass, axis=(sympy.Integer(0), sympy.Integer(1), sympy.Integer(0)),
         constants=constants, active=True, span=random_models.NOWHERE,

@@ -12,10 +12,68 @@ VARIABLES = ("length", "rate", "t")
 SMOOTH = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "sqrt", "exp", "log")
 NUMBERS = ("0", "1", "2", "3", "7", "0.5", "1e-3", "2.5e2", "1e-300", "1e300", "9007199254740991", "pi", ".5", "12")
 GARBAGE = (
-    "", " ", "(", ")", "((", "*/", "//", "/*", '"', "'", "\\", "{{", "}}", "{% raw %}", "${x}", "$(x)", "\n", "\t", "#", ";", ":=", "lambda", "**",
-    "^", "%", "@", "<", "==", "!=", "not", "and", "in", "if", "else", "True", "None", "nan", "inf", "1e999", "0x10", "1j", "1_000", "[0]", ".real",
-    "__import__('os')", "eval", "é", "π", "\x00", "\u202e", "x" * 70, "9" * 400, "-" * 70, "," , "where", "min()", "5 m", "3 kg*m", "~", "`", "f''",
-)  # fmt: skip
+    "",
+    " ",
+    "(",
+    ")",
+    "((",
+    "*/",
+    "//",
+    "/*",
+    '"',
+    "'",
+    "\\",
+    "{{",
+    "}}",
+    "{% raw %}",
+    "${x}",
+    "$(x)",
+    "\n",
+    "\t",
+    "#",
+    ";",
+    ":=",
+    "lambda",
+    "**",
+    "^",
+    "%",
+    "@",
+    "<",
+    "==",
+    "!=",
+    "not",
+    "and",
+    "in",
+    "if",
+    "else",
+    "True",
+    "None",
+    "nan",
+    "inf",
+    "1e999",
+    "0x10",
+    "1j",
+    "1_000",
+    "[0]",
+    ".real",
+    "__import__('os')",
+    "eval",
+    "é",
+    "π",
+    "\x00",
+    "\u202e",
+    "x" * 70,
+    "9" * 400,
+    "-" * 70,
+    ",",
+    "where",
+    "min()",
+    "5 m",
+    "3 kg*m",
+    "~",
+    "`",
+    "f''",
+)
 
 
 def write(rng: random.Random, depth: int) -> str:
@@ -56,12 +114,35 @@ _FORMS: tuple[Callable[[random.Random, _Part], str], ...] = (
 
 def nest(rng: random.Random) -> str:
     """One form within itself again and again, up to the limits of length."""
-    form = rng.choice((
-        "abs({x}-{c})", "max({x}, rate*{c})", "min({x}, {c}, t)", "where({x} < {c}, rate, t)", "where(t < {c}, {x}, rate)", "sign({x}+{c})",
-        "sin({x}*{c})", "exp(-({x}))", "1/({c}+{x})", "length/(rate+{x})", "atan2({x}, t)", "sqrt(({x})**2+{c})", "sqrt(({x})**2)",
-        "({x}+{c})**12", "({x})*(length+{c})", "({x})*sin(length*{c})", "log(1+{x}*t)", "tanh({x}+rate)", "({x})**0.5*({c}+t)", "-({x})",
-        "abs({x})*abs(length-{c})", "max({x},{c})*min(rate,{c})", "asin(sin({x}))", "({x})+length**3*{c}", "{c}+length*({x})",
-    ))  # fmt: skip
+    form = rng.choice(
+        (
+            "abs({x}-{c})",
+            "max({x}, rate*{c})",
+            "min({x}, {c}, t)",
+            "where({x} < {c}, rate, t)",
+            "where(t < {c}, {x}, rate)",
+            "sign({x}+{c})",
+            "sin({x}*{c})",
+            "exp(-({x}))",
+            "1/({c}+{x})",
+            "length/(rate+{x})",
+            "atan2({x}, t)",
+            "sqrt(({x})**2+{c})",
+            "sqrt(({x})**2)",
+            "({x}+{c})**12",
+            "({x})*(length+{c})",
+            "({x})*sin(length*{c})",
+            "log(1+{x}*t)",
+            "tanh({x}+rate)",
+            "({x})**0.5*({c}+t)",
+            "-({x})",
+            "abs({x})*abs(length-{c})",
+            "max({x},{c})*min(rate,{c})",
+            "asin(sin({x}))",
+            "({x})+length**3*{c}",
+            "{c}+length*({x})",
+        )
+    )
     text = rng.choice(VARIABLES)
     for _ in range(rng.randint(1, 60)):
         longer = form.replace("{x}", text).replace("{c}", f"{rng.random():.3f}")
@@ -76,10 +157,15 @@ def mutate(rng: random.Random, text: str) -> str:
     for _ in range(rng.randint(1, 4)):
         i, j = sorted((rng.randint(0, len(text)), rng.randint(0, len(text))))
         j = min(j, i + 12)
-        text = rng.choice((
-            text[:i] + text[j:], text[:i] + text[i:j] * 2 + text[j:], text[:i] + rng.choice(GARBAGE) + text[j:],
-            text[:i] + rng.choice(NUMBERS) + text[i:], text[i:j] + text[:i] + text[j:],
-        ))  # fmt: skip
+        text = rng.choice(
+            (
+                text[:i] + text[j:],
+                text[:i] + text[i:j] * 2 + text[j:],
+                text[:i] + rng.choice(GARBAGE) + text[j:],
+                text[:i] + rng.choice(NUMBERS) + text[i:],
+                text[i:j] + text[:i] + text[j:],
+            )
+        )
     return text
 
 
@@ -101,14 +187,22 @@ def _real(function: Callable[..., float]) -> Callable[..., float]:
 
 _PYTHON: Mapping[str, Any] = {
     **{name: _real(getattr(math, name)) for name in (*SMOOTH, "atan2")},
-    "min": lambda *x: min(x), "max": lambda *x: max(x), "abs": abs, "sign": lambda x: (x > 0) - (x < 0), "where": lambda c, a, b: a() if c else b(), "pi": math.pi,
+    "min": lambda *x: min(x),
+    "max": lambda *x: max(x),
+    "abs": lambda x: abs(float(x)),
+    "sign": lambda x: (x > 0) - (x < 0),
+    "where": lambda c, a, b: a() if c else b(),
+    "pi": math.pi,
     "__builtins__": {},
-}  # fmt: skip
+}
 
 
 def plain_value(text: str, values: Mapping[str, float]) -> float:
     """Python's value of a text that reading has accepted; NaN where it has none."""
-    tree = ast.parse(text.replace("\n", " ").strip(), mode="eval")
+    try:
+        tree = ast.parse(text.replace("\n", " ").strip(), mode="eval")
+    except SyntaxError:  # a number with a unit
+        return math.nan
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "where":
             none = ast.arguments(posonlyargs=[], args=[], kwonlyargs=[], kw_defaults=[], defaults=[])
@@ -116,5 +210,5 @@ def plain_value(text: str, values: Mapping[str, float]) -> float:
     try:
         value = eval(compile(ast.fix_missing_locations(tree), "text", "eval"), {**_PYTHON, **values})
         return float(value) if isinstance(value, int | float) else math.nan
-    except (ArithmeticError, ValueError):
+    except (ArithmeticError, ValueError, TypeError):  # a complex number compared
         return math.nan

@@ -200,3 +200,41 @@ def test_evaluation_of_what_has_no_value_is_nan() -> None:
     assert math.isnan(evaluate(1 / X, {X: 0.0}))
     assert math.isnan(evaluate(sympy.sqrt(X), {X: -1.0}))
     assert math.isnan(evaluate(X + Y, {X: 1.0}))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "abs(abs(abs(abs(abs(x) - 1) - 0.5) - 0.25) - 0.2)",
+        "max(max(max(max(y, x, 0.7), x*y, 0.7), 2*x, 0.7), x, 0.7)",
+        "where(where(where(x < 1, y, 2) < y, x, 3) < max(x, y), min(x, y, 1), abs(y))",
+        "max(" + ", ".join(f"{i}*x" for i in range(12)) + ")",
+        "*".join(f"sin({i}*x)" for i in range(1, 15)),
+    ],
+)
+def test_large_expressions_are_differentiated_twice_quickly(text: str) -> None:
+    start = time.process_time()
+    expression = read_term(text, NAMES).value
+    assert not sympy.diff(expression, X, X).has(sympy.Derivative)
+    assert time.process_time() - start < 3
+
+
+@pytest.mark.parametrize("text", ["*".join(f"sin({i}*x)" for i in range(1, 100)), "sin(" * 55 + "x" + ")" * 55])
+def test_derivatives_that_explode_are_refused(text: str) -> None:
+    message, hint = refusal(text)
+    assert message == "the second derivative of the expression expands to more than 25000 operations"
+    assert hint == "write fewer factors in a product, and fewer functions within functions"
+
+
+@pytest.mark.parametrize("text", ["1/(x - x)", "(x - x)/(y - y)", "sqrt(-x**2)", "x + 0/(y - y)"])
+def test_what_is_never_real_is_refused(text: str) -> None:
+    message, hint = refusal(text)
+    assert message == "a part of the expression has no finite real value"
+    assert hint == "look for a division by zero and roots of what is negative"
+
+
+def test_choices_stay_as_they_are_written() -> None:
+    expression = read_term("where(abs(x) < max(x, y), x, y)**0.5", NAMES).value
+    assert expression.func is sympy.Pow
+    assert expression.xreplace({X: -X}).xreplace({X: -X}) == expression
+    assert str(read_term("abs(x)", NAMES).value) == "Piecewise((x, x >= 0), (-x, True))"

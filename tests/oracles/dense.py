@@ -37,7 +37,7 @@ from cutjoint.model.records import (
 )
 from cutjoint.topology.records import Topology, TreeJoint
 from tests.oracles.joints import BALLS, ROWS, SCALARS, VECTORS, apply, quaternion_product, relative_motion, residual, vector_of
-from tests.oracles.tyre import Flat, tyre_contact
+from tests.oracles.tyre import Flat, road_normal, tyre_contact
 
 #: Imaginary step of the complex-step derivative: its square is lost against one.
 TINY = 1e-30
@@ -383,10 +383,14 @@ class DenseMechanism:
         centre = self.vector(tyre.centre)
         place, _, velocity, _ = motion.point(tyre.body, centre)
         axis = motion.R[tyre.body] @ self.vector(tyre.axis)
-        contact, force, moment = tyre_contact(c, place, velocity, axis, self.roads.get(tyre.name, Flat()))
+        road = self.roads.get(tyre.name, Flat())
+        contact, force, moment = tyre_contact(c, place, velocity, axis, road)
         R, p = motion.R[tyre.body], motion.p[tyre.body]
         _, J, _, _ = motion.point(tyre.body, R.T @ (contact - p))
-        return force @ J + moment @ motion.spin(tyre.body)[0]
+        turning, omega = motion.spin(tyre.body)[:2]
+        rolling = velocity @ np.cross(axis, road_normal(place, road)) / np.linalg.norm(np.cross(axis, road_normal(place, road)))
+        gyroscopic = -np.cross(omega, c["spin_inertia"] * rolling / c["radius"] * axis)
+        return force @ J + (moment + gyroscopic) @ turning
 
     # Closures
 

@@ -21,6 +21,12 @@ class Flat:
         return 0.0
 
 
+def road_normal(centre: Array, road: Flat) -> Array:
+    """The road's upward normal below a point."""
+    slope = road.slope(centre[0], centre[1])
+    return np.array([-slope, 0.0, 1.0]) / np.hypot(1.0, slope)
+
+
 def tyre_contact(c: Mapping[str, float], centre: Array, velocity: Array, axis: Array, road: Flat) -> tuple[Array, Array, Array]:
     """Contact point, force and moment of the road on a wheel with a point contact below its centre.
 
@@ -28,9 +34,8 @@ def tyre_contact(c: Mapping[str, float], centre: Array, velocity: Array, axis: A
     1993): the lateral force saturates at g = 1 where the demand is three times the friction limit.  A standing wheel, one that
     rolls forward at no more than 0.1 m/s, is a spring along the normal through its centre.
     """
-    slope = road.slope(centre[0], centre[1])
+    n = road_normal(centre, road)
     clearance = centre[2] - road.height(centre[0], centre[1])
-    n = np.array([-slope, 0.0, 1.0]) / np.hypot(1.0, slope)
     e_x = np.cross(axis, n) / np.linalg.norm(np.cross(axis, n))
     e_y, e_z = np.cross(n, e_x), np.cross(e_x, axis)
     load = max(0.0, c["stiffness"] * (c["radius"] - clearance) * n[2])

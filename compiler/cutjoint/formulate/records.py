@@ -48,8 +48,8 @@ class Column:
 class Function:
     """One generated function: named result columns over the program's inputs.
 
-    Inputs by symbol name: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``t``, ``motion`` (0 where
-    the mechanism is held at rest, else 1), ``parameters``, ``numerics`` (penalty, damping ratio, frequency).
+    Inputs by symbol name: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``t``, ``motion`` (0
+    where the mechanism is held at rest, else 1), ``parameters``, ``numerics`` (penalty, damping ratio, frequency).
     Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``, ``column:name``.
     """
 

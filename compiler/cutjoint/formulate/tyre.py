@@ -3,6 +3,9 @@
 The road is met under the wheel centre.  n is the local road normal, e_x the rolling direction and e_y the lateral direction (left) in
 the road plane, e_z the wheel plane's way from the ground to the centre.  The force acts where the wheel plane's e_z meets the road.  A
 standing wheel is a spring along n under its centre: no slip, no lateral force, no offset of the contact by camber.
+
+The wheel rolls at the rate v/R about its axis without a coordinate of its own.  Its angular momentum h = I v/R e turns with the body,
+which takes the moment h x w.
 Source: Frik, Leister, Schwartz (Vehicle System Dynamics 22, suppl., 1993).
 """
 
@@ -11,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.kinematics import Kinematics
+from cutjoint.formulate.kinematics import Kinematics, halves
 from cutjoint.model.records import Tyre
 from cutjoint.program.blocks import Block, Builder
 
@@ -21,7 +24,7 @@ STANDING = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """The road's force (3, 1) on the wheel at ``point`` (3, 1) from the pole, and its moment (3, 1)."""
+    """The road's force (3, 1) on the wheel at ``point`` (3, 1) from the pole, and the moment (3, 1) of road and spin."""
 
     point: Block
     force: Block
@@ -51,13 +54,15 @@ def tyre_force(k: Kinematics, tyre: Tyre) -> Contact:
     camber = b.call("atan", b.call("div", b.dot(n, axis), b.dot(n, e_z)))
     side, aligning = calspan(b, constants, load, slip, camber)
     side, aligning = (b.call("where", moves, value, b.zero(1)) for value in (side, aligning))
+    momentum = b.scale(b.mul(constants["spin_inertia"], b.call("div", rolling, constants["radius"])), axis)
+    _, w = halves(b, k.frames[tyre.body].Z)
     height = b.mul(clearance, n_z)
     rolling_point = b.sub(centre, b.scale(b.call("div", height, b.dot(n, e_z)), e_z))
     standing_point = b.sub(centre, b.scale(height, n))
     return Contact(
         point=_choose(b, moves, rolling_point, standing_point),
         force=b.add(b.scale(load, n), b.scale(side, e_y)),
-        moment=b.scale(aligning, n),
+        moment=b.add(b.scale(aligning, n), b.cross(momentum, w)),
         quantities={"Fz": load, "Fy": side, "Mz": aligning, "slip": slip, "camber": camber, "deflection": deflection},
     )
 

@@ -86,7 +86,8 @@ def _require_real(expression: Scalar) -> None:
     """Raises ExpressionError when a part without symbols is infinite, undefined or complex, as 1/(x - x) and sqrt(-x**2) are."""
     for part in bottom_up(expression):
         if part in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I) or (part.is_number and part.is_extended_real is False):
-            raise ExpressionError("a part of the expression has no finite real value", "look for a division by zero and roots of what is negative")
+            hint = "look for a division by zero and roots of what is negative"
+            raise ExpressionError("a part of the expression has no finite real value", hint)
 
 
 def _absolute_value(argument: Scalar) -> Scalar:

@@ -110,6 +110,7 @@ class Tyre(ForcePart):
     axis: Direction
     radius: Number
     stiffness: Number
+    spin_inertia: Number = 0
     calspan: Calspan
 
 

@@ -26,7 +26,7 @@ from cutjoint.model.records import (
 )
 from cutjoint.model.scope import Element
 from cutjoint.model.source import Path
-from cutjoint.model.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, SPEED, TIME, TORQUE
+from cutjoint.model.units import ANGLE, ANGULAR_SPEED, FORCE, INERTIA, LENGTH, SPEED, TIME, TORQUE
 from cutjoint.model.values import SpringDamper
 
 _POINT_SPRING = LawKind({"length": LENGTH, "rate": SPEED, "t": TIME}, FORCE)
@@ -210,6 +210,7 @@ def _read_tyre(element: Element, tyre: force_parts.Tyre) -> Tyre:
     constants = {
         "stiffness": element.scalar(tyre.stiffness, FORCE / LENGTH, ("stiffness",)),
         "radius": element.scalar(tyre.radius, LENGTH, ("radius",)),
+        "spin_inertia": element.scalar(tyre.spin_inertia, INERTIA, ("spin_inertia",)),
     }
     for name in force_parts.Calspan.model_fields:
         constants[name] = element.scalar(getattr(tyre.calspan, name), None, ("calspan", name))

@@ -249,7 +249,8 @@ class Tyre:
     """A wheel on the road: vertical spring, Calspan lateral and aligning force.
 
     ``centre`` is the wheel centre, ``axis`` the wheel axis (pointing left when the wheel rolls forward).
-    ``constants`` maps ``stiffness``, ``radius`` and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2``
+    ``constants`` maps ``stiffness``, ``radius``, ``spin_inertia`` (kg m2, of the wheel's turning about its axis, which
+    no coordinate stands for: its gyroscopic moment acts on the body) and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2``
     to values.
     """
 

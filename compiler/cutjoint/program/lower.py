@@ -233,7 +233,8 @@ def _backward(low: Lowering, block: Block) -> Elements:
 _RULES: dict[str, Callable[[Lowering, Block], Elements]] = {
     "lane_const": _lane_const, "gather": _gather, "lane": _lane, "lane_sum": _lane_sum,
     "const": _const, "symbol": _symbol, "add": _add, "sub": _sub, "neg": _neg, "scale": _scale, "mul": _mul,
-    "transpose": _transpose, "symmetrise": _symmetrise, "sandwich": _sandwich, "gram": _gram, "weigh": _weigh, "mirror": _mirror, "skew": _skew,
+    "transpose": _transpose, "symmetrise": _symmetrise, "sandwich": _sandwich, "gram": _gram,
+    "weigh": _weigh, "mirror": _mirror, "skew": _skew,
     "stack": _stack, "take": _take, "call": _call, "ldl_factor": lambda low, block: _ldl(low, block)[0],
     "ldl_pivots": lambda low, block: _ldl(low, block)[1], "forward": _forward, "backward": _backward,
 }  # fmt: skip

@@ -64,16 +64,10 @@ def profile_pieces(segments: Sequence[RoadSegment], start: float) -> list[Piece]
 def disc_pieces(segments: Sequence[RoadSegment], start: float, radius: float) -> list[Piece]:
     """The envelope of a disc of the given radius, minus the radius."""
     corners = _polygon(segments, start)
-    candidates = [*_offset_lines(corners, radius), *_arcs(corners, radius)]
-    breaks = sorted({x for c in candidates for x in (c.first, c.last)} | set(_crossings(candidates)))
     pieces: list[Piece] = []
-    for left, right in pairwise([b for b in breaks if math.isfinite(b)]):
-        if right - left < 1e-12:
-            continue
-        middle = (left + right) / 2
-        best = max((c for c in candidates if c.first <= middle <= c.last), key=lambda c: c.piece.height(middle))
-        if not pieces or not _continues(pieces[-1], best.piece):
-            pieces.append(_from(best.piece, left))
+    for part in _envelope([*_offset_lines(corners, radius), *_arcs(corners, radius)]):
+        if part.last - part.first >= 1e-12 and not (pieces and _continues(pieces[-1], part.piece)):
+            pieces.append(_from(part.piece, part.first))
     return pieces
 
 
@@ -121,15 +115,31 @@ def _arcs(corners: Sequence[tuple[float, float]], radius: float) -> Iterable[_Ca
         yield _Candidate(Piece(kind="arc", begin=x - radius, a=z - radius, b=radius, c=x), x - radius, x + radius)
 
 
-def _crossings(candidates: Sequence[_Candidate]) -> Iterable[float]:
-    ordered = sorted(candidates, key=lambda c: c.first)
-    for i, one in enumerate(ordered):
-        for other in ordered[i + 1 :]:
-            if other.first > one.last:
-                break
-            for x in _meet(one.piece, other.piece):
-                if max(one.first, other.first) < x < min(one.last, other.last):
-                    yield x
+def _envelope(candidates: Sequence[_Candidate]) -> list[_Candidate]:
+    """The highest curve at every x, in parts from left to right: that of two halves, each found in the same way."""
+    if len(candidates) < 2:
+        return list(candidates)
+    half = len(candidates) // 2
+    return _higher(_envelope(candidates[:half]), _envelope(candidates[half:]))
+
+
+def _higher(one: Sequence[_Candidate], other: Sequence[_Candidate]) -> list[_Candidate]:
+    """The envelope of two envelopes."""
+    parts: list[_Candidate] = []
+    breaks = sorted({x for c in (*one, *other) for x in (c.first, c.last) if math.isfinite(x)})
+    ahead = [list(reversed(one)), list(reversed(other))]
+    for left, right in pairwise(breaks):
+        for waiting in ahead:
+            while waiting and waiting[-1].last <= left:
+                waiting.pop()
+        here = [waiting[-1].piece for waiting in ahead if waiting and waiting[-1].first <= left]
+        cuts = sorted(x for x in _meet(*here) if left < x < right) if len(here) == 2 else []
+        for a, b in pairwise([left, *cuts, right]) if here else ():
+            best = max(here, key=lambda piece, x=(a + b) / 2: piece.height(x))  # type: ignore[misc]
+            if parts and parts[-1].piece is best and parts[-1].last == a:
+                a = parts.pop().first
+            parts.append(_Candidate(best, a, b))
+    return parts
 
 
 def _meet(one: Piece, other: Piece) -> list[float]:

@@ -155,7 +155,7 @@ def _components(load: BodyLoad, model: Model) -> tuple[str, ...]:
 
 
 def _tyre(force: Tyre, model: Model) -> Manner:
-    letters = {"stiffness": "stiffness k", "radius": "radius R"}
+    letters = {"stiffness": "stiffness k", "radius": "radius R", "spin_inertia": "spin inertia I"}
     return Manner(
         title="Tyre", notes=tyre.NOTES, actions=(*tyre.CONTACT, *tyre.explain_calspan(), tyre.ACTION), laws=(),
         places=(("body", code(force.body)), ("centre", place(force.centre, model)), ("axis", place(force.axis, model))),

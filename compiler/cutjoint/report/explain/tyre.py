@@ -52,7 +52,10 @@ CONTACT = (
     r"\alpha = \text{atan} (e_y \cdot v / e_x \cdot v), \quad \gamma = \text{atan} (n \cdot y / n \cdot e_z)",
 )
 
-ACTION = r"Q \leftarrow Q + \begin{bmatrix} F \cr p \times F + M_z n \end{bmatrix}, \quad F = F_z n + F_y e_y"
+ACTION = (
+    r"Q \leftarrow Q + \begin{bmatrix} F \cr p \times F + M_z n + h \times \omega \end{bmatrix},"
+    r" \quad F = F_z n + F_y e_y, \quad h = I \frac{v \cdot e_x}{R} y"
+)
 
 NOTES = (
     "$y$ is the wheel axis, $v$ the velocity of the wheel centre, $z$ its height, $h$ and $h'$ height and slope of the road below it; the "

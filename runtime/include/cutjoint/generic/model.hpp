@@ -103,7 +103,7 @@ struct JointForce {
 
 /// The constants of a tyre, as registers.
 struct TyreConstants {
-  int stiffness, radius, A0, A1, A2, A3, A4, B1, B3, B4, SN, AF1, AF2;
+  int stiffness, radius, spin_inertia, A0, A1, A2, A3, A4, B1, B3, B4, SN, AF1, AF2;
 };
 
 struct Tyre {

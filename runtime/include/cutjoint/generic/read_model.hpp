@@ -206,7 +206,7 @@ class ModelReader {
     Tyre tyre{};
     tyre.centre = point(on, json.at("centre"));
     tyre.axis = direction(on, json.at("axis"));
-    tyre.constants = {of("stiffness"), of("radius"), of("A0"), of("A1"), of("A2"), of("A3"), of("A4"),
+    tyre.constants = {of("stiffness"), of("radius"), of("spin_inertia"), of("A0"), of("A1"), of("A2"), of("A3"), of("A4"),
                       of("B1"), of("B3"), of("B4"), of("SN"), of("AF1"), of("AF2")};
     tyre.road = json.at("road");
     tyre.quantity = quantity;

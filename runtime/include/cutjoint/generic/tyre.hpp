@@ -16,10 +16,10 @@ constexpr double standing = 0.1;
 /// The constants of one tyre.
 template <class Real>
 struct TyreValues {
-  Real stiffness, radius, A0, A1, A2, A3, A4, B1, B3, B4, SN, AF1, AF2;
+  Real stiffness, radius, spin_inertia, A0, A1, A2, A3, A4, B1, B3, B4, SN, AF1, AF2;
 
   TyreValues(const Expressions<Real>& e, const TyreConstants& c)
-      : stiffness(e[c.stiffness]), radius(e[c.radius]), A0(e[c.A0]), A1(e[c.A1]), A2(e[c.A2]), A3(e[c.A3]), A4(e[c.A4]), B1(e[c.B1]),
+      : stiffness(e[c.stiffness]), radius(e[c.radius]), spin_inertia(e[c.spin_inertia]), A0(e[c.A0]), A1(e[c.A1]), A2(e[c.A2]), A3(e[c.A3]), A4(e[c.A4]), B1(e[c.B1]),
         B3(e[c.B3]), B4(e[c.B4]), SN(e[c.SN]), AF1(e[c.AF1]), AF2(e[c.AF2]) {}
 };
 
@@ -46,7 +46,8 @@ std::pair<Real, Real> calspan(const TyreValues<Real>& c, Real load, Real slip, R
 }
 
 /// The contact under the wheel centre: n the road's normal, e_x the rolling direction, e_y the lateral one (left), e_z in the wheel's
-/// plane.  A standing wheel has no slip, no lateral force, and its contact below the centre along the normal.
+/// plane.  A standing wheel has no slip, no lateral force, and its contact below the centre along the normal.  The rolling wheel's angular
+/// momentum turns with the body, which takes its gyroscopic moment.
 template <class Real>
 Contact<Real> meet_road(const Kinematics<Real>& k, const Tyre& tyre, const TyreValues<Real>& c, const Road<Real>& road) {
   using std::atan, std::sqrt;
@@ -69,7 +70,8 @@ Contact<Real> meet_road(const Kinematics<Real>& k, const Tyre& tyre, const TyreV
     point = centre - height / n.dot(e_z) * e_z;
   }
   contact.wrench = wrench_of<Real>(point, contact.load * n + contact.side * e_y);
-  contact.wrench.template tail<3>() += contact.aligning * n;
+  const Vector3<Real> momentum = c.spin_inertia * rolling / c.radius * axis, w = k.frame(tyre.centre.body).Z.template tail<3>();
+  contact.wrench.template tail<3>() += contact.aligning * n + momentum.cross(w);
   return contact;
 }
 

@@ -1,0 +1,509 @@
+"""Model files: valid ones with random subsets of all features, and mutations of these."""
+
+from __future__ import annotations
+
+import copy
+import json
+import random
+from typing import Any
+
+Node = dict[str, Any]
+
+AXIS_KINDS = ("revolute", "prismatic", "screw", "cylindrical", "planar", "point_on_line")
+KINDS = (*AXIS_KINDS, "universal", "spherical", "fixed", "free", "distance")
+SINGLE = ("revolute", "prismatic", "screw")
+COORDINATES = {
+    "revolute": ("angle",),
+    "prismatic": ("displacement",),
+    "screw": ("angle",),
+    "cylindrical": ("displacement", "angle"),
+    "universal": ("angle_1", "angle_2"),
+    "planar": ("displacement_1", "displacement_2", "angle"),
+    "point_on_line": ("displacement",),
+    "distance": ("angle_1", "angle_2"),
+    "free": ("x", "y", "z"),
+    "spherical": (),
+    "fixed": (),
+}
+
+#: Names that are allowed and that a careless generator of C++, CMake or JSON stumbles over.
+ODD_NAMES = (
+    "q",
+    "v",
+    "t",
+    "lambda",
+    "Real",
+    "real",
+    "description",
+    "Description",
+    "road",
+    "lanes",
+    "Lanes4",
+    "loaded",
+    "step",
+    "stabilisation",
+    "any_mechanism",
+    "cutjoint",
+    "generated",
+    "evaluate",
+    "report",
+    "roads",
+    "penalty",
+    "frequency",
+    "motion",
+    "vdot",
+    "residual",
+    "column",
+    "sin",
+    "abs",
+    "pow",
+    "M_PI",
+    "HUGE_VAL",
+    "RAND_MAX",
+    "I",
+    "E",
+    "S",
+    "pi",
+    "x",
+    "test",
+    "all",
+    "install",
+    "clean",
+    "help",
+    "mechanism",
+    "driver",
+    "simulator",
+    "CMAKE",
+    "PROJECT",
+    "endif",
+    "numerics",
+    "parameters",
+    "value_1",
+    "p_a",
+    "q_a",
+    "Z_a",
+    "a_",
+    "nan",
+    "inf",
+    "null",
+    "yes",
+    "main_",
+    "std_",
+    "string",
+    "vector",
+    "double_",
+    "INT_MAX",
+    "BUFSIZ",
+    "SIGINT",
+    "major",
+    "minor",
+    "FP_NAN",
+    "a" * 64,
+    "value",
+    "count",
+)
+
+#: What must not reach C++, CMake or a terminal as it is.
+NASTY = (
+    "",
+    " ",
+    "a b",
+    "a-b",
+    "1a",
+    "_a",
+    "a__b",
+    "class",
+    "double",
+    "ground",
+    "*/",
+    "//",
+    "/* a",
+    '"',
+    "'",
+    "\\",
+    "a\\",
+    "{{ 1 }}",
+    "{% raw %}",
+    "${HOME}",
+    "$(id)",
+    "a\nb",
+    "a\n#error x",
+    "a\tb",
+    "\r",
+    "é",
+    "π",
+    "\u202e",
+    "\x7f",
+    "\u2028",
+    "a;b",
+    "a)b",
+    "#include",
+    "a.b",
+    ".",
+    "..",
+    "a..b",
+    "%s",
+    "??/",
+    "x" * 65,
+    "x" * 3000,
+    "null",
+    "true",
+    "<<",
+    "*a",
+    "&a",
+    "!tag",
+    "[b]",
+    "[red]",
+    "a:b",
+    "-",
+    "?",
+)
+
+ODD_VALUES: tuple[Any, ...] = (
+    None,
+    True,
+    False,
+    0,
+    1,
+    -1,
+    1.5,
+    -0.0,
+    1e300,
+    -1e300,
+    1e-300,
+    5e-324,
+    10**19,
+    2**53,
+    2**63,
+    "nan",
+    ".nan",
+    "inf",
+    "1e999",
+    "0",
+    "",
+    [],
+    {},
+    [1],
+    [1, 2, 3],
+    [0, 0, 0],
+    [1e-300, 0, 0],
+    [1e200, 1e200, 1e200],
+    [[1]],
+    {"a": 1},
+    "length",
+    "rate",
+    "1/0",
+    "sqrt(-1)",
+    "30 deg",
+    "3 kg",
+    "5 foo",
+    "1 N\n*m",
+    "t",
+    "size",
+    "drive",
+    "-size",
+    "size - size",
+    "1/(size - size)",
+    "exp(700*size)",
+)
+
+
+class Maker:
+    """Makes the document of one valid model."""
+
+    def __init__(self, rng: random.Random) -> None:
+        self.rng = rng
+        self.names: set[str] = set()
+        self.bodies: list[str] = []
+        self.joints: dict[str, Node] = {}
+
+    def chance(self, p: float = 0.5) -> bool:
+        return self.rng.random() < p
+
+    def name(self, stem: str) -> str:
+        """A name that is not taken, now and then an odd one."""
+        free = [n for n in ODD_NAMES if n not in self.names]
+        name = self.rng.choice(free) if self.chance(0.15) else f"{stem}_{len(self.names)}"
+        self.names.add(name)
+        return name
+
+    def number(self, low: float = -1.0, high: float = 1.0) -> Any:
+        """A number, or an expression over the parameters that scale it."""
+        x = round(self.rng.uniform(low, high), self.rng.choice((1, 3, 15))) or 0.25
+        return self.rng.choice((x, x, x, f"{x!r}*size", f"{x!r}*ratio", f"max({x!r}, {x!r}*size)" if x > 0 else x))
+
+    def triple(self) -> list[Any]:
+        return [self.number() for _ in range(3)]
+
+    def axis(self) -> list[float]:
+        return self.rng.choice(([1, 0, 0], [0, 1, 0], [0, 0, -1], [1, 2, 3], [0.3, -0.4, 0.5]))
+
+    def point(self) -> Any:
+        return self.rng.choice(("origin", "tip", self.triple(), {"midpoint": ["origin", "tip"]}))
+
+    def body(self) -> str:
+        name = self.name("body")
+        self.bodies.append(name)
+        return name
+
+    def body_part(self) -> Node:
+        mass = self.rng.choice((2, "weight", "3 kg", "load"))
+        kind = self.rng.randrange(5)
+        if kind == 0:
+            return {"shapes": [{"box": [0.4, "0.2*size", 0.1], "density": 500, "at": self.point()}, {"point": self.point(), "mass": mass}]}
+        centre = {"mass": mass, "centre_of_mass": self.point()}
+        if kind == 1:
+            return {**centre, "inertia": {"principal": [0.3, 0.4, 0.5], "x": [1, 2, 0], "y": [-2, 1, 0]}}
+        if kind == 2:
+            return {
+                **centre,
+                "inertia": [0.3, 0.4, 0.5, 0.01, -0.02, 0.03],
+                **({"about": centre["centre_of_mass"]} if self.chance() else {}),
+            }
+        return {**centre, "inertia": ["0.3*size", "0.4*size", "0.5*size"]}
+
+    def joint(self, kind: str, base: str, follower: str, **more: Any) -> str:
+        name, part = self.name("joint"), {"kind": kind, "bodies": [base, follower], "at": self.triple(), **more}
+        if self.chance(0.4):
+            part["bodies"].reverse()
+        if kind in AXIS_KINDS:
+            part["axis"] = self.axis()
+        if kind == "universal":
+            part |= {"axis": [1, 0, 0], "axis_2": [0, 1, 0]}
+        if kind == "screw":
+            part["pitch"] = self.rng.choice((0.1, "0.05 m"))
+        if kind == "distance":
+            part["to"] = [5, 5, 5]
+        self.joints[name] = part
+        return name
+
+    def tree(self, count: int) -> None:
+        for _ in range(count):
+            base = self.rng.choice(["ground", *self.bodies])
+            kind = self.rng.choice(KINDS)
+            joint = self.joint(kind, base, self.body())
+            if kind in SINGLE and self.chance(0.15):
+                self.joints[joint]["guide"] = self.rng.choice(("drive", "0.1*sin(t)", "drive*t + size*t**2", "abs(t - 1)*drive"))
+            elif COORDINATES[kind] and self.chance(0.2):
+                coordinate = self.rng.choice(COORDINATES[kind])
+                self.joints[joint]["spring"] = {"stiffness": 40, "damping": "2*size", "coordinate": coordinate}
+
+    def loop(self) -> None:
+        if len(self.bodies) > 2:
+            one, other = self.rng.sample(self.bodies, 2)
+            self.joint(self.rng.choice([k for k in KINDS if k != "free"]), one, other, **({"cut": True} if self.chance(0.7) else {}))
+
+    def law(self, variable: str) -> Any:
+        """A law of any form over a variable and its rate."""
+        x = variable
+        return self.rng.choice(
+            (
+                12.5,
+                f"-30*{x} - 2*rate",
+                f"-weight*{x}**3 + drive",
+                f"where({x} < 0.1, -{x}, min(0, rate, size))",
+                f"abs({x})*rate/(1 + {x}**2)",
+                f"sign(rate)*tanh({x})*cos(t)",
+                f"max(max(rate, t, 0.7), {x}, 0.7)",
+                f"-abs(abs({x} - 1) - 0.5)",
+                {"polynomial": [0, "-2*weight", 3], "of": x},
+                {"of": "rate", "piecewise": [{"below": 0, "polynomial": [1, 2]}, {"expression": "1 + 3*rate"}]},
+                {"sum": [f"-{x}", {"polynomial": [0, -3], "of": "rate"}]},
+                {"table": {x: [0.1, 0.2, 0.7], "value": [0, -3, -4]}},
+                {"stop": {"at": 0.2, "side": "below", "stiffness": 500, "damping": 3}},
+            )
+        )
+
+    def force(self, trees: list[str]) -> Node:
+        base, follower = self.rng.sample(["ground", *self.bodies], 2)
+        pair, body = {"bodies": [base, follower]}, self.rng.choice(self.bodies)
+        parts: list[Node] = [
+            {"kind": "point_spring", **pair, "from": [0.1, 0, 3], "to": [0.5, 1, 0], "law": self.law("length")},
+            {
+                "kind": "point_spring",
+                **pair,
+                "from": [0.1, 0, 3],
+                "to": [0.5, 1, 0],
+                "law": {"stiffness": 20, "damping": 3, "free_length": 2},
+            },
+            {"kind": "axial_force", **pair, "origin": [0, 0, 0], "point": self.point(), "axis": self.axis(), "law": self.law("travel")},
+            {
+                "kind": "load",
+                "body": body,
+                "at": self.point(),
+                "force": ["x*vy", "drive", "-vz*abs(vz)"],
+                "axes": self.rng.choice(("global", "body")),
+            },
+            {"kind": "load", "body": body, "torque": ["sin(t)", "drive*size", 0], "moving_only": self.chance()},
+            {"kind": "bushing", **pair, "at": self.point(), "stiffness": [9, 9, 9, 1, 1, "size"], "damping": [1, 1, 1, 0.1, 0.1, 0.1]},
+        ]
+        if trees:
+            joint = self.rng.choice(trees)
+            kind = self.joints[joint]["kind"]
+            coordinate = self.rng.choice(COORDINATES[kind])
+            parts.append({"kind": "joint_force", "joint": joint, "coordinate": coordinate, "law": self.law("position")})
+        part = self.rng.choice(parts)
+        return {**part, **({"active": False} if self.chance(0.1) else {})}
+
+    def tyre(self) -> Node:
+        constants = dict.fromkeys(("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2"), 1000)
+        return {
+            "kind": "tyre",
+            "body": self.rng.choice(self.bodies),
+            "centre": [0, 0, 0.3],
+            "axis": [0, 1, 0],
+            "radius": 0.3,
+            "stiffness": 1e4,
+            "calspan": constants,
+        }
+
+    def submodel(self) -> Node:
+        return {
+            "connectors": ["base"],
+            "parameters": ["reach"],
+            "points": {"C": [0, "reach", 0.3]},
+            "bodies": {"wheel": {"mass": "weight", "centre_of_mass": "C", "inertia": [1, 2, 1]}},
+            "joints": {
+                "hub": {"kind": self.rng.choice(("revolute", "prismatic")), "bodies": ["base", "wheel"], "at": "C", "axis": [0, 1, 0.2]}
+            },
+            "forces": {
+                "push": {"kind": "load", "body": "wheel", "at": "C", "force": ["y", "-vy*reach", "x"]},
+                "spring": {"kind": "point_spring", "bodies": ["base", "wheel"], "from": [0, 0, 3], "to": "C", "law": self.law("length")},
+            },
+            "outputs": ["hub." + "rate", "wheel.y"][1:],
+            "markers": {"end": {"body": "wheel", "at": "C"}},
+        }
+
+    def document(self) -> Node:
+        """The whole model."""
+        rng = self.rng
+        self.tree(rng.randint(1, 5))
+        while len(self.bodies) < 2:
+            self.tree(1)
+        for _ in range(rng.choice((0, 0, 1, 1, 2))):
+            self.loop()
+        trees = [n for n, j in self.joints.items() if "cut" not in j and "guide" not in j and COORDINATES[j["kind"]]]
+        loops = len(self.joints) > len(self.bodies) and all("cut" not in j for j in self.joints.values())
+        forces = {self.name("force"): self.force([] if loops else trees) for _ in range(rng.randint(0, 4))}
+        if self.chance(0.2):
+            forces[self.name("tyre")] = self.tyre()
+        cuts = [n for n, j in self.joints.items() if j.get("cut")]
+        made: Node = {
+            "cutjoint": 1,
+            "name": rng.choice(ODD_NAMES[:20]) if self.chance(0.2) else "fuzzed",
+            "gravity": [0, 0, rng.choice((-9.81, "-9.81*size"))],
+            "parameters": {
+                "size": {"value": 1.0, "binding": rng.choice(("const", "param"))},
+                "ratio": 0.25,
+                "weight": {"value": 2, "binding": rng.choice(("const", "param"))},
+                "drive": {"value": 0.1, "binding": "input"},
+                "load": {"value": 3, "unit": rng.choice(("kg", "g", "t")), "binding": "param"},
+            },
+            "points": {"origin": [0, 0, 0], "tip": [1, 0.5, "0.25*size"]},
+            "bodies": {body: self.body_part() for body in self.bodies},
+            "joints": self.joints,
+            "forces": forces,
+            "markers": {self.name("marker"): {"body": rng.choice(self.bodies), "at": self.point()} for _ in range(rng.randint(0, 2))},
+            "reactions": {
+                self.name("reaction"): {"joint": cut, "body": self.joints[cut]["bodies"][0], "direction": self.axis()} for cut in cuts
+            },
+        }
+        if self.chance(0.4):
+            made["submodels"] = {"side": self.submodel()}
+            uses = {self.name("side"): mirror for mirror in rng.sample(["x", "y", "z", None], rng.randint(1, 3))}
+            made["instances"] = {
+                name: {"use": "side", "connect": {"base": rng.choice(self.bodies)}, "with": {"reach": 0.4}, **({"mirror": m} if m else {})}
+                for name, m in uses.items()
+            }
+        made["outputs"] = [f"{rng.choice(self.bodies)}.{rng.choice(('x', 'vz', 'ay', 'roll', 'wx'))}" for _ in range(rng.randint(0, 3))]
+        made["outputs"] = list(dict.fromkeys(made["outputs"]))
+        if self.chance(0.9):
+            made["scenes"] = {self.name("scene"): self.scene(trees) for _ in range(rng.randint(1, 2))}
+        return made
+
+    def scene(self, trees: list[str]) -> Node:
+        rng = self.rng
+        scene: Node = {"end": 0.01, "output_step": 0.005, "numerics": {"penalty": 1e7}}
+        if self.chance():
+            scene["inputs"] = {
+                "drive": rng.choice(("0.2*sin(3*t)", {"table": {"t": [0, 1, 2], "value": [0, 1, 0]}}, 0.3, "where(t < 1, t, 1)"))
+            }
+        if trees and self.chance(0.5):
+            joint = rng.choice(trees)
+            scene["positions"] = {f"{joint}.{COORDINATES[self.joints[joint]['kind']][0]}": 0.01}
+        if self.chance(0.3):
+            scene["road"] = {
+                "contact": rng.choice(("disc", "point")),
+                "profile": [{"flat": 1}, {"ramp": 2, "rise": 0.1}, {"cosine": 1, "amplitude": 0.1}],
+            }
+        return scene
+
+
+def make_document(rng: random.Random) -> Node:
+    """A model that is valid but for what chance makes singular or unconnected."""
+    return Maker(rng).document()
+
+
+def write(document: Any) -> str:
+    """The text of a model; JSON is YAML."""
+    return json.dumps(document, indent=1)
+
+
+# Mutations.
+
+
+def _places(node: Any) -> list[tuple[Any, Any]]:
+    """Every container with every of its keys."""
+    items = list(node.items()) if isinstance(node, dict) else list(enumerate(node)) if isinstance(node, list) else []
+    return [place for key, value in items for place in ((node, key), *_places(value))]
+
+
+def mutate_document(rng: random.Random, document: Node) -> Any:
+    """The model with a few values or keys deleted, doubled, renamed, exchanged or replaced."""
+    changed = copy.deepcopy(document)
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        places = _places(changed)
+        if not places:
+            break
+        container, key = rng.choice(places)
+        other, other_key = rng.choice(places)
+        kind = rng.randrange(7)
+        if kind == 0:
+            del container[key]
+        elif kind == 1 and isinstance(container, dict):
+            container[rng.choice((*NASTY, *ODD_NAMES))] = copy.deepcopy(container[key])
+        elif kind == 2 and isinstance(container, dict):
+            container[rng.choice((*NASTY, *ODD_NAMES))] = container.pop(key)
+        elif kind == 3:
+            container[key] = copy.deepcopy(other[other_key])
+        elif kind == 4:
+            container[key] = rng.choice(NASTY)
+        elif kind == 5 and isinstance(container, list):
+            container.append(copy.deepcopy(container[key]))
+        else:
+            container[key] = copy.deepcopy(rng.choice(ODD_VALUES))
+    return changed
+
+
+def mutate_text(rng: random.Random, text: str) -> str:
+    """The text of a model with a passage deleted, doubled or replaced."""
+    i = rng.randrange(len(text))
+    j = min(len(text), i + rng.randint(0, 20))
+    return rng.choice(
+        (
+            text[:i] + text[j:],
+            text[:j] + text[i:],
+            text[:i] + rng.choice((*NASTY, ".nan", ".inf", "&a [*a]", "!!python/object:os")) + text[j:],
+        )
+    )
+
+
+def any_model(rng: random.Random) -> str:
+    """A model's text of any of these kinds."""
+    document = make_document(rng)
+    kind = rng.random()
+    if kind < 0.35:
+        return write(document)
+    if kind < 0.85:
+        return write(mutate_document(rng, document))
+    return mutate_text(rng, write(document))

@@ -1,0 +1,57 @@
+"""A model's text through the symbolic half of the compiler: a source, or problems with their places."""
+
+from __future__ import annotations
+
+import re
+import time
+from dataclasses import dataclass
+
+from cutjoint import pipeline
+from cutjoint.analysis.inertia import NoInertiaError
+from cutjoint.emit.source import Source
+from cutjoint.formulate.records import Equations
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model, Scene
+from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.topology.spanning_tree import TopologyError
+
+FILE = "fuzzed.yaml"
+#: Seconds of processor time that a model may take.
+SLOWEST = 10.0
+_PLACED = re.compile(rf"{re.escape(FILE)}:\d+:\d+: \S.*")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """``problems`` of a refused model, or the ``source`` of an accepted one."""
+
+    problems: tuple[str, ...] = ()
+    source: Source | None = None
+    model: Model | None = None
+    scene: Scene | None = None
+    equations: Equations | None = None
+
+
+def compile_text(text: str) -> Outcome:
+    """What becomes of a model's text; fails when it is neither compiled nor refused with places, or takes too long."""
+    begin = time.process_time()
+    outcome = _compile(text)
+    seconds = time.process_time() - begin
+    assert seconds < SLOWEST, f"took {seconds:.1f} s"
+    for line in outcome.problems:
+        assert _PLACED.fullmatch(line), f"no place or more than a line: {line!r}"
+        assert line.isprintable(), repr(line)
+    return outcome
+
+
+def _compile(text: str) -> Outcome:
+    try:
+        model = read_model_text(text, FILE)
+        scene = next(iter(model.scenes.values()), None) or pipeline.find_scene(model, None)
+        equations, _, source = pipeline.generate(model, scene, scene.outputs)
+        make_run_file(model, scene, {}, task="simulate", out="table.csv")
+    except (ModelError, TopologyError, NoInertiaError, RunError) as error:
+        problems = str(error).splitlines()
+        return Outcome(problems=tuple(problems))
+    return Outcome(source=source, model=model, scene=scene, equations=equations)
