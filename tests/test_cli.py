@@ -90,4 +90,6 @@ def test_a_run_that_fails_keeps_its_results_and_says_where(tmp_path: Path) -> No
     assert result.exit_code == 1
     assert "did not converge in 100 iterations at t = 4.0" in result.output
     assert "take a smaller dt" in result.output
+    line = next(i for i, x in enumerate((MODELS / "iltis.yaml").read_text().splitlines(), 1) if "arm_hinge: {" in x)
+    assert f"iltis.yaml:{line}:" in result.output
     assert np.loadtxt(out, delimiter=",", skiprows=1)[-1, 0] == pytest.approx(4.0, abs=0.2)

@@ -132,8 +132,15 @@ def simulate(
     if plots is not None:
         _plot(artifact, run, plots)
     if run.failure is not None:
-        _err.print(f"{model}: scene '{artifact.scene.name}': {run.failure}; the results up to then are kept", markup=False)
+        where = _place(artifact, run.failure.element) or str(model)
+        _err.print(f"{where}: scene '{artifact.scene.name}': {run.failure}; the results up to then are kept", markup=False)
         raise SystemExit(1)
+
+
+def _place(artifact: Artifact, quantity: str) -> str:
+    """Where the joint of a coordinate or an equation stands in the model file."""
+    element = quantity.rpartition(".")[0]
+    return next((str(j.span) for j in artifact.topology.model.joints if j.name == element), "")
 
 
 def _plot(artifact: Artifact, run: Trajectory, folder: Path) -> None:

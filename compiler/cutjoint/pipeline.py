@@ -163,7 +163,7 @@ def simulate(
         out.with_suffix(".units.json").write_text(json.dumps({"t": "s", **units}, indent=2) + "\n", encoding="utf-8")
     return Trajectory(
         t=t, columns=columns, units=units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
-        seconds=summary.get("seconds", 0.0), failure=failure,
+        seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
     )  # fmt: skip
 
 

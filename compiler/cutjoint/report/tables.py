@@ -130,7 +130,12 @@ def run_facts(artifact: Artifact, run: Trajectory) -> Table:
         ("compile", f"{compiled} ({artifact.binary.compiler}, {' '.join(artifact.binary.flags)})"),
         ("run", f"{run.seconds:.4f} s for {simulated:g} s: {factor}"),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
+        ("speeds not given", f"{len(run.undetermined)}, as small as the loops allow{_listed(run.undetermined)}"),
     ])  # fmt: skip
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return f": {', '.join(names)}" if names else ""
 
 
 def equilibrium_table(equilibrium: Equilibrium) -> Table:

@@ -34,7 +34,8 @@ class FailureReport:
 class Trajectory:
     """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
 
-    ``seconds`` is the time of the steps alone; ``failure`` is None when the run reached its end.
+    ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
+    start, ``failure`` is None when the run reached its end.
     """
 
     t: Array
@@ -43,6 +44,7 @@ class Trajectory:
     steps: int
     evaluations: int
     seconds: float
+    undetermined: tuple[str, ...]
     failure: FailureReport | None
 
     def __getitem__(self, column: str) -> Array:

@@ -151,7 +151,9 @@ class Run {
     }
     const std::vector<bool> moving = assign("rates", d_.speeds, state_.v);
     starter.make_consistent(state_, moving, Real(1));
+    for (const std::string_view name : starter.undetermined(state_, moving)) undetermined_.push_back(std::string(name));
     starter.accelerate(state_, Real(1));
+    starter.require_finite(state_);
   }
 
   Json columns() {
@@ -217,7 +219,7 @@ class Run {
     return counts();
   }
 
-  Json counts() const { return Json{{"steps", steps_}, {"evaluations", evaluations_}, {"seconds", seconds_}}; }
+  Json counts() const { return Json{{"steps", steps_}, {"evaluations", evaluations_}, {"seconds", seconds_}, {"undetermined", undetermined_}}; }
 
   void count(long steps, long evaluations, double seconds) {
     steps_ = steps;
@@ -242,6 +244,7 @@ class Run {
   Stabilisation<Real> stabilisation_;
   long steps_ = 0, evaluations_ = 0, mark_ = -1;
   double seconds_ = 0.0;
+  std::vector<std::string> undetermined_;
 };
 
 /// A JSON file's content.

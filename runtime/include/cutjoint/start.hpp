@@ -47,6 +47,28 @@ class Starter {
     if (!(largest(left) <= Real(1e-9) * (Real(1) + largest(gap)))) open_loop("the given speeds contradict the loops", state, left);
   }
 
+  /// Names of independent speeds that neither the user nor the loops determine; as many as degrees of freedom are left.
+  std::vector<std::string_view> undetermined(const State<Real>& state, const std::vector<bool>& held) const {
+    std::vector<std::string_view> names;
+    if (n_ == 0) return names;
+    Eigen::ColPivHouseholderQR<Matrix> qr;
+    qr.setThreshold(Real(1e-7));
+    if (m_ > 0) qr.compute(held_out(jacobian(state), held));
+    std::vector<bool> dependent(static_cast<std::size_t>(n_), false);
+    for (Eigen::Index i = 0; m_ > 0 && i < qr.rank(); ++i) dependent[static_cast<std::size_t>(qr.colsPermutation().indices()[i])] = true;
+    for (std::size_t i = 0; i < dependent.size(); ++i)
+      if (!dependent[i] && !held[i]) names.push_back(d_.speeds[i]);
+    return names;
+  }
+
+  /// Throws Failure when an acceleration is not a finite number.
+  void require_finite(const State<Real>& state) const {
+    for (std::size_t i = 0; i < state.vdot.size(); ++i)
+      if (!std::isfinite(static_cast<double>(state.vdot[i])))
+        throw Failure("an acceleration has no finite value at the start", static_cast<double>(state.t), 0, std::string(d_.speeds[i]),
+                      static_cast<double>(state.vdot[i]), "look for a law that divides by zero or takes the root of a negative number in this pose");
+  }
+
   /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay.
   /// Returns whether they did.
   bool accelerate(State<Real>& state, Real motion) const {
