@@ -134,7 +134,7 @@ def test_forces_keep_their_switches(iltis: Model) -> None:
     tyre = named(iltis.forces, "rear_right.tyre")
     assert isinstance(tyre, Tyre)
     assert set(tyre.constants) == {
-        "stiffness", "radius", "A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2",
+        "stiffness", "radius", "spin_inertia", "A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2",
     }  # fmt: skip
 
 
