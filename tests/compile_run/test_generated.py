@@ -39,6 +39,18 @@ def test_generated_code_equals_the_interpreter(monkeypatch: pytest.MonkeyPatch, 
                 assert np.abs(results[name] - values).max(initial=0.0) <= (1e-12 if exact else tolerance) * scale, name
 
 
+@pytest.mark.skipif("avx2" not in Path("/proc/cpuinfo").read_text(), reason="the processor has no AVX2")
+def test_lanes_in_avx2_registers_equal_the_interpreter() -> None:
+    """With AVX2 the lanes are one register, and their sines come from libmvec, exact to 4 units in the last place."""
+    artifact = compile_model(MODELS / "iltis.yaml", scene="simul1s", flags=("-O1", "-mavx2", "-mfma"))
+    numerics = replace(artifact.scene.numerics, penalty=1e4)
+    flat = replace(artifact.scene, numerics=numerics, road=replace(artifact.scene.road, left=(), right=()))
+    states = random_states(artifact.equations, 3, seed=4)
+    for state, results in zip(states, run_evaluate(artifact.binary.path, artifact.topology.model, flat, states), strict=True):
+        for name, values in interpret(replace(artifact.equations, scene=flat), state).items():
+            assert np.abs(results[name] - values).max() <= 1e-10 * max(1.0, float(np.abs(values).max())), name
+
+
 @pytest.mark.parametrize("kind", list(JointKind))
 def test_every_joint_kind_compiles_and_equals_the_interpreter(kind: JointKind) -> None:
     """Trees with joints of one kind, and a loop that a cut joint of the kind closes."""
