@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
-from tests.conftest import MODELS
+from tests.conftest import MODELS, ROOT
 
 FOUR_BAR, ILTIS = str(MODELS / "four_bar.yaml"), str(MODELS / "iltis.yaml")
 
@@ -93,3 +93,7 @@ def test_a_run_that_fails_keeps_its_results_and_says_where(tmp_path: Path) -> No
     line = next(i for i, x in enumerate((MODELS / "iltis.yaml").read_text().splitlines(), 1) if "arm_hinge: {" in x)
     assert f"iltis.yaml:{line}:" in result.output
     assert np.loadtxt(out, delimiter=",", skiprows=1)[-1, 0] == pytest.approx(4.0, abs=0.2)
+
+
+def test_schema_prints_what_the_docs_keep() -> None:
+    assert call("schema").output == (ROOT / "docs" / "model.schema.json").read_text()

@@ -18,6 +18,7 @@ from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import find_redundancy
+from cutjoint.model.document import json_schema
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
@@ -195,3 +196,13 @@ def explain(model: Path, scene: str | None, out: Path | None) -> None:
         click.echo(text, nl=False)
     else:
         out.write_text(text, encoding="utf-8", newline="\n")
+
+
+@main.command()
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file; standard output otherwise.")
+def schema(out: Path | None) -> None:
+    """Print the JSON Schema of model files, for editors."""
+    if out is None:
+        click.echo(json_schema(), nl=False)
+    else:
+        out.write_text(json_schema(), encoding="utf-8")

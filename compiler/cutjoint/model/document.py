@@ -6,7 +6,6 @@ Field names are the file's keys.  Only shapes are checked here; names, numbers a
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
@@ -190,11 +189,6 @@ class Document(Elements):
     submodels: dict[Name, Submodel] = Field(default={})
     instances: dict[Name, Instance] = Field(default={})
     scenes: dict[Name, Scene] = Field(default={})
-
-
-def write_json_schema(path: Path) -> None:
-    """Write the JSON Schema of model files to ``path``, for editors."""
-    path.write_text(json_schema(), encoding="utf-8")
 
 
 def json_schema() -> str:

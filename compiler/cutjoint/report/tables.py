@@ -121,11 +121,12 @@ def _figures(rated: RatedOption, base: int) -> str:
 
 def run_facts(artifact: Artifact, run: Trajectory) -> Table:
     """What compiling and running took."""
+    program = artifact.program
     compiled = f"{artifact.compile_seconds:.2f} s" if artifact.binary.fresh else "found in the cache"
     simulated = float(run.t[-1] - run.t[0]) if run.t.size else 0.0
     factor = f"{simulated / run.seconds:.0f} times real time" if run.seconds else "-"
     return _facts(f"scene {artifact.scene.name}, method recursive", [
-        ("operations", f"{artifact.program.operations('evaluate')} an evaluation"),
+        ("operations", f"{program.operations('evaluate')} an evaluation, {program.instructions('evaluate')} with lanes counted once"),
         ("generate", f"{artifact.generate_seconds:.2f} s"),
         ("compile", f"{compiled} ({artifact.binary.compiler}, {' '.join(artifact.binary.flags)})"),
         ("run", f"{run.seconds:.4f} s for {simulated:g} s: {factor}"),

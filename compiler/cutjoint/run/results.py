@@ -66,5 +66,6 @@ def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
     """Time and columns of a CSV with one header row."""
     with path.open(encoding="utf-8") as stream:
         header = stream.readline().rstrip("\n").split(",")
-        rows = np.loadtxt(stream, delimiter=",", ndmin=2).reshape(-1, len(header))
+        lines = stream.readlines()
+    rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(header)))
     return rows[:, 0], {name: rows[:, i] for i, name in enumerate(header) if i > 0}

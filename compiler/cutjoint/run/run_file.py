@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 from cutjoint.formulate.inputs import open_parameters
@@ -13,12 +13,6 @@ from cutjoint.run.roads import road_pieces
 
 class RunError(ValueError):
     """A run was asked for that the model cannot do."""
-
-
-def with_numerics(scene: Scene, *, dt: float | None = None, end: float | None = None) -> Scene:
-    """The scene with another step or end; rows are then written at the multiple of dt nearest to the scene's output step."""
-    numerics = scene.numerics if dt is None else replace(scene.numerics, dt=dt)
-    return replace(scene, numerics=numerics, end=scene.end if end is None else end)
 
 
 def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, float]:

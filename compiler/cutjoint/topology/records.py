@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.model.records import Joint, Model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,10 +65,3 @@ class Topology:
     def joint_of(self) -> Mapping[str, TreeJoint]:
         """Each body's joint to its parent."""
         return {t.child: t for t in self.tree}
-
-    def root_of(self, body: str) -> str:
-        """The body of a branch that stands next to the ground; ground is its own root."""
-        joint_of = self.joint_of
-        while body != GROUND and joint_of[body].parent != GROUND:
-            body = joint_of[body].parent
-        return body
