@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cutjoint.program.records import Program
-from cutjoint.program.scalars import Graph
 
 _AXES = {3: ("x", "y", "z"), 6: ("vx", "vy", "vz", "wx", "wy", "wz")}
 
@@ -19,16 +18,11 @@ def name_scalars(program: Program) -> dict[int, str]:
             continue
         for i, row in enumerate(program.elements[block]):
             for j, scalar in enumerate(row):
-                bare = _signless(program.graph, scalar)
+                bare = program.graph.signless(scalar)
                 if bare not in names and program.graph.nodes[bare].op not in ("const", "symbol"):
                     sign = "" if bare == scalar else "_negated"
                     names[bare] = unique(label + _suffix(block.shape, i, j) + sign, taken)
     return names
-
-
-def _signless(graph: Graph, n: int) -> int:
-    node = graph.nodes[n]
-    return node.args[0] if node.op == "neg" else n
 
 
 def _suffix(shape: tuple[int, int], i: int, j: int) -> str:

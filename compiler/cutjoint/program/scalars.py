@@ -260,6 +260,11 @@ class Graph:
         square = self.mul(half, half) if exponent > 1 else self.const(1.0)
         return self.mul(square, a) if exponent % 2 else square
 
+    def signless(self, a: int) -> int:
+        """What a negation negates, anything else itself: a negation costs nothing to repeat."""
+        node = self.nodes[a]
+        return node.args[0] if node.op == "neg" else a
+
     def reachable(self, roots: list[int]) -> list[int]:
         """The nodes that the roots depend on, arguments first."""
         wanted = set(roots)

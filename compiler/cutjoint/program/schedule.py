@@ -56,10 +56,4 @@ def _kept(
         kept.update(a for a in graph.nodes[n].args if BindingTime.CONST < graph.nodes[a].binding < when)
     results = [r.scalar for f in functions for r in f.results]
     kept.update(n for n in results if BindingTime.CONST < graph.nodes[n].binding < BindingTime.ITERATION)
-    return frozenset(_signless(graph, n) for n in kept) & (set(loaded) | set(stepped))
-
-
-def _signless(graph: Graph, n: int) -> int:
-    """The node behind a negation, which costs nothing to repeat."""
-    node = graph.nodes[n]
-    return node.args[0] if node.op == "neg" else n
+    return frozenset(graph.signless(n) for n in kept) & (set(loaded) | set(stepped))
