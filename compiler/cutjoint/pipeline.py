@@ -15,9 +15,9 @@ from time import perf_counter
 from cutjoint.analysis.inertia import require_inertia
 from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.source import Source, emit
-from cutjoint.formulate.families import find_families
 from cutjoint.formulate.records import Equations
-from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.formulate.recursive.families import find_families
 from cutjoint.model.quantities import quantities, unit_of
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Numerics, Output, Road, Scene

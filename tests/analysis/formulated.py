@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutjoint.formulate.records import Equations
-from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.pipeline import find_scene

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cutjoint.formulate.records import Equations
-from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Output, Scene
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import interpret_blocks

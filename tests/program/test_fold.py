@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.formulate.families import find_families
 from cutjoint.formulate.records import Equations
-from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.formulate.recursive.families import find_families
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import find_scene
 from cutjoint.program.blocks import BindingTime, Builder

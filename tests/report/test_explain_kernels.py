@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.formulate.joints import QUATERNION, derive_joint, rotation_of
+from cutjoint.formulate.recursive.joints import QUATERNION, derive_joint, rotation_of
 from cutjoint.formulate.tyre import calspan
 from cutjoint.model.records import Force, Joint, JointKind, Span
 from cutjoint.program.blocks import BindingTime, Builder

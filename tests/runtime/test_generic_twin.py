@@ -17,7 +17,7 @@ import pytest
 from cutjoint.emit.generic import describe_generic
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.records import Equations
-from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.locations import runtime_folder
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from cutjoint.formulate.closures import derive_closure
+from cutjoint.formulate.recursive.closures import derive_closure
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import SPEEDS, JointKind
 from cutjoint.topology.build import build_topology

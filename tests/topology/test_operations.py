@@ -7,7 +7,7 @@ from typing import Any
 
 from scipy.stats import spearmanr
 
-from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model
 from cutjoint.program.schedule import schedule

@@ -9,10 +9,10 @@ import numpy as np
 import sympy
 
 from cutjoint.analysis.closing import Array
-from cutjoint.formulate import closures
-from cutjoint.formulate.closures import derive_closure
 from cutjoint.formulate.inputs import inner_point
-from cutjoint.formulate.joints import QUATERNION, derive_joint
+from cutjoint.formulate.recursive import closures
+from cutjoint.formulate.recursive.closures import derive_closure
+from cutjoint.formulate.recursive.joints import QUATERNION, derive_joint
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.records import TreeJoint

@@ -15,8 +15,8 @@ from cutjoint.analysis.closing import Array, design_coordinates, evaluate_closur
 from cutjoint.analysis.geometry import evaluate
 from cutjoint.analysis.poses import TOLERANCE, explore
 from cutjoint.formulate.inputs import make_translator
-from cutjoint.formulate.kinematics import Kinematics, derive_kinematics, halves
 from cutjoint.formulate.records import Equations
+from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics, halves
 from cutjoint.model.records import Body, JointKind, Model
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.elimination import degrees

@@ -13,10 +13,10 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.formulate.closures import derive_closure
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import guide_rates, make_charts, make_translator, open_parameters
 from cutjoint.formulate.records import Chart
+from cutjoint.formulate.recursive.closures import derive_closure
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import (

@@ -5,7 +5,7 @@ the road plane, e_z the wheel plane's way from the ground to the centre.  The fo
 standing wheel is a spring along n under its centre: no slip, no lateral force, no offset of the contact by camber.
 
 The wheel rolls at the rate v/R about its axis without a coordinate of its own.  Its angular momentum h = I v/R e turns with the body,
-which takes the moment h x w.
+which takes the moment -I v/R e', e' the rate of the axis.
 Source: Frik, Leister, Schwartz (Vehicle System Dynamics 22, suppl., 1993).
 """
 
@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.kinematics import Kinematics, halves
+from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Tyre
 from cutjoint.program.blocks import Block, Builder
 
@@ -23,21 +23,29 @@ STANDING = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contact:
-    """The road's force (3, 1) on the wheel at ``point`` (3, 1) from the pole, and the moment (3, 1) of road and spin."""
+class Wheel:
+    """How a wheel moves: its centre from the world's origin and that point's velocity, its axis and that direction's rate, (3, 1)."""
 
-    point: Block
+    centre: Block
+    velocity: Block
+    axis: Block
+    axis_rate: Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """The road's force (3, 1) on the wheel at ``arm`` (3, 1) from its centre, and the moment (3, 1) of road and spin."""
+
+    arm: Block
     force: Block
     moment: Block
     quantities: dict[str, Block]
 
 
-def tyre_force(k: Kinematics, tyre: Tyre) -> Contact:
+def tyre_force(b: Builder, translator: Translator, tyre: Tyre, wheel: Wheel) -> Contact:
     """The contact of one wheel."""
-    b = k.builder
-    centre = k.point(tyre.body, tyre.centre)
-    x, y, z = (b.element(k.absolute(tyre.body, centre), i) for i in range(3))
-    axis, velocity = k.direction(tyre.body, tyre.axis), k.velocity(tyre.body, centre)
+    x, y, z = (b.element(wheel.centre, i) for i in range(3))
+    axis = wheel.axis
     slope = b.call("road_slope", x, y, table=tyre.name)
     clearance = b.sub(z, b.call("road_height", x, y, table=tyre.name))
     n_z = b.call("div", b.number(1.0), b.call("sqrt", b.add(b.number(1.0), b.mul(slope, slope))))
@@ -45,24 +53,23 @@ def tyre_force(k: Kinematics, tyre: Tyre) -> Contact:
     across = b.cross(axis, n)
     e_x = b.scale(_inverse(b, b.call("sqrt", b.dot(across, across))), across)
     e_y, e_z = b.cross(n, e_x), b.cross(e_x, axis)
-    constants = {name: k.translator.scalar(value) for name, value in tyre.constants.items()}
+    constants = {name: translator.scalar(value) for name, value in tyre.constants.items()}
     deflection = b.sub(constants["radius"], clearance)
     load = _where_positive(b, deflection, b.mul(b.mul(constants["stiffness"], deflection), n_z))
-    rolling, drift = b.dot(e_x, velocity), b.dot(e_y, velocity)
+    rolling, drift = b.dot(e_x, wheel.velocity), b.dot(e_y, wheel.velocity)
     moves = b.call("lt", b.number(STANDING), rolling)
     slip = b.call("where", moves, b.call("atan", b.call("div", drift, rolling)), b.zero(1))
     camber = b.call("atan", b.call("div", b.dot(n, axis), b.dot(n, e_z)))
     side, aligning = calspan(b, constants, load, slip, camber)
     side, aligning = (b.call("where", moves, value, b.zero(1)) for value in (side, aligning))
-    momentum = b.scale(b.mul(constants["spin_inertia"], b.call("div", rolling, constants["radius"])), axis)
-    _, w = halves(b, k.frames[tyre.body].Z)
+    momentum = b.mul(constants["spin_inertia"], b.call("div", rolling, constants["radius"]))
     height = b.mul(clearance, n_z)
-    rolling_point = b.sub(centre, b.scale(b.call("div", height, b.dot(n, e_z)), e_z))
-    standing_point = b.sub(centre, b.scale(height, n))
+    rolling_arm = b.scale(b.call("div", height, b.dot(n, e_z)), e_z)
+    standing_arm = b.scale(height, n)
     return Contact(
-        point=_choose(b, moves, rolling_point, standing_point),
+        arm=b.neg(_choose(b, moves, rolling_arm, standing_arm)),
         force=b.add(b.scale(load, n), b.scale(side, e_y)),
-        moment=b.add(b.scale(aligning, n), b.cross(momentum, w)),
+        moment=b.sub(b.scale(aligning, n), b.scale(momentum, wheel.axis_rate)),
         quantities={"Fz": load, "Fy": side, "Mz": aligning, "slip": slip, "camber": camber, "deflection": deflection},
     )
 

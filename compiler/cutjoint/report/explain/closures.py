@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import sympy
 
-from cutjoint.formulate import closures
-from cutjoint.formulate.closures import ClosureKernel, Matrix, derive_closure
+from cutjoint.formulate.recursive import closures
+from cutjoint.formulate.recursive.closures import ClosureKernel, Matrix, derive_closure
 from cutjoint.model.records import Joint, Model, Numerics, Scalar
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import equations as print_equations

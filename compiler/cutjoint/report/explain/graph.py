@@ -16,7 +16,7 @@ from cutjoint.report.explain.views import Entry, Table, code, make_table, plural
 from cutjoint.topology.elimination import eliminate
 from cutjoint.topology.records import SubtreeClass, Topology, TreeJoint
 
-#: The formulas of cutjoint.formulate.recursion.
+#: The formulas of cutjoint.formulate.recursive.recursion.
 _ELIMINATION = (
     r"D = b^T M_i b, \quad y_p = b^T (M_i + C_{ip}), \quad y_j = b^T C_{ij}, \quad e = D^{-1} b^T (Q_i - M_i d)",
     r"\begin{aligned} M_p &\leftarrow M_p + M_i + C_{ip} + C_{pi} - y_p^T D^{-1} y_p"

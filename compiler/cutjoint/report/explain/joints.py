@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import sympy
 
 from cutjoint.formulate.inputs import TIME, guide_rates
-from cutjoint.formulate.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
 from cutjoint.formulate.records import Equations
+from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Joint, JointKind, Model, Scalar
 from cutjoint.report.explain.graph import unknowns_of
 from cutjoint.report.explain.groups import Counterparts, group

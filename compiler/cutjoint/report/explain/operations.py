@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cutjoint.formulate.records import Equations
-from cutjoint.formulate.recursive import formulate_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Binding, Model, Parameter, Scene
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule

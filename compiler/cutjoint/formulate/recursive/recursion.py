@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cutjoint.formulate.kinematics import JointMotion, Kinematics, halves
+from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
 from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import Block, Builder
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import sympy
 
-from cutjoint.formulate import closures
-from cutjoint.formulate.closures import ClosureKernel, derive_closure
 from cutjoint.formulate.inputs import Numbers
-from cutjoint.formulate.kinematics import Kinematics, motion_cross
-from cutjoint.formulate.recursion import BodySystem
+from cutjoint.formulate.recursive import closures
+from cutjoint.formulate.recursive.closures import ClosureKernel, derive_closure
+from cutjoint.formulate.recursive.kinematics import Kinematics, motion_cross
+from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.model.records import GROUND, Joint
 from cutjoint.program.blocks import BindingTime, Block, Builder
 

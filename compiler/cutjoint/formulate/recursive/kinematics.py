@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import sympy
 
 from cutjoint.formulate.inputs import guide_rates, inner_point, reference_point
-from cutjoint.formulate.joints import QUATERNION, JointKernel, derive_joint
 from cutjoint.formulate.records import Chart
+from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, derive_joint
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import GROUND, JointKind, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero

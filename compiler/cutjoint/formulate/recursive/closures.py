@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.formulate.joints import tangents
+from cutjoint.formulate.directions import tangents
 from cutjoint.model.records import Joint, JointKind, Scalar, Vector
 
 Matrix: TypeAlias = Any

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.forces import Forces
-from cutjoint.formulate.kinematics import Kinematics, halves
-from cutjoint.formulate.loops import LoopClosure
+from cutjoint.formulate.recursive.forces import Forces
+from cutjoint.formulate.recursive.kinematics import Kinematics, halves
+from cutjoint.formulate.recursive.loops import LoopClosure
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Vector
 from cutjoint.program.blocks import BindingTime, Block
 

@@ -14,9 +14,8 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.geometry import least_component
-from cutjoint.model.records import COORDINATES, SPEEDS, Joint, JointKind, Scalar, Vector
+from cutjoint.formulate.directions import tangents
+from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Scalar
 from cutjoint.topology.records import TreeJoint
 
 Matrix: TypeAlias = Any
@@ -140,25 +139,6 @@ def _given(tree_joint: TreeJoint) -> dict[Scalar, Scalar]:
     pairs = zip(_DIRECTIONS, directions, strict=False)
     given = {symbol: value for symbols, values in pairs for symbol, value in zip(symbols, values, strict=True)}
     return {**given, _PITCH: joint.pitch} if joint.pitch is not None else given
-
-
-def tangents(joint: Joint, normal: Vector) -> tuple[Matrix, Matrix]:
-    """Two unit vectors across a direction of a joint; the three make a right-handed frame.
-
-    Raises:
-        ModelError: the direction depends on an open parameter.
-    """
-    n = sympy.Matrix(normal)
-    if n.free_symbols:
-        names = ", ".join(sorted(f"'{str(symbol).removeprefix('p_')}'" for symbol in n.free_symbols))
-        message = f"the direction of this {joint.kind} joint depends on the open parameter {names}, but needs two others across it"
-        hint = "give the parameter binding: const"
-        raise ModelError([Problem(span=joint.span, element=f"joint '{joint.name}'", message=message, hint=hint)])
-    n = n / n.norm()
-    least = least_component(tuple(n))
-    across = n.cross(sympy.Matrix([int(i == least) for i in range(3)]))
-    first = across / across.norm()
-    return first, n.cross(first)
 
 
 def _compose(chain: Sequence[_Motion], q: tuple[Scalar, ...]) -> tuple[Matrix, Matrix, list[Matrix]]:

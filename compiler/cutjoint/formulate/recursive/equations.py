@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from cutjoint.formulate.forces import add_bodies, add_forces
 from cutjoint.formulate.inputs import make_charts, make_numbers, make_translator, open_parameters
-from cutjoint.formulate.kinematics import derive_kinematics
-from cutjoint.formulate.loops import LoopClosure, add_loops, correct_multipliers, derive_loops
-from cutjoint.formulate.outputs import Reporter, given_accelerations
 from cutjoint.formulate.records import Closure, Column, Equations, Function
-from cutjoint.formulate.recursion import BodySystem, condense, expand
+from cutjoint.formulate.recursive.forces import add_bodies, add_forces
+from cutjoint.formulate.recursive.kinematics import derive_kinematics
+from cutjoint.formulate.recursive.loops import LoopClosure, add_loops, correct_multipliers, derive_loops
+from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
+from cutjoint.formulate.recursive.recursion import BodySystem, condense, expand
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import Builder

@@ -1,0 +1,216 @@
+"""Body matrices, inertia forces and applied forces, as contributions to the body system (Cuadrado et al. 2000, eqs. 24-25).
+
+Each element also yields its reported quantities, so that results and equilibrium tables name what the equations used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import sympy
+
+from cutjoint.formulate.forces import PLACE, POSITION, RATE, TRAVEL, bushing_laws, is_active, law_of, spring_pull
+from cutjoint.formulate.recursive.kinematics import Kinematics, halves
+from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.formulate.tyre import Wheel, tyre_force
+from cutjoint.model.records import (
+    COORDINATES,
+    AxialForce,
+    Body,
+    BodyLoad,
+    Bushing,
+    JointForce,
+    Model,
+    PointSpring,
+    Scene,
+    Tyre,
+)  # fmt: skip
+from cutjoint.program.blocks import BindingTime, Block, Builder
+
+
+@dataclass(kw_only=True)
+class Forces:
+    """Reported quantities by element and name."""
+
+    quantities: dict[str, dict[str, Block]] = field(default_factory=dict)
+
+
+def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
+    """M_i and the weight and inertia forces of every body."""
+    b = k.builder
+    gravity = k.vector(model.gravity)
+    by_name = {body.name: body for body in model.bodies}
+    for name in k.motions:
+        body = by_name[name]
+        equation = "M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)"
+        with b.section("body", name, equation, body.span.place):
+            system.M[name], system.Q[name] = _body(k, body, gravity)
+
+
+def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
+    b = k.builder
+    if body.mass == 0:
+        return b.zero(6, 6), b.zero(6)
+    cpp = body.name.replace(".", "_")
+    mass = k.translator.scalar(body.mass)
+    c = b.label(k.point(body.name, body.centre_of_mass), f"c_{cpp}")
+    xx, yy, zz, xy, xz, yz = (k.translator.scalar(x) for x in body.inertia)
+    own = b.mirror(b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    J = b.label(b.sandwich(k.frames[body.name].R, own), f"J_{cpp}")
+    moment = b.scale(mass, c)
+    corner = b.neg(b.skew(moment))
+    M = b.stack([
+        [b.scale(mass, b.identity(3)), corner],
+        [b.transpose(corner), b.mirror(b.sub(J, b.mul(b.skew(moment), b.skew(c))))],
+    ])  # fmt: skip
+    _, w = halves(b, k.frames[body.name].Z)
+    pull = b.scale(mass, b.sub(gravity, b.cross(w, k.velocity(body.name, c))))
+    torque = b.sub(b.cross(c, pull), b.cross(w, b.mul(J, w)))
+    return b.mirror(M), b.stack([[pull], [torque]])
+
+
+def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> Forces:
+    """The force elements that the scene has switched on."""
+    forces = Forces()
+    rules: Mapping[type, Callable[..., dict[str, Block]]] = {
+        PointSpring: _point_spring, AxialForce: _axial_force, Bushing: _bushing, BodyLoad: _load, JointForce: _joint_force, Tyre: _tyre,
+    }  # fmt: skip
+    for force in model.forces:
+        if is_active(force, scene):
+            system.source = force.name
+            with k.builder.section("force", force.name, _EQUATIONS[type(force)], force.span.place):
+                forces.quantities[force.name] = rules[type(force)](system, k, force)
+                for quantity, block in forces.quantities[force.name].items():
+                    k.builder.label(block, f"{quantity}_{force.name.replace('.', '_')}")
+    return forces
+
+
+_EQUATIONS: Mapping[type, str] = {
+    PointSpring: "n = (p_end - p_start)/length,  follower gets -law(length, rate) n",
+    AxialForce: "travel = e . (p - p_origin),  follower gets law(travel, rate) e",
+    Bushing: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E;  follower gets E law(x), E (d theta/d turn)^T law(theta)",
+    BodyLoad: "the force given by its components at its point",
+    JointForce: "tau = law(position, rate) of one coordinate",
+    Tyre: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
+}
+
+
+def push(system: BodySystem, k: Kinematics, body: str, point: Block, force: Block) -> Block:
+    """A force at a point: its wrench [f; p x f] joins Q and is returned."""
+    b = k.builder
+    wrench = b.stack([[force], [b.cross(point, force)]])
+    system.add_force(body, wrench)
+    return wrench
+
+
+def _push_pair(
+    system: BodySystem, k: Kinematics, force: PointSpring | AxialForce | Bushing, point: Block, pull: Block,
+    torque: Block | None = None,
+) -> None:  # fmt: skip
+    """A force (and a torque) on the follower at a point, its reaction on the base on the same line."""
+    b = k.builder
+    wrench = push(system, k, force.follower, point, pull)
+    step = k.pole_step(force.base, force.follower)
+    if k.frames[force.base].root == k.frames[force.follower].root:
+        system.add_force(force.base, b.neg(wrench))
+    else:
+        push(system, k, force.base, b.add(point, step), b.neg(pull))
+    if torque is not None:
+        system.add_force(force.follower, b.stack([[b.zero(3)], [torque]]))
+        system.add_force(force.base, b.stack([[b.zero(3)], [b.neg(torque)]]))
+
+
+def _point_spring(system: BodySystem, k: Kinematics, force: PointSpring) -> dict[str, Block]:
+    b = k.builder
+    end, start = k.point(force.follower, force.end), k.point(force.base, force.start)
+    way = k.between(force.follower, end, force.base, start)
+    speed = b.sub(k.velocity(force.follower, end), k.velocity(force.base, start))
+    pull, quantities = spring_pull(b, k.translator, force, way, speed)
+    _push_pair(system, k, force, end, pull)
+    return quantities
+
+
+def _axial_force(system: BodySystem, k: Kinematics, force: AxialForce) -> dict[str, Block]:
+    b = k.builder
+    axis, point = k.direction(force.base, force.axis), k.point(force.follower, force.point)
+    way = k.between(force.follower, point, force.base, k.point(force.base, force.origin))
+    travel = b.dot(axis, way)
+    on_base = b.add(point, k.pole_step(force.base, force.follower))
+    rate = b.dot(axis, b.sub(k.velocity(force.follower, point), k.velocity(force.base, on_base)))
+    law = law_of(k.translator, force.law, {TRAVEL: travel, RATE: rate}, TRAVEL)
+    _push_pair(system, k, force, point, b.scale(law["force"], axis))
+    return {**law, "travel": travel, "rate": rate}
+
+
+def _bushing(system: BodySystem, k: Kinematics, force: Bushing) -> dict[str, Block]:
+    b = k.builder
+    axes = k.translator.matrix(sympy.Matrix([list(axis) for axis in force.axes]).T)
+    E, G = (b.mul(k.frames[body].R, axes) for body in (force.base, force.follower))
+    point, to_base = k.point(force.follower, force.point), b.transpose(E)
+    way = k.between(force.follower, point, force.base, k.point(force.base, force.point))
+    on_base = b.add(point, k.pole_step(force.base, force.follower))
+    speed = b.sub(k.velocity(force.follower, point), k.velocity(force.base, on_base))
+    spin = b.sub(halves(b, k.frames[force.follower].Z)[1], halves(b, k.frames[force.base].Z)[1])
+    rotation, by_turn = _small_rotation(b, b.mul(to_base, G))
+    places = (b.mul(to_base, way), rotation)
+    rates = (b.mul(to_base, speed), b.mul(by_turn, b.mul(to_base, spin)))
+    pull, torque, quantities = bushing_laws(b, k.translator, force, places, rates, by_turn)
+    _push_pair(system, k, force, point, b.mul(E, pull), b.mul(E, torque))
+    return quantities
+
+
+def _small_rotation(b: Builder, S: Block) -> tuple[Block, Block]:
+    """Half the sum of e_k x S e_k, and its Jacobian (tr(S) 1 - S)/2 by the angular velocity of S."""
+    half, (x, y, z) = b.number(0.5), (b.element(S, i, i) for i in range(3))
+    pairs = ((2, 1), (0, 2), (1, 0))
+    rotation = b.column([b.mul(half, b.sub(b.element(S, i, j), b.element(S, j, i))) for i, j in pairs])
+    trace = b.add(b.add(x, y), z)
+    return rotation, b.scale(half, b.sub(b.scale(trace, b.identity(3)), S))
+
+
+def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block]:
+    b, frame = k.builder, k.frames[force.body]
+    point = k.point(force.body, force.point) if force.point is not None else frame.r
+    place, speed = k.absolute(force.body, point), k.velocity(force.body, point)
+    spin = halves(b, frame.Z)[1]
+    if force.axes == "body":
+        speed, spin = (b.mul(b.transpose(frame.R), vector) for vector in (speed, spin))
+    values = dict(zip(PLACE, [b.element(x, i) for x in (place, speed, spin) for i in range(3)], strict=True))
+    translator = k.translator.with_values(values)
+    components = b.column([translator.scalar(c) for c in force.components])
+    if force.moving_only:
+        components = b.scale(b.symbol("motion", 1, BindingTime.STEP), components)
+    vector = b.mul(frame.R, components) if force.axes == "body" else components
+    if force.point is None:
+        system.add_force(force.body, b.stack([[b.zero(3)], [vector]]))
+    else:
+        push(system, k, force.body, point, vector)
+    names = ("Mx", "My", "Mz") if force.point is None else ("Fx", "Fy", "Fz")
+    return {name: b.element(components, i) for i, name in enumerate(names)}
+
+
+def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[str, Block]:
+    body = next(name for name, m in k.motions.items() if m.tree_joint.joint.name == force.joint)
+    motion = k.motions[body]
+    index = COORDINATES[motion.tree_joint.joint.kind].index(force.coordinate)
+    law = law_of(k.translator, force.law, {POSITION: motion.position[index], RATE: motion.rate[index]}, POSITION)
+    if motion.chart is not None:  # a guided joint moves as it is told
+        b, before = k.builder, system.joint_forces.get(body)
+        speeds = range(len(motion.chart.speed_names))
+        column = b.column([law["force"] if i == index else b.zero(1) for i in speeds])
+        system.joint_forces[body] = column if before is None else b.add(before, column)
+    return law
+
+
+def _tyre(system: BodySystem, k: Kinematics, force: Tyre) -> dict[str, Block]:
+    b = k.builder
+    centre, axis = k.point(force.body, force.centre), k.direction(force.body, force.axis)
+    _, w = halves(b, k.frames[force.body].Z)
+    wheel = Wheel(
+        centre=k.absolute(force.body, centre), velocity=k.velocity(force.body, centre), axis=axis, axis_rate=b.cross(w, axis)
+    )
+    contact = tyre_force(b, k.translator, force, wheel)
+    torque = b.add(b.cross(b.add(centre, contact.arm), contact.force), contact.moment)
+    system.add_force(force.body, b.stack([[contact.force], [torque]]))
+    return contact.quantities
