@@ -1,0 +1,84 @@
+// What a system in natural coordinates is to the runtime: the contract between generated code (or the generic twin) and the
+// Lagrangian integrators.
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/mechanism.hpp"
+
+namespace cutjoint {
+
+/// Where the entries of a square sparse matrix stand: compressed columns, rows ascending.  Of a symmetric matrix the lower triangle.
+struct Pattern {
+  int size = 0;
+  bool symmetric = false;
+  std::vector<int> first;  ///< size + 1 offsets: column j has the entries first[j] .. first[j + 1] - 1
+  std::vector<int> row;    ///< the row of each entry
+};
+
+/// The two Lagrangian methods of Cuadrado et al. 2000: augmented (section 2.1) and classical (section 2.2).
+enum class Lagrangian { augmented, classical };
+
+/// Everything about a system that does not change in a run: n coordinates, m equations.
+struct SystemDescription {
+  std::string_view name;
+  Lagrangian method;
+  std::vector<std::string_view> coordinates;  ///< names of q
+  std::vector<std::string_view> equations;    ///< names of Phi
+  std::vector<Named> parameters;              ///< open parameters with defaults, SI units
+  std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
+  std::vector<Named> columns;                 ///< reported quantities
+  Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
+  int factors;                                ///< length of the array that `factor` fills
+};
+
+/// Weights of the terms of a tangent, A = M + damping C + stiffness K with K = -dQ/dq, C = -dQ/dqd:
+///
+/// - augmented: A + constraint Phi_q^T Phi_q, the symmetric part of C and K,
+/// - classical: [A, constraint Phi_q^T; constraint Phi_q, 0].
+template <class Real>
+struct Weights {
+  Real damping;
+  Real stiffness;
+  Real constraint;
+};
+
+template <class Real>
+class Road;
+
+/// A system M qdd + Phi_q^T lambda = Q(q, qd, t), Phi(q, t) = 0 with constant M.  q, v, vdot have n elements, lambda, residuals and
+/// multiplier-like arrays m; all arrays belong to the caller and nothing allocates.
+///
+/// - `load` computes what depends on parameters alone, `begin_step` what depends on time (`motion` as in `Mechanism`),
+/// - `place` finds natural coordinates and their rates from relative coordinates and speeds (those of the mechanism that starts the run),
+/// - `balance` is M vdot + Phi_q^T (penalty Phi + lambda) - Q, with Phi as `residual`,
+/// - `linearise` is the same and the values of the tangent's entries,
+/// - `close` is Phi, Phid = Phi_q v + Phi_t and Phidd = Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t),
+/// - `pull` is Phi_q^T w,
+/// - `report` is the columns,
+/// - `factor` is the emitted factorisation with its static pivot order: L D L^T (augmented) or L U (classical); it returns -1, or the row of
+///   the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
+/// - `solve` replaces the right-hand side x by the solution.
+template <class Real>
+class AnySystem {
+ public:
+  using real_type = Real;
+
+  virtual ~AnySystem() = default;
+  virtual const SystemDescription& description() const = 0;
+  virtual void load(const Real* parameters, const Road<Real>* roads) = 0;
+  virtual void begin_step(Real t, Real motion) = 0;
+  virtual void place(const Real* relative_q, const Real* relative_v, Real* q, Real* v) const = 0;
+  virtual void balance(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, Real* balance,
+                       Real* residual) const = 0;
+  virtual void linearise(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, const Weights<Real>& weights,
+                         Real* balance, Real* residual, Real* tangent) const = 0;
+  virtual void close(const Real* q, const Real* v, const Real* vdot, Real* residual, Real* rate, Real* curvature) const = 0;
+  virtual void pull(const Real* q, const Real* w, Real* force) const = 0;
+  virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
+  virtual int factor(const Real* tangent, Real* factors) const = 0;
+  virtual void solve(const Real* factors, Real* x) const = 0;
+};
+
+}  // namespace cutjoint
