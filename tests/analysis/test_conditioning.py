@@ -12,7 +12,7 @@ from cutjoint.analysis.conditioning import RatedChoice, design_jacobian, rate_ch
 from cutjoint.analysis.geometry import JointGeometry
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.topology.build import build_topology
@@ -30,7 +30,7 @@ def rated(model: Model, limit: int = 3) -> tuple[RatedChoice, ...]:
     return rate_choices(topology, rank_cuts(topology), limit)
 
 
-def loops_jacobian(equations: Equations) -> tuple[np.ndarray, np.ndarray]:
+def loops_jacobian(equations: RecursiveEquations) -> tuple[np.ndarray, np.ndarray]:
     """The loops' Jacobian from the joints' twists, with the columns of the speeds, and from the formulation."""
     topology = equations.topology
     loops = [(cut, joints_around(topology.tree, cut)) for cut in topology.cuts]

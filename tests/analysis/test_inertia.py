@@ -7,7 +7,7 @@ import pytest
 
 from cutjoint.analysis.inertia import NoInertiaError, find_idle_motions, require_inertia
 from cutjoint.analysis.poses import explore
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import find_scene, generate
 from tests.analysis.formulated import dense_closures, formulated
@@ -20,7 +20,7 @@ HEAD = "cutjoint: 1\nname: idle\ngravity: [0, 0, -9.81]\nbodies:\n"
 HEAVY = "{mass: 1, centre_of_mass: [2, 0, 0.5], inertia: [1, 1, 1]}"
 
 
-def idle_directions(equations: Equations) -> int:
+def idle_directions(equations: RecursiveEquations) -> int:
     """By the oracle: the fewest independent speeds over the poses that neither a mass nor a cut joint feels."""
     dense = DenseMechanism(equations.topology, equations.scene)
     counts = []

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cutjoint.analysis.closing import design_coordinates, make_inputs
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.run.run_file import make_run_file
@@ -36,7 +36,7 @@ class At:
     multipliers: np.ndarray
 
 
-def random_states(equations: Equations, count: int, seed: int) -> list[At]:
+def random_states(equations: RecursiveEquations, count: int, seed: int) -> list[At]:
     """States near the design position, with unit quaternions."""
     rng = np.random.default_rng(seed)
     states = []
@@ -59,7 +59,7 @@ def run_evaluate(binary: Path, model: Model, scene: Scene, states: list[At]) -> 
     return [{name: np.array(values, dtype=float) for name, values in r.items()} for r in results]
 
 
-def interpret(equations: Equations, state: At) -> dict[str, np.ndarray]:
+def interpret(equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]:
     """The same by the block interpreter."""
     inputs = make_inputs(equations, state.q, state.v)
     inputs |= {"t": np.array([state.t]), "motion": np.ones(1)}

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Output, Scene
 from cutjoint.program.blocks import Block
@@ -23,7 +23,7 @@ class BlockMechanism:
         self, topology: Topology, scene: Scene, *, outputs: tuple[Output, ...] = (),
         parameters: Mapping[str, float] | None = None, roads: Mapping[str, Flat] | None = None,
     ) -> None:  # fmt: skip
-        self.equations: Equations = formulate_recursive(topology, scene, outputs)
+        self.equations: RecursiveEquations = formulate_recursive(topology, scene, outputs)
         self.roads = roads or {}
         given = parameters or {}
         self.parameters = np.array([given.get(p.name, p.value) for p in self.equations.parameters])

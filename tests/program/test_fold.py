@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.families import find_families
 from cutjoint.model.read import read_model_text
@@ -20,7 +20,7 @@ from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 
 
-def formulate(text: str, scene: str) -> Equations:
+def formulate(text: str, scene: str) -> RecursiveEquations:
     model = read_model_text(text, "model.yaml")
     chosen = find_scene(model, scene)
     return formulate_recursive(build_topology(model), chosen, ())
@@ -71,7 +71,7 @@ def test_folded_program_computes_the_same(case: str) -> None:
             assert found == pytest.approx(expected.ravel(), abs=1e-10 * scale), target
 
 
-def inputs_of(equations: Equations, state: object) -> dict[str, np.ndarray]:
+def inputs_of(equations: RecursiveEquations, state: object) -> dict[str, np.ndarray]:
     from cutjoint.analysis.closing import make_inputs
 
     inputs = make_inputs(equations, state.q, state.v)  # type: ignore[attr-defined]

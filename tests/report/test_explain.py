@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import find_scene
@@ -37,7 +37,7 @@ class Explained:
 
     text: str
     model: Model
-    equations: Equations
+    equations: RecursiveEquations
     program: Program
 
     def table(self, heading: str) -> list[list[str]]:
@@ -195,7 +195,7 @@ def test_a_body_is_explained_with_its_numbers(iltis: Explained) -> None:
 OPEN = varied("  arm_length:", "  side: {value: 0, binding: param}\n  arm_length:", varied("[1, 0, 0], inertia", "[1, 0, side], inertia"))
 
 
-def open_pendulum(text: str = OPEN) -> tuple[Equations, Program]:
+def open_pendulum(text: str = OPEN) -> tuple[RecursiveEquations, Program]:
     model = read_model_text(text, "pendulum.yaml")
     return derive(build_topology(model), find_scene(model, None))
 

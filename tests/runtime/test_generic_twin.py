@@ -16,7 +16,7 @@ import pytest
 
 from cutjoint.emit.generic import describe_generic
 from cutjoint.formulate.inputs import open_parameters
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.locations import runtime_folder
 from cutjoint.model.quantities import quantities
@@ -112,7 +112,7 @@ def generic(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Case:
     """A model in a scene, ready for both implementations."""
 
-    equations: Equations
+    equations: RecursiveEquations
     description: dict[str, Any]
     road: Road
     penalty: float
@@ -135,7 +135,7 @@ def make_case(model: Model, scene: str, road: Road = FLAT, penalty: float = 1e4,
     return Case(equations, description, road, penalty)
 
 
-def random_state(equations: Equations, random: np.random.Generator, spread: float) -> dict[str, Any]:
+def random_state(equations: RecursiveEquations, random: np.random.Generator, spread: float) -> dict[str, Any]:
     """A state near the design position."""
     q = spread * random.standard_normal(equations.coordinates)
     for chart in equations.charts:

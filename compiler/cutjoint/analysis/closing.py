@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 
@@ -32,8 +32,10 @@ class _NoRoad:
         """dz/dx."""
         return 0.0
 
+    height_dx = slope_dx = slope
 
-def design_coordinates(equations: Equations) -> Array:
+
+def design_coordinates(equations: RecursiveEquations) -> Array:
     """q of the design position: zeros and unit quaternions."""
     q = np.zeros(equations.coordinates)
     for chart in equations.charts:
@@ -42,7 +44,7 @@ def design_coordinates(equations: Equations) -> Array:
     return q
 
 
-def evaluate_closures(equations: Equations, q: Array) -> tuple[Array, Array]:
+def evaluate_closures(equations: RecursiveEquations, q: Array) -> tuple[Array, Array]:
     """Residual (equations) and Jacobian (equations, speeds) of the cut joints, guides standing still."""
     close = next(f for f in equations.functions if f.name == "close").results
     residuals, rates = ([close[f"{quantity}:{c.joint}"] for c in equations.closures] for quantity in ("residual", "rate"))
@@ -51,23 +53,23 @@ def evaluate_closures(equations: Equations, q: Array) -> tuple[Array, Array]:
     return residual, np.concatenate([np.zeros((0, equations.speeds)), *(_by_speeds(equations, values[block]) for block in rates)])
 
 
-def evaluate_rates(equations: Equations, q: Array, rates: Sequence[Block]) -> list[Array]:
+def evaluate_rates(equations: RecursiveEquations, q: Array, rates: Sequence[Block]) -> list[Array]:
     """Of columns (m, 1) that are linear in the speeds, the matrices (m, speeds)."""
     values = _interpret(equations, q, rates)
     return [_by_speeds(equations, values[block]) for block in rates]
 
 
-def _interpret(equations: Equations, q: Array, blocks: Sequence[Block]) -> dict[Block, Array]:
+def _interpret(equations: RecursiveEquations, q: Array, blocks: Sequence[Block]) -> dict[Block, Array]:
     """The blocks at all unit speeds in one batch; what depends on coordinates alone is evaluated once and has no batch axis."""
     roads: dict[str, RoadTable] = {name: _NoRoad() for name in equations.roads}
     return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds)), roads)
 
 
-def _by_speeds(equations: Equations, rates: Array) -> Array:
+def _by_speeds(equations: RecursiveEquations, rates: Array) -> Array:
     return np.broadcast_to(rates[..., 0], (equations.speeds, rates.shape[-2])).T
 
 
-def make_inputs(equations: Equations, q: Array, v: Array) -> dict[str, Array]:
+def make_inputs(equations: RecursiveEquations, q: Array, v: Array) -> dict[str, Array]:
     """The interpreter's inputs for coordinates and speeds (..., speeds) at t = 0, everything else at its default."""
     numerics = equations.scene.numerics
     inputs = {
@@ -85,7 +87,7 @@ def make_inputs(equations: Equations, q: Array, v: Array) -> dict[str, Array]:
     return inputs
 
 
-def close_loops(equations: Equations, q: Array, across: Array | None = None) -> tuple[Array, Array] | None:
+def close_loops(equations: RecursiveEquations, q: Array, across: Array | None = None) -> tuple[Array, Array] | None:
     """Coordinates near q that close the loops, and the Jacobian there, by Gauss-Newton steps; None where they do not converge.
 
     Steps are taken across the direction ``across`` (speeds), so that they do not undo a step along it: where branches of motion cross,
@@ -112,7 +114,7 @@ def _step(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(gram + damping * np.eye(len(gram)), matrix.T @ right), dtype=np.float64)
 
 
-def retract(equations: Equations, q: Array, delta: Array) -> Array:
+def retract(equations: RecursiveEquations, q: Array, delta: Array) -> Array:
     """q (+) delta as in runtime/include/cutjoint/retraction.hpp: scalars add, a quaternion is turned by (1, theta/2)."""
     result = q.copy()
     for chart in equations.charts:

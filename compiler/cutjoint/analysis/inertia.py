@@ -15,7 +15,7 @@ from cutjoint.analysis.closing import Array, design_coordinates, evaluate_closur
 from cutjoint.analysis.geometry import evaluate
 from cutjoint.analysis.poses import TOLERANCE, explore
 from cutjoint.formulate.inputs import make_translator
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics, halves
 from cutjoint.model.records import Body, JointKind, Model
 from cutjoint.program.blocks import Block, Builder
@@ -38,7 +38,7 @@ class IdleMotion:
     speeds: tuple[str, ...]
 
 
-def require_inertia(equations: Equations) -> None:
+def require_inertia(equations: RecursiveEquations) -> None:
     """Refuse a mechanism that the condensation cannot solve.
 
     Raises:
@@ -59,7 +59,7 @@ def _describe(motion: IdleMotion) -> str:
     )
 
 
-def find_idle_motions(equations: Equations) -> tuple[IdleMotion, ...]:
+def find_idle_motions(equations: RecursiveEquations) -> tuple[IdleMotion, ...]:
     """The motions that move no mass and no cut joint's equation, in the design position and in all poses near it."""
     if _every_body_resists(equations):
         return ()
@@ -73,7 +73,7 @@ def find_idle_motions(equations: Equations) -> tuple[IdleMotion, ...]:
 # Bodies whose own mass resists their joint
 
 
-def _every_body_resists(equations: Equations) -> bool:
+def _every_body_resists(equations: RecursiveEquations) -> bool:
     """Whether each body's own mass resists every motion in its joint: then so does the mechanism, and no pose need be looked at."""
     topology = equations.topology
     bodies = {b.name: b for b in topology.model.bodies}
@@ -98,7 +98,7 @@ def _resists(model: Model, body: Body, t: TreeJoint) -> bool:
 # Speeds that move nothing
 
 
-def _effects(equations: Equations) -> list[Block]:
+def _effects(equations: RecursiveEquations) -> list[Block]:
     """What the masses resist: each body's momentum and angular momentum about its centre of mass in its own axes."""
     b, model = Builder(), equations.topology.model
     charts = {c.joint: c for c in equations.charts}
@@ -115,7 +115,7 @@ def _momenta(k: Kinematics, body: Body) -> Iterable[Block]:
     yield b.mul(own, b.mul(b.transpose(k.frames[body.name].R), w))
 
 
-def _null_space(equations: Equations, effects: Sequence[Block], q: Array) -> Array:
+def _null_space(equations: RecursiveEquations, effects: Sequence[Block], q: Array) -> Array:
     """The speeds that move no mass and no cut joint's equation, as orthonormal columns; each effect counts by its own measure."""
     parts = [*evaluate_rates(equations, q, effects), evaluate_closures(equations, q)[1]]
     scaled = [p / largest for p in parts if (largest := np.abs(p).max(initial=0.0)) > 0]
@@ -125,7 +125,7 @@ def _null_space(equations: Equations, effects: Sequence[Block], q: Array) -> Arr
     return space
 
 
-def _separate(equations: Equations, space: Array) -> tuple[IdleMotion, ...]:
+def _separate(equations: RecursiveEquations, space: Array) -> tuple[IdleMotion, ...]:
     """The independent motions of a null space: speeds that its projector connects move together."""
     connected = np.abs(space @ space.T) > _PART
     tree = {t.joint.name: t for t in equations.topology.tree}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cutjoint.analysis.poses import Pose, explore
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class Mobility:
         return self.equations - self.rank
 
 
-def find_mobility(equations: Equations, poses: Sequence[Pose] | None = None) -> Mobility:
+def find_mobility(equations: RecursiveEquations, poses: Sequence[Pose] | None = None) -> Mobility:
     """The mobility with default parameters, guides standing still; ``poses`` are those of ``explore``."""
     poses = explore(equations) if poses is None else poses
     return Mobility(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.analysis.closing import Array, close_loops, design_coordinates, evaluate_closures, retract
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 
 #: A singular value below this share of the largest counts as zero.
 TOLERANCE = 1e-9
@@ -38,7 +38,7 @@ class Pose:
         return float(self.singular_values[0] / self.singular_values[self.rank - 1]) if self.rank else 1.0
 
 
-def explore(equations: Equations) -> tuple[Pose, ...]:
+def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:
     """The design position, closed again where guides have moved it, then up to four poses that random steps along free motions reach.
 
     The steps have a fixed seed.  A rigid mechanism has no other pose, and one that cannot be closed is left in its design position.

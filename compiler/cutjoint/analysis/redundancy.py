@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import Array
 from cutjoint.analysis.poses import TOLERANCE, Pose
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 
 #: An equation is as good as the best one left if what it adds is at least this share of it; the file's order decides among these.
 _GOOD_ENOUGH = 0.01
@@ -42,7 +42,7 @@ class Redundancy:
     momentary: tuple[RedundantEquation, ...]
 
 
-def find_redundancy(equations: Equations, poses: Sequence[Pose]) -> Redundancy:
+def find_redundancy(equations: RecursiveEquations, poses: Sequence[Pose]) -> Redundancy:
     """The redundant equations over the poses of ``explore``; of those that might be kept, the first in the file are."""
     rank = max(p.rank for p in poses)
     regular = [p.jacobian for p in poses if p.rank == rank]
@@ -86,7 +86,9 @@ def _project_out(matrix: Array, norms: Array, along: Array) -> None:
     norms[touched] = np.linalg.norm(matrix[touched], axis=1)
 
 
-def _name(equations: Equations, rows: Sequence[int], kept: Sequence[int], jacobians: Sequence[Array]) -> tuple[RedundantEquation, ...]:
+def _name(
+    equations: RecursiveEquations, rows: Sequence[int], kept: Sequence[int], jacobians: Sequence[Array]
+) -> tuple[RedundantEquation, ...]:
     names = [(c.joint, name) for c in equations.closures for name in c.names]
     places = {cut.name: cut.span.place for cut in equations.topology.cuts}
     taking_part = _combinations(rows, kept, jacobians)

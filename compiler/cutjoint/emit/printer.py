@@ -129,7 +129,7 @@ class Printer:
         node = self.graph.nodes[n]
         a = node.args
         arguments = ", ".join(self.text(x) for x in a)
-        if node.op in ("road_height", "road_slope"):
+        if node.op.startswith("road_"):
             return f"roads_[{self.roads[str(node.data)]}].{node.op.removeprefix('road_')}({arguments})"
         if node.op in _CONDITIONS:
             return f"({_CONDITIONS[node.op].join(self.text(x, _SUM) for x in a)})"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -10,7 +11,7 @@ from textwrap import wrap
 from cutjoint.emit.names import name_scalars, road_names, unique
 from cutjoint.emit.printer import Printer, Statement, lanes_type
 from cutjoint.formulate.records import Equations
-from cutjoint.program.blocks import BindingTime, Section
+from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import LoweredFunction, Program, Result
 
 
@@ -37,11 +38,10 @@ class FunctionView:
 #: Characters of a line of a generated expression.
 LINE = 110
 
-#: Arguments of the generated functions: the symbols that they carry, and the C++ declaration.
-_SIGNATURES: Mapping[str, tuple[str, ...]] = {
-    "evaluate": ("const Real* q", "const Real* v", "const Real* lambda", "Real* vdot", "Real* correction"),
-    "close": ("const Real* q", "const Real* v", "Real* residual", "Real* rate"),
-    "report": ("const Real* q", "const Real* v", "const Real* vdot", "const Real* lambda", "Real* column"),
+#: Symbols whose elements are members of a record among the arguments.
+_MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "numerics": ("stabilisation", ("penalty", "damping_ratio", "frequency")),
+    "weights": ("weights", ("damping", "stiffness", "constraint")),
 }
 
 
@@ -52,7 +52,6 @@ class Viewer:
         self._program = program
         self._equations = equations
         self._names = name_scalars(program)
-        self._offsets = _offsets(equations)
         self._locals = self._local_names()
         self._roads = road_names(equations.roads)
         self._inputs = self._input_names()
@@ -64,36 +63,28 @@ class Viewer:
         for n, node in enumerate(self._program.graph.nodes):
             if node.op == "symbol":
                 assert isinstance(node.data, tuple)
-                symbol, index = node.data
-                kind, _, _ = symbol.partition(":")
-                names[n] = self._input(symbol, kind, index)
+                names[n] = self._input(*node.data)
         return names
 
     def _local_names(self) -> dict[int, str]:
-        """Readable names for the elements of q, v, vdot and lambda."""
-        charts = {c.joint: c for c in self._equations.charts}
-        closures = {c.joint: c for c in self._equations.closures}
+        """Readable names for the elements of coordinates, speeds, accelerations and multipliers."""
+        slots = self._equations.slots
         names: dict[int, str] = {}
         taken = {name for name in self._names.values() if not name.startswith("vdot_")}  # of another function
         for n, node in enumerate(self._program.graph.nodes):
-            if node.op != "symbol" or not isinstance(node.data, tuple) or ":" not in node.data[0]:
-                continue
-            kind, _, joint = node.data[0].partition(":")
-            if kind == "lambda":
-                parts = closures[joint].names
-            else:
-                parts = charts[joint].coordinate_names if kind == "q" else charts[joint].speed_names
-            names[n] = unique(f"{kind}_{joint.replace('.', '_')}_{parts[node.data[1]]}", taken)
+            if node.op == "symbol" and isinstance(node.data, tuple) and node.data[0] in slots:
+                symbol, index = node.data
+                slot, element = slots[symbol], symbol.partition(":")[2]
+                names[n] = unique(_identifier(f"{slot.array}_{element}_{slot.names[index]}"), taken)
         return names
 
-    def _input(self, symbol: str, kind: str, index: int) -> str:
-        if symbol in ("t", "motion"):
-            return str(symbol)
-        if symbol == "numerics":
-            return f"stabilisation.{('penalty', 'damping_ratio', 'frequency')[index]}"
-        if symbol == "parameters":
-            return f"parameters[{index}]"
-        return f"{kind}[{self._offsets[symbol] + index}]"
+    def _input(self, symbol: str, index: int) -> str:
+        if symbol in self._equations.slots:
+            slot = self._equations.slots[symbol]
+            return f"{slot.array}[{slot.offset + index}]"
+        if symbol in _MEMBERS:
+            return f"{_MEMBERS[symbol][0]}.{_MEMBERS[symbol][1][index]}"
+        return f"parameters[{index}]" if symbol == "parameters" else symbol
 
     def _kept_names(self) -> dict[int, str]:
         """Members that hold the values of earlier stages."""
@@ -109,8 +100,8 @@ class Viewer:
             return ""
         assert isinstance(node.data, tuple)
         symbol, index = node.data
-        if symbol == "numerics":
-            return ("penalty", "damping_ratio", "frequency")[index]
+        if symbol in _MEMBERS:
+            return _MEMBERS[symbol][1][index]
         return f"p_{self._equations.parameters[index].name}" if symbol == "parameters" else f"{symbol}_now"
 
     def members(self, binding: BindingTime) -> tuple[tuple[str, str], ...]:
@@ -160,10 +151,10 @@ class Viewer:
         printer = self._printer({**self._locals, **self._known(BindingTime.STEP)})
         results = [r.scalar for r in function.results]
         statements = printer.statements(function.statements, results)
-        return self._view(name, _SIGNATURES[name], [*inputs, *statements], self._results(function, printer))
+        return self._view(name, self._equations.function(name).arguments, [*inputs, *statements], self._results(function, printer))
 
     def _printer(self, known: Mapping[int, str]) -> Printer:
-        prefixes = [_identifier(s) for s in self._program.sections]
+        prefixes = [_identifier(s.element or s.stage) for s in self._program.sections]
         taken = frozenset(self._names.values()) | frozenset(self._locals.values())
         return Printer(graph=self._program.graph, names=self._names, known=known, prefixes=prefixes, taken=taken, roads=self._roads)
 
@@ -171,8 +162,8 @@ class Viewer:
         return [f"{self._target(r)} = {printer.text(r.scalar)};" for r in function.results]
 
     def _target(self, result: Result) -> str:
-        kind = result.target.partition(":")[0]
-        return f"{kind}[{self._offsets[result.target] + result.index}]"
+        slot = self._equations.slots[result.target]
+        return f"{slot.array}[{slot.offset + result.index}]"
 
     def _view(
         self, name: str, arguments: tuple[str, ...], statements: Sequence[Statement], results: Sequence[str]
@@ -207,22 +198,9 @@ def _wrapped(statement: Statement) -> Statement:
     return replace(statement, expression="\n      ".join(lines))
 
 
-def _offsets(equations: Equations) -> dict[str, int]:
-    """Where the element of each input symbol and result target starts in its array."""
-    offsets: dict[str, int] = {}
-    for chart in equations.charts:
-        offsets[f"q:{chart.joint}"] = chart.q
-        offsets[f"v:{chart.joint}"] = offsets[f"vdot:{chart.joint}"] = chart.v
-    for closure in equations.closures:
-        for kind in ("lambda", "correction", "residual", "rate"):
-            offsets[f"{kind}:{closure.joint}"] = closure.first
-    for i, column in enumerate(equations.columns):
-        offsets[f"column:{column.name}"] = i
-    return offsets
-
-
-def _identifier(section: Section) -> str:
-    return (section.element or section.stage).replace(".", "_")
+def _identifier(text: str) -> str:
+    """Text as part of a C++ name."""
+    return re.sub(r"\W", "_", text)
 
 
 def _mentions(text: str, name: str) -> bool:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import sympy
 
-from cutjoint.formulate.records import Chart
+from cutjoint.formulate.records import Chart, Slot
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import COORDINATES, SPEEDS, Binding, Joint, JointKind, Model, Parameter, Scalar, Scene
+from cutjoint.model.records import COORDINATES, SPEEDS, Binding, Joint, JointKind, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.topology.records import Topology
 
@@ -88,6 +88,21 @@ def make_charts(topology: Topology) -> tuple[Chart, ...]:
         )  # fmt: skip
         q, v = q + scalars + 4 * ball, v + len(SPEEDS[kind])
     return tuple(charts)
+
+
+def chart_slots(charts: tuple[Chart, ...], prefix: str) -> dict[str, Slot]:
+    """The places of coordinates, speeds and accelerations of the joints, in arrays of these names with a prefix."""
+    slots = {}
+    for chart in charts:
+        slots[f"q:{chart.joint}"] = Slot(array=f"{prefix}q", offset=chart.q, names=chart.coordinate_names)
+        for array in ("v", "vdot"):
+            slots[f"{array}:{chart.joint}"] = Slot(array=f"{prefix}{array}", offset=chart.v, names=chart.speed_names)
+    return slots
+
+
+def column_slots(outputs: tuple[Output, ...]) -> dict[str, Slot]:
+    """The places of the reported columns."""
+    return {f"column:{o.column}": Slot(array="column", offset=i, names=(o.column,)) for i, o in enumerate(outputs)}
 
 
 def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:

@@ -45,36 +45,60 @@ class Column:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Slot:
+    """Where a symbol's column stands among a generated function's arguments: ``array`` from ``offset`` on; a name for each element."""
+
+    array: str
+    offset: int
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Function:
     """One generated function: named result columns over the program's inputs.
 
-    Inputs by symbol name: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``t``, ``motion`` (0
-    where the mechanism is held at rest, else 1), ``parameters``, ``numerics`` (penalty, damping ratio, frequency).
-    Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``, ``column:name``.
+    Inputs are symbols; those that all formulations share are ``t``, ``motion`` (0 where the mechanism is held at rest, else 1) and
+    ``parameters``.  ``arguments`` are the C++ function's, results last; :attr:`Equations.slots` says which symbol stands where.
     """
 
     name: str
+    arguments: tuple[str, ...]
     results: Mapping[str, Block]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """The symbolic mechanics of one model in one scene.
+    """The symbolic mechanics of one model in one scene, by any formulation.
 
     ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables,
-    ``columns`` the outputs with their units.
+    ``columns`` the outputs with their units, ``slots`` the places of inputs and results.
     """
 
     topology: Topology
     scene: Scene
     builder: Builder
-    charts: tuple[Chart, ...]
-    closures: tuple[Closure, ...]
     parameters: tuple[Parameter, ...]
     roads: tuple[str, ...]
     outputs: tuple[Output, ...]
     columns: tuple[Column, ...]
     functions: tuple[Function, ...]
+    slots: Mapping[str, Slot]
+
+    def function(self, name: str) -> Function:
+        """A function by name."""
+        return next(f for f in self.functions if f.name == name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecursiveEquations(Equations):
+    """The recursive formulation: joint coordinates by ``charts``, cut joints by ``closures``.
+
+    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``numerics`` (penalty, damping
+    ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``, ``column:name``.
+    """
+
+    charts: tuple[Chart, ...]
+    closures: tuple[Closure, ...]
 
     @property
     def coordinates(self) -> int:
@@ -85,6 +109,11 @@ class Equations:
     def speeds(self) -> int:
         """Length of v."""
         return sum(len(c.speed_names) for c in self.charts)
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each element of q."""
+        return tuple(f"{c.joint}.{name}" for c in self.charts for name in c.coordinate_names)
 
     @property
     def speed_names(self) -> tuple[str, ...]:

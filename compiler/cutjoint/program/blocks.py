@@ -52,7 +52,7 @@ class BindingTime(IntEnum):
 FUNCTIONS = {
     "mul": 2, "div": 2, "sqrt": 1, "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1,
     "cosh": 1, "tanh": 1, "exp": 1, "log": 1, "abs": 1, "pow": 2, "lt": 2, "le": 2, "and": 2, "or": 2, "not": 1,
-    "where": 3, "road_height": 2, "road_slope": 2,
+    "where": 3, "road_height": 2, "road_slope": 2, "road_height_dx": 2, "road_slope_dx": 2,
 }  # fmt: skip
 
 

@@ -19,13 +19,19 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class RoadTable(Protocol):
-    """What a road answers: height and slope at a point of the ground plane."""
+    """What a road answers at a point of the ground plane: height and slope, and their derivatives by x."""
 
     def height(self, x: float, y: float) -> float:
         """Height, m."""
 
     def slope(self, x: float, y: float) -> float:
-        """dz/dx."""
+        """dz/dx as the wheel feels it."""
+
+    def height_dx(self, x: float, y: float) -> float:
+        """The derivative of the height by x."""
+
+    def slope_dx(self, x: float, y: float) -> float:
+        """The derivative of the slope by x."""
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -79,7 +85,7 @@ def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str,
     if table is not None:
         road = roads[table]
         x, y = (float(np.ravel(a)[0]) for a in args)
-        return np.array([[road.height(x, y) if function == "road_height" else road.slope(x, y)]])
+        return np.array([[getattr(road, function.removeprefix("road_"))(x, y)]])
     return np.asarray(FUNCTIONS[function](*args), dtype=float)
 
 
@@ -147,7 +153,7 @@ def interpret_scalars(
                 values[number] = data
             elif node.op == "symbol":
                 values[number] = float(np.ravel(inputs[data[0]])[data[1]])
-            elif node.op in ("road_height", "road_slope"):
+            elif node.op.startswith("road_"):
                 values[number] = float(_call(node.op, data, [values[a] for a in node.args], roads)[0, 0])
             elif node.op == "lane_const":
                 values[number] = np.array(data)

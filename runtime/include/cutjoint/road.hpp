@@ -39,6 +39,19 @@ struct Piece {
     }
     return b;
   }
+
+  Real curvature(Real x) const {
+    using std::cos, std::sqrt, std::max;
+    switch (kind) {
+      case PieceKind::arc: {
+        const Real root = sqrt(max(b * b - (x - c) * (x - c), Real(1e-12)));
+        return -b * b / (root * root * root);
+      }
+      case PieceKind::cosine: return b * c * c * cos(c * (x - begin));
+      case PieceKind::line: break;
+    }
+    return Real(0);
+  }
 };
 
 /// A road as one wheel meets it.  A point follower sees height and slope; a rigid disc sees its envelope and no slope.
@@ -53,6 +66,10 @@ class Road {
 
   Real height(Real x, Real y) const { return at(x, y).height(x); }
   Real slope(Real x, Real y) const { return disc_ ? Real(0) : at(x, y).slope(x); }
+
+  /// The derivatives of height and slope by x.
+  Real height_dx(Real x, Real y) const { return at(x, y).slope(x); }
+  Real slope_dx(Real x, Real y) const { return disc_ ? Real(0) : at(x, y).curvature(x); }
 
  private:
   static Piece<Real> flat() { return {PieceKind::line, Real(0), Real(0), Real(0), Real(0)}; }

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cutjoint.formulate.inputs import make_charts, make_numbers, make_translator, open_parameters
-from cutjoint.formulate.records import Closure, Column, Equations, Function
+from cutjoint.formulate.inputs import chart_slots, column_slots, make_charts, make_numbers, make_translator, open_parameters
+from cutjoint.formulate.records import Closure, Column, Function, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import LoopClosure, add_loops, correct_multipliers, derive_loops
@@ -14,8 +14,10 @@ from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import Builder
 from cutjoint.topology.records import Topology
 
+_STATE = ("const Real* q", "const Real* v")
 
-def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> Equations:
+
+def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> RecursiveEquations:
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
@@ -34,22 +36,34 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     corrections = correct_multipliers(k, loops, numbers, Zdd)
     by_joint = {k.motions[body].tree_joint.joint.name: block for body, block in zdd.items()}
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=given_accelerations(k))
+    closures = _closures(loops)
     functions = (
-        Function(name="evaluate", results={
+        Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
             **{f"vdot:{c.joint}": by_joint[c.joint] for c in charts},
             **{f"correction:{loop.joint.name}": block for loop, block in zip(loops, corrections, strict=True)},
         }),
-        Function(name="close", results={
+        Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
             **{f"residual:{loop.joint.name}": loop.residual for loop in loops},
             **{f"rate:{loop.joint.name}": loop.rate for loop in loops},
         }),
-        Function(name="report", results={f"column:{o.column}": reporter.quantity(o) for o in outputs}),
+        Function(
+            name="report", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* column"),
+            results={f"column:{o.column}": reporter.quantity(o) for o in outputs},
+        ),
     )  # fmt: skip
-    return Equations(
-        topology=topology, scene=scene, builder=b, charts=charts, closures=_closures(loops),
+    return RecursiveEquations(
+        topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
         parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
+        slots={**chart_slots(charts, ""), **_closure_slots(closures), **column_slots(outputs)},
     )  # fmt: skip
+
+
+def _closure_slots(closures: tuple[Closure, ...]) -> dict[str, Slot]:
+    return {
+        f"{array}:{c.joint}": Slot(array=array, offset=c.first, names=c.names)
+        for c in closures for array in ("lambda", "correction", "residual", "rate")
+    }  # fmt: skip
 
 
 def _closures(loops: tuple[LoopClosure, ...]) -> tuple[Closure, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from cutjoint.formulate.attitude import ATTITUDE, attitude
 from cutjoint.formulate.recursive.forces import Forces
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.loops import LoopClosure
@@ -42,8 +43,8 @@ class Reporter:
     def _motion(self, body: str, point: Vector, quantity: str) -> Block:
         k, b = self.kinematics, self.kinematics.builder
         at = k.point(body, point)
-        if quantity in _ATTITUDE:
-            return self._attitude(body, quantity)
+        if quantity in ATTITUDE:
+            return attitude(b, k.frames[body].R, quantity)
         axis = "xyz".index(quantity[-1])
         match quantity[:-1]:
             case "":
@@ -57,15 +58,6 @@ class Reporter:
                 carried = b.add(b.cross(wd, at), b.cross(w, k.velocity(body, at)))
                 return b.element(b.add(a0, carried), axis)
         raise ValueError(f"a body has no quantity {quantity}")
-
-    def _attitude(self, body: str, quantity: str) -> Block:
-        """Yaw, pitch, roll about z, y, x in turn; the pitch by its tangent, which has a value on the nose too."""
-        b, R = self.kinematics.builder, self.kinematics.frames[body].R
-        if quantity == "pitch":
-            across = b.take(R, (2, 3), (1, 3))
-            return b.call("atan2", b.neg(b.element(R, 2, 0)), b.call("sqrt", b.mul(across, b.transpose(across))))
-        rows = {"yaw": ((1, 0), (0, 0)), "roll": ((2, 1), (2, 2))}[quantity]
-        return b.call("atan2", *(b.element(R, i, j) for i, j in rows))
 
     def _reaction(self, loop: LoopClosure, body: str, direction: Vector) -> Block:
         """The linear part of the cut joint's force on its follower, -A^T lambda, along a direction."""
@@ -81,9 +73,6 @@ class Reporter:
             if output.quantity in known:
                 return blocks[known.index(output.quantity)]
         raise ValueError(f"joint '{output.element}' has no quantity '{output.quantity}'")
-
-
-_ATTITUDE = frozenset({"roll", "pitch", "yaw"})
 
 
 def given_accelerations(k: Kinematics) -> dict[str, Block]:

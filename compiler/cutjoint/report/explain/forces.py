@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Force
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import variants
@@ -13,7 +13,7 @@ from cutjoint.report.explain.manners import Manner, describe
 from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
 
 
-def explain_forces(equations: Equations, counterparts: Sequence[Counterparts]) -> Chapter:
+def explain_forces(equations: RecursiveEquations, counterparts: Sequence[Counterparts]) -> Chapter:
     """The forces that act in the scene; those that are switched off are named."""
     model, scene = equations.topology.model, equations.scene
     forces = {f.name: f for f in model.forces if is_active(f, scene)}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import GROUND, SPEEDS, Binding, Joint, JointKind
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
@@ -34,7 +34,7 @@ _NOTES = (
 )
 
 
-def summarise(equations: Equations, program: Program) -> Table:
+def summarise(equations: RecursiveEquations, program: Program) -> Table:
     """The counts."""
     topology, mobility = equations.topology, find_mobility(equations)
     model = topology.model
@@ -82,7 +82,7 @@ def unknowns_of(t: TreeJoint) -> str:
     return "guided" if t.joint.guide is not None else plural(len(SPEEDS[t.joint.kind]), "unknown")
 
 
-def cut_table(equations: Equations) -> Table:
+def cut_table(equations: RecursiveEquations) -> Table:
     """One row a cut joint."""
     rows = [
         (code(c.name), c.span.place, c.kind.value, _cut_by(c), code(c.base), code(c.follower), str(len(closure.names)))

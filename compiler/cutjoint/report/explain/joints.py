@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import sympy
 
 from cutjoint.formulate.inputs import TIME, guide_rates
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Joint, JointKind, Model, Scalar
 from cutjoint.report.explain.graph import unknowns_of
@@ -62,7 +62,7 @@ def joint_symbols(kind: JointKind) -> dict[Scalar, str]:
     return {**coordinates, **speeds, **{e: f"e_{{{i}}}" for i, e in enumerate(QUATERNION)}}
 
 
-def explain_joints(equations: Equations, counterparts: Sequence[Counterparts]) -> Chapter:
+def explain_joints(equations: RecursiveEquations, counterparts: Sequence[Counterparts]) -> Chapter:
     """The tree joints, those with equal kernels together."""
     topology = equations.topology
     joints = {t.joint.name: t for t in topology.tree}
@@ -73,7 +73,7 @@ def explain_joints(equations: Equations, counterparts: Sequence[Counterparts]) -
     return Chapter(title="Tree joints", notes=_NOTES, formulas=_LAW, entries=entries)
 
 
-def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], equations: Equations) -> Entry:
+def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], equations: RecursiveEquations) -> Entry:
     first, model = joints[0], equations.topology.model
     kind = first.joint.kind
     title = f"{kind.value.capitalize().replace('_', ' ')}: {with_others([t.joint.name for t in joints])}"
@@ -108,7 +108,7 @@ def _row(t: TreeJoint, model: Model) -> tuple[str, ...]:
     return code(joint.name), joint.span.place, code(t.parent), code(t.child) + reverse, ends, axes + pitch, unknowns_of(t)
 
 
-def _guide(joint: Joint, equations: Equations) -> tuple[str, ...]:
+def _guide(joint: Joint, equations: RecursiveEquations) -> tuple[str, ...]:
     """A guided coordinate, its rate and acceleration as functions of time; nothing of a free one."""
     if joint.guide is None:
         return ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Binding, Model, Parameter, Scene
 from cutjoint.program.records import Program
@@ -28,7 +28,7 @@ class Cost:
     kept: int
 
 
-def derive(topology: Topology, scene: Scene) -> tuple[Equations, Program]:
+def derive(topology: Topology, scene: Scene) -> tuple[RecursiveEquations, Program]:
     """The equations of a scene, and their program."""
     equations = formulate_recursive(topology, scene, scene.outputs)
     return equations, schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
@@ -62,7 +62,7 @@ def _cells(counts: list[int]) -> tuple[str, ...]:
     return tuple(str(n) if n else "" for n in (*counts, sum(counts)))
 
 
-def parameter_costs(equations: Equations, program: Program) -> tuple[Cost, ...]:
+def parameter_costs(equations: RecursiveEquations, program: Program) -> tuple[Cost, ...]:
     """The price of each parameter with binding ``param``, the others staying open."""
     costs = []
     for i, parameter in enumerate(equations.parameters):
@@ -72,7 +72,7 @@ def parameter_costs(equations: Equations, program: Program) -> tuple[Cost, ...]:
     return tuple(costs)
 
 
-def _saved(equations: Equations, program: Program, parameter: Parameter) -> int:
+def _saved(equations: RecursiveEquations, program: Program, parameter: Parameter) -> int:
     """The operations of ``evaluate`` that folding in the parameter's value saves."""
     model = _close(equations.topology.model, parameter)
     _, closed = derive(replace(equations.topology, model=model), equations.scene)

@@ -1,0 +1,77 @@
+"""Forces and matrices over nodes, and how they come down to the coordinates.
+
+Elements add what they have at their own points and directions; a node that is a linear combination of others hands its share on to these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import sympy
+
+from cutjoint.formulate.natural.motion import NodeMotions
+from cutjoint.formulate.natural.nodes import Form, Node
+from cutjoint.model.records import GROUND
+from cutjoint.program.blocks import Block
+
+
+@dataclass(kw_only=True)
+class NodalForce:
+    """A generalised force: a column (size, 1) for each node."""
+
+    motions: NodeMotions
+    parts: dict[Node, Block] = field(default_factory=dict)
+
+    def add(self, form: Form, force: Block) -> None:
+        """A force that works on the displacement of a form."""
+        for node, coefficient in form.items():
+            self._add(node, self.motions.times(coefficient, force))
+
+    def _add(self, node: Node, force: Block) -> None:
+        if node.body != GROUND:
+            known = self.parts.get(node)
+            self.parts[node] = force if known is None else self.motions.builder.add(known, force)
+
+    def by_coordinate(self) -> dict[Node, Block]:
+        """The force on each coordinate; the others hand theirs on, the last laid out first."""
+        for node in reversed(self.motions.layout.nodes):
+            if node.parts is not None and node in self.parts:
+                self.add(node.parts, self.parts.pop(node))
+        b = self.motions.builder
+        return {n: self.parts.get(n, b.zero(n.size)) for n in self.motions.layout.coordinates}
+
+
+@dataclass(kw_only=True)
+class NodalMatrix:
+    """A matrix of blocks (size, size) over pairs of nodes; zero blocks are absent."""
+
+    motions: NodeMotions
+    parts: dict[tuple[Node, Node], Block] = field(default_factory=dict)
+
+    def add(self, rows: Form, columns: Form, block: Block) -> None:
+        """A block between two forms."""
+        for i, c in rows.items():
+            for j, d in columns.items():
+                self._add(i, j, self.motions.times(sympy.sympify(c * d), block))
+
+    def _add(self, i: Node, j: Node, block: Block) -> None:
+        if GROUND not in (i.body, j.body):
+            known = self.parts.get((i, j))
+            self.parts[i, j] = block if known is None else self.motions.builder.add(known, block)
+
+    def by_coordinate(self) -> dict[tuple[Node, Node], Block]:
+        """The blocks between coordinates, in the order of these."""
+        for node in reversed(self.motions.layout.nodes):
+            if node.parts is not None:
+                self._hand_on(node)
+        order = {node: i for i, node in enumerate(self.motions.layout.coordinates)}
+        return dict(sorted(self.parts.items(), key=lambda item: (order[item[0][0]], order[item[0][1]])))
+
+    def _hand_on(self, node: Node) -> None:
+        """Replace a node by the combination that it is, first as a row, then as a column."""
+        assert node.parts is not None
+        one = {node: sympy.Integer(1)}
+        for i, j in [pair for pair in self.parts if pair[0] is node]:
+            self.add(node.parts, {j: sympy.Integer(1)} if j is not node else one, self.parts.pop((i, j)))
+        for i, j in [pair for pair in self.parts if pair[1] is node]:
+            self.add({i: sympy.Integer(1)}, node.parts, self.parts.pop((i, j)))

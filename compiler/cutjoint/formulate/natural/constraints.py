@@ -1,0 +1,319 @@
+"""The constraint equations of natural coordinates: products of points and unit vectors, and a few linear ones.
+
+Each has its residual Phi, the gradient of Phi by the nodes, its rate Phid = Phi_q qd + Phi_t, and the drift
+(d/dt Phi_q) qd + (d/dt Phi_t), so that Phidd = Phi_q qdd + drift.  Products are divided by the lengths of their factors, so that a residual
+is in metres or radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy
+
+from cutjoint.formulate.directions import tangents
+from cutjoint.formulate.inputs import guide_rates
+from cutjoint.formulate.natural.layout import Group, combination
+from cutjoint.formulate.natural.motion import NodeMotions
+from cutjoint.formulate.natural.needs import ANGLES, angle_axes
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, difference
+from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Model, Scalar, Scene, Vector
+from cutjoint.program.blocks import BindingTime, Block, Builder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraint:
+    """Equations of one body or joint: columns (m, 1), and the gradient (m, size) by node."""
+
+    element: str
+    names: tuple[str, ...]
+    residual: Block
+    rate: Block
+    drift: Block
+    gradient: Mapping[Node, Block]
+
+    @property
+    def symbol(self) -> str:
+        """What its multipliers' symbols end in: an element may have several constraints."""
+        return f"{self.element}.{self.names[0]}"
+
+
+@dataclass(kw_only=True)
+class _Row:
+    """One equation under construction: a sum of terms."""
+
+    b: Builder
+    motions: NodeMotions
+    residual: Block
+    rate: Block
+    drift: Block
+    gradient: dict[Node, Block] = field(default_factory=dict)
+
+    def push(self, form: Form, row: Block) -> None:
+        """Add a gradient (1, 3) by a form."""
+        for node, coefficient in form.items():
+            if node.body == GROUND:
+                continue
+            term = self.motions.times(coefficient, row)
+            known = self.gradient.get(node)
+            self.gradient[node] = term if known is None else self.b.add(known, term)
+
+    def product(self, weight: Block, u: Form, w: Form) -> None:
+        """Add weight (u . w), weight a constant."""
+        b, p, q = self.b, self.motions.of(u), self.motions.of(w)
+        self.residual = b.add(self.residual, b.mul(weight, b.dot(p.x, q.x)))
+        self.rate = b.add(self.rate, b.mul(weight, b.add(b.dot(p.x, q.v), b.dot(q.x, p.v))))
+        self.drift = b.add(self.drift, b.mul(weight, b.mul(b.number(2.0), b.dot(p.v, q.v))))
+        if u is w:
+            self.push(u, b.transpose(b.scale(b.mul(b.number(2.0), weight), p.x)))
+        else:
+            self.push(u, b.transpose(b.scale(weight, q.x)))
+            self.push(w, b.transpose(b.scale(weight, p.x)))
+
+    def known(self, position: Block, rate: Block, acceleration: Block) -> None:
+        """Subtract a function of time."""
+        b = self.b
+        self.residual, self.rate, self.drift = (
+            b.sub(own, given) for own, given in zip((self.residual, self.rate, self.drift), (position, rate, acceleration), strict=True)
+        )
+
+    def angle(self, node: Node, factor: Scalar) -> None:
+        """Subtract factor times an angle."""
+        b, motion = self.b, self.motions.node(node)
+        number = self.motions.translator.scalar(factor)
+        self.residual = b.sub(self.residual, b.mul(number, motion.x))
+        self.rate = b.sub(self.rate, b.mul(number, motion.v))
+        self.push({node: sympy.Integer(-1)}, number)
+
+
+def multipliers(b: Builder, constraint: Constraint) -> Block:
+    """The constraint's multipliers, (m, 1)."""
+    return b.symbol(f"lambda:{constraint.symbol}", len(constraint.names), BindingTime.ITERATION)
+
+
+class ConstraintMaker:
+    """Derives the constraints of all groups and joints in a scene."""
+
+    def __init__(self, motions: NodeMotions, model: Model, scene: Scene) -> None:
+        self._b = motions.builder
+        self._m = motions
+        self._layout = motions.layout
+        self._model = model
+        self._scene = scene
+
+    def all(self) -> list[Constraint]:
+        """The constraints, bodies first."""
+        spans = {body.name: body.span for body in self._model.bodies}
+        constraints: list[Constraint] = []
+        for group in self._layout.groups.values():
+            with self._b.section("body", group.name, "Phi = (u . w - const)/(|u| |w|), the shape of a body", spans[group.name].place):
+                constraints.extend(self._body(group))
+        for joint in self._model.joints:
+            with self._b.section("joint", joint.name, "Phi of what nodes alone do not share", joint.span.place):
+                constraints.extend(self._joint(joint))
+        return constraints
+
+    def _row(self) -> _Row:
+        zero = self._b.zero(1)
+        return _Row(b=self._b, motions=self._m, residual=zero, rate=zero, drift=zero)
+
+    def _stacked(self, element: str, names: Sequence[str], rows: Sequence[_Row]) -> Constraint:
+        """Rows as one constraint."""
+        b = self._b
+        nodes = dict.fromkeys(node for row in rows for node in row.gradient)
+        return Constraint(
+            element=element, names=tuple(names), residual=b.column([r.residual for r in rows]), rate=b.column([r.rate for r in rows]),
+            drift=b.column([r.drift for r in rows]),
+            gradient={n: b.stack([[r.gradient.get(n, b.zero(1, n.size))] for r in rows]) for n in nodes},
+        )  # fmt: skip
+
+    def _body(self, group: Group) -> Iterator[Constraint]:
+        """What keeps a group rigid, and holds it to shared nodes that its basis does not have."""
+        for u, w in group.pairs:
+            name = _way_name(u) if u == w else f"{_way_name(u)}*{_way_name(w)}"
+            yield self._stacked(group.name, [name], [self._kept(u, u if u == w else w)])
+        for node in group.surplus:
+            yield from self._held(group, node)
+
+    def _kept(self, u: Form, w: Form) -> _Row:
+        """The product of two ways keeps its design value."""
+        row, value = self._row(), self._layout.value
+        p, q = (sympy.Matrix(_design(form)) for form in (u, w))
+        lengths = [max(float(sympy.sqrt(sum(value(x) ** 2 for x in place))), 1e-300) for place in (p, q)]
+        scale = (0.5 if u is w else 1.0) / (lengths[0] * lengths[1]) ** 0.5
+        weight = self._b.number(scale)
+        row.product(weight, u, w)
+        constant = self._b.mul(weight, self._m.translator.scalar(p.dot(q)))
+        row.known(constant, self._b.zero(1), self._b.zero(1))
+        return row
+
+    def _held(self, group: Group, node: Node) -> Iterator[Constraint]:
+        """A group's own combination equals a shared node: three equations of a point, two of a direction if all directions are known."""
+        own = combination(group, node.kind, node.place)
+        if node.kind is NodeKind.VECTOR and len(group.basis) == 4:
+            across = tangents_of(tuple(self._layout.value(x) for x in node.place))
+            forms = [combination(group, NodeKind.VECTOR, t) for t in across]
+            rows = [self._perpendicular({node: sympy.Integer(1)}, form) for form in forms]
+            yield self._stacked(group.name, [f"{node.name}.{i}" for i in (1, 2)], rows)
+        else:
+            yield self._equal(group.name, node.name, difference({node: sympy.Integer(1)}, own))
+
+    def _equal(self, element: str, name: str, form: Form) -> Constraint:
+        """A combination of nodes is zero."""
+        b, motion = self._b, self._m.of(form)
+        gradient = {n: self._m.times(c, b.identity(3)) for n, c in form.items() if n.body != GROUND}
+        return Constraint(
+            element=element, names=tuple(f"{name}.{axis}" for axis in "xyz"), residual=motion.x, rate=motion.v, drift=b.zero(3),
+            gradient=gradient,
+        )  # fmt: skip
+
+    def _perpendicular(self, u: Form, w: Form) -> _Row:
+        row = self._row()
+        row.product(self._b.number(1.0), u, w)
+        return row
+
+    def _joint(self, joint: Joint) -> Iterator[Constraint]:
+        """The equations of a joint that sharing nodes does not settle, of its angles, and of its guide."""
+        names, rows = self._open(joint)
+        for (element, coordinate), node in self._layout.angles.items():
+            if element == joint.name:
+                names.append(coordinate)
+                rows.append(self._measured(joint, coordinate, node))
+        names += [f"{c}_guide" for c in self._guided(joint)] if joint.guide is not None else []
+        rows += list(self._guided(joint).values()) if joint.guide is not None else []
+        if rows:
+            yield self._stacked(joint.name, names, rows)
+
+    def _open(self, joint: Joint) -> tuple[list[str], list[_Row]]:
+        match joint.kind:
+            case JointKind.UNIVERSAL if joint.name not in self._layout.idle:
+                axes = self._direction(joint.base, joint.axes[0]), self._direction(joint.follower, joint.axes[1])
+                return ["angle"], [self._perpendicular(*axes)]
+            case JointKind.PRISMATIC | JointKind.CYLINDRICAL | JointKind.POINT_ON_LINE:
+                return ["across_1", "across_2"], self._across(joint)
+            case JointKind.SCREW:
+                advance = self._perpendicular(self._way(joint), self._direction(joint.base, joint.axes[0]))
+                advance.angle(self._layout.angles[joint.name, "angle"], joint.pitch)
+                return ["across_1", "across_2", "advance"], [*self._across(joint), advance]
+            case JointKind.PLANAR:
+                return ["height"], [self._perpendicular(self._way(joint), self._direction(joint.base, joint.axes[0]))]
+            case JointKind.DISTANCE:
+                assert joint.to is not None
+                rod = difference(self._point(joint.follower, joint.to), self._point(joint.base, joint.at))
+                return ["length"], [self._kept_length(rod, joint)]
+        return [], []
+
+    def _kept_length(self, rod: Form, joint: Joint) -> _Row:
+        row, b = self._row(), self._b
+        assert joint.to is not None
+        length = (sympy.Matrix(joint.to) - sympy.Matrix(joint.at)).norm()
+        weight = self._m.translator.scalar(1 / (2 * length))
+        row.product(weight, rod, rod)
+        row.known(self._m.translator.scalar(length / 2), b.zero(1), b.zero(1))
+        return row
+
+    def _point(self, body: str, place: Vector) -> Form:
+        return self._layout.point(body, place)
+
+    def _direction(self, body: str, place: Vector) -> Form:
+        return self._layout.direction(body, place)
+
+    def _way(self, joint: Joint) -> Form:
+        return difference(self._point(joint.follower, joint.at), self._point(joint.base, joint.at))
+
+    def _across(self, joint: Joint) -> list[_Row]:
+        """The follower's point stays on the base's axis."""
+        return [self._perpendicular(self._way(joint), self._direction(joint.base, tuple(t))) for t in tangents(joint, joint.axes[0])]
+
+    def _measured(self, joint: Joint, coordinate: str, node: Node) -> _Row:
+        """f . (b_2 cos angle - b_1 sin angle) = 0 for an angle that is a coordinate."""
+        b, motion = self._b, self._m.node(node)
+        row = self._turned(joint, coordinate, motion.x, motion.v, b.zero(1))
+        first, second = self._products(joint, coordinate)
+        reach = b.add(b.mul(b.call("cos", motion.x), first), b.mul(b.call("sin", motion.x), second))
+        row.push({node: sympy.Integer(-1)}, reach)
+        return row
+
+    def _products(self, joint: Joint, coordinate: str) -> tuple[Block, Block]:
+        body, b_1, b_2, other, f = angle_axes(joint, coordinate)
+        F = self._m.direction(other, f).x
+        return self._b.dot(F, self._m.direction(body, b_1).x), self._b.dot(F, self._m.direction(body, b_2).x)
+
+    def _turned(self, joint: Joint, coordinate: str, angle: Block, rate: Block, acceleration: Block) -> _Row:
+        """f . (b_2 cos angle - b_1 sin angle) with its rate and drift, without a gradient by the angle."""
+        b, (body, b_1, b_2, other, f) = self._b, angle_axes(joint, coordinate)
+        sin, cos = b.call("sin", angle), b.call("cos", angle)
+        row, F = self._row(), self._direction(other, f)
+        for weight, turned, axis in ((cos, b.neg(sin), b_2), (b.neg(sin), b.neg(cos), b_1)):
+            base = self._direction(body, axis)
+            u, w = self._m.of(F), self._m.of(base)
+            row.product(weight, F, base)
+            product = b.dot(u.x, w.x)
+            change = b.add(b.dot(u.x, w.v), b.dot(w.x, u.v))
+            row.rate = b.add(row.rate, b.mul(b.mul(turned, rate), product))
+            twice = b.mul(b.mul(b.number(2.0), b.mul(turned, rate)), change)
+            bent = b.mul(b.sub(b.mul(turned, acceleration), b.mul(weight, b.mul(rate, rate))), product)
+            row.drift = b.add(row.drift, b.add(twice, bent))
+        return row
+
+    def _guided(self, joint: Joint) -> dict[str, _Row]:
+        """A row for each guided coordinate."""
+        rows = {}
+        assert joint.guide is not None
+        for coordinate, guide in zip(COORDINATES[joint.kind], joint.guide, strict=True):
+            course = self._course(guide)
+            if joint.kind is JointKind.SCREW:
+                row = self._row()
+                row.angle(self._layout.angles[joint.name, coordinate], sympy.Integer(-1))
+                row.known(*course)
+            elif coordinate in ANGLES.get(joint.kind, ()):
+                row = self._turned(joint, coordinate, *course)
+            else:
+                row = self._perpendicular(*self.slide(joint, coordinate))
+                row.known(*course)
+            rows[coordinate] = row
+        return rows
+
+    def _course(self, guide: Scalar) -> tuple[Block, Block, Block]:
+        """A guide's position, rate and acceleration; the latter are nought where the mechanism is held at rest."""
+        b, motion = self._b, self._b.symbol("motion", 1, BindingTime.STEP)
+        place, rate, acceleration = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model, self._scene))
+        return place, b.mul(motion, rate), b.mul(motion, acceleration)
+
+    def slide(self, joint: Joint, coordinate: str) -> tuple[Form, Form]:
+        """A displacement as the product of the way between the joint's points and a direction of the base."""
+        return self._way(joint), self._direction(joint.base, slide_axis(joint, coordinate))
+
+
+def slide_axis(joint: Joint, coordinate: str) -> Vector:
+    """The direction of the base along which a displacement is counted."""
+    if joint.kind is JointKind.FREE:
+        return GLOBAL_AXES["xyz".index(coordinate)]
+    if joint.kind is JointKind.PLANAR:
+        first, second = (tuple(t) for t in tangents(joint, joint.axes[0]))
+        return second if coordinate.endswith("2") else first
+    return joint.axes[0]
+
+
+def tangents_of(direction: Sequence[float]) -> tuple[Vector, Vector]:
+    """Two unit vectors across a direction."""
+    d = np.asarray(direction, dtype=float)
+    least = np.eye(3)[int(np.argmin(np.abs(d)))]
+    first = np.cross(d, least)
+    first /= np.linalg.norm(first)
+    second = np.cross(d / np.linalg.norm(d), first)
+    x, y = (tuple(sympy.Float(float(c)) for c in v) for v in (first, second))
+    return x, y
+
+
+def _design(form: Form) -> list[Scalar]:
+    """A form's value in the design position."""
+    return [sum((c * node.place[i] for node, c in form.items()), sympy.Integer(0)) for i in range(3)]
+
+
+def _way_name(form: Form) -> str:
+    """A way by the name of its end."""
+    return next(iter(form)).name

@@ -1,0 +1,255 @@
+"""Topology -> Equations: index-3 formulations in natural coordinates (Cuadrado et al. 2000, sections 2.1 and 2.2).
+
+With constant M, Phi(q, t) = 0 and the forces Q(q, qd, t), both methods solve M qdd + Phi_q^T lambda = Q.  Their tangents are
+
+    augmented   A + constraint Phi_q^T Phi_q                              A = M + damping C + stiffness K, its symmetric part
+    classical   [A, constraint Phi_q^T; constraint Phi_q, 0]              C = -dQ/dqd, K = -dQ/dq
+
+Left out is the change of Phi_q^T lambda by q, as in the paper: it is small against the masses at the steps that the method takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import sympy
+
+from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters
+from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix
+from cutjoint.formulate.natural.constraints import Constraint, ConstraintMaker, multipliers
+from cutjoint.formulate.natural.forces import Element, ForceMaker
+from cutjoint.formulate.natural.layout import Layout, lay_out
+from cutjoint.formulate.natural.mass import mass_matrix
+from cutjoint.formulate.natural.motion import NodeMotions
+from cutjoint.formulate.natural.needs import require_told
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
+from cutjoint.formulate.natural.outputs import NaturalReporter
+from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.natural.start import place_nodes
+from cutjoint.formulate.records import Column, Function, RecursiveEquations, Slot
+from cutjoint.formulate.recursive.kinematics import derive_kinematics
+from cutjoint.model.quantities import unit_of
+from cutjoint.model.records import Output, Scalar, Tyre
+from cutjoint.program.blocks import BindingTime, Block, Builder
+
+_STATE = ("const Real* q", "const Real* v", "const Real* vdot")
+_BALANCE = (*_STATE, "const Real* lambda", "Real penalty")
+
+
+def formulate_lagrangian(start: RecursiveEquations, method: str, outputs: tuple[Output, ...]) -> LagrangianEquations:
+    """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
+
+    ``start`` are the recursive equations of the same model and scene; ``method`` is "augmented" or "classical".
+
+    Raises:
+        ModelError: outputs that natural coordinates do not tell.
+    """
+    topology, scene = start.topology, start.scene
+    model, b = topology.model, Builder()
+    require_told(model, scene, outputs)
+    translator = make_translator(b, model, scene)
+    k = derive_kinematics(b, translator, topology, scene, {c.joint: c for c in start.charts})
+    layout = lay_out(topology, scene, outputs)
+    motions = NodeMotions(builder=b, translator=translator, layout=layout)
+    maker = ForceMaker(motions, model, scene)
+    system = _System(
+        b=b, motions=motions, layout=layout, constraints=tuple(ConstraintMaker(motions, model, scene).all()),
+        elements={e.name: e for e in maker.all()}, maker=maker, start=start,
+    )  # fmt: skip
+    reporter = NaturalReporter(
+        model=model, scene=scene, motions=motions, elements=system.elements, constraints=system.constraints
+    )  # fmt: skip
+    tangent = system.augmented() if method == "augmented" else system.classical()
+    functions = (
+        Function(name="place", arguments=("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"), results={
+            f"{kind}:{node.name}": block for node, *blocks in place_nodes(k, topology, layout)
+            for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
+        }),
+        Function(name="balance", arguments=(*_BALANCE, "Real* balance", "Real* residual"), results=system.balance()),
+        Function(
+            name="linearise", arguments=(*_BALANCE, "const Weights<Real>& weights", "Real* balance", "Real* residual", "Real* tangent"),
+            results={**system.balance(), **tangent},
+        ),
+        Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate", "Real* curvature"), results=system.closure()),
+        Function(name="pull", arguments=("const Real* q", "const Real* w", "Real* force"), results=system.pull()),
+        Function(
+            name="report", arguments=(*_STATE, "const Real* lambda", "Real* column"),
+            results={f"column:{o.column}": reporter.quantity(o) for o in outputs},
+        ),
+    )  # fmt: skip
+    return LagrangianEquations(
+        topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
+        roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
+        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions, method=method,
+        slots={**chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs)}, start=start, layout=layout,
+        constraints=system.constraints,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class _System:
+    """The blocks of one system."""
+
+    b: Builder
+    motions: NodeMotions
+    layout: Layout
+    constraints: tuple[Constraint, ...]
+    elements: Mapping[str, Element]
+    maker: ForceMaker
+    start: RecursiveEquations
+
+    def masses(self) -> Iterable[tuple[Node, Node, Scalar]]:
+        """The elements of all groups' mass matrices."""
+        bodies = {body.name: body for body in self.start.topology.model.bodies}
+        for group in self.layout.groups.values():
+            for (i, j), mass in mass_matrix(group, [bodies[name] for name in group.bodies]).items():
+                yield i, j, mass
+
+    def balance(self) -> dict[str, Block]:
+        """M qdd + Phi_q^T (penalty Phi + lambda) - Q, and Phi."""
+        b, force = self.b, NodalForce(motions=self.motions)
+        with b.section("inertia", "", "M qdd", ""):
+            for i, j, mass in self.masses():
+                force.add(_one(i), self.motions.times(mass, self.motions.node(j).a))
+        penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
+        for c in self.constraints:
+            with b.section("constraint", c.element, "Phi_q^T (penalty Phi + lambda)", ""):
+                pull = b.add(b.scale(penalty, c.residual), multipliers(b, c))
+                for node, gradient in c.gradient.items():
+                    force.add(_one(node), b.mul(b.transpose(gradient), pull))
+        for form, push in self._pushes():
+            force.add(form, b.neg(push))
+        residuals = {f"residual:{c.symbol}": c.residual for c in self.constraints}
+        return {f"balance:{node.name}": block for node, block in force.by_coordinate().items()} | residuals
+
+    def _pushes(self) -> Iterable[tuple[Form, Block]]:
+        for body in self.start.topology.model.bodies:
+            if body.mass != 0:
+                yield self.maker.weight(body)
+        for element in self.elements.values():
+            for action in element.actions:
+                yield action.form, action.force
+
+    def _weights(self) -> tuple[Block, Block, Block]:
+        b = self.b
+        column = b.symbol("weights", 3, BindingTime.ITERATION)
+        damping, stiffness, constraint = (
+            b.label(b.element(column, i), name) for i, name in enumerate(("damping", "stiffness", "constraint"))
+        )
+        return damping, stiffness, constraint
+
+    def _dynamic(self, *, symmetric: bool) -> NodalMatrix:
+        """A = M + damping C + stiffness K, or its symmetric part."""
+        b, matrix = self.b, NodalMatrix(motions=self.motions)
+        damping, stiffness, _ = self._weights()
+        for i, j, mass in self.masses():
+            matrix.add(_one(i), _one(j), self.motions.times(mass, b.identity(3)))
+        for element in self.elements.values():
+            with b.section("tangent", element.name, "damping C + stiffness K", ""):
+                for t in element.tangents(self.motions):
+                    block = b.add(b.scale(damping, t.damping), b.scale(stiffness, t.stiffness))
+                    if symmetric:
+                        half = b.scale(b.number(0.5), block)
+                        matrix.add(t.rows, t.columns, half)
+                        matrix.add(t.columns, t.rows, b.transpose(half))
+                    else:
+                        matrix.add(t.rows, t.columns, block)
+        return matrix
+
+    def augmented(self) -> dict[str, Block]:
+        """The lower triangle of A + constraint Phi_q^T Phi_q."""
+        b, squares = self.b, NodalMatrix(motions=self.motions)
+        for c in self.constraints:
+            with b.section("tangent", c.element, "constraint Phi_q^T Phi_q", ""):
+                for i, g in c.gradient.items():
+                    for j, h in c.gradient.items():
+                        squares.add(_one(i), _one(j), b.mul(b.transpose(g), h))
+        _, _, weight = self._weights()
+        matrix = self._dynamic(symmetric=True)
+        with b.section("tangent", "", "M + damping C + stiffness K + constraint Phi_q^T Phi_q", ""):
+            blocks = matrix.by_coordinate()
+            for pair, block in squares.by_coordinate().items():
+                scaled = b.scale(weight, block)
+                blocks[pair] = b.add(blocks[pair], scaled) if pair in blocks else scaled
+            return self._elements(blocks, lower=True)
+
+    def classical(self) -> dict[str, Block]:
+        """[A, constraint Phi_q^T; constraint Phi_q, 0]."""
+        b, results = self.b, self._elements(self._dynamic(symmetric=False).by_coordinate(), lower=False)
+        _, _, weight = self._weights()
+        offset, row = self._offsets(), sum(n.size for n in self.layout.coordinates)
+        for c in self.constraints:
+            gradients = NodalForce(motions=self.motions)
+            for node, gradient in c.gradient.items():
+                gradients.add(_one(node), b.transpose(gradient))
+            for node, block in gradients.by_coordinate().items():
+                if node in gradients.parts:
+                    for i in range(node.size):
+                        for j in range(len(c.names)):
+                            element = b.mul(weight, b.element(block, i, j))
+                            results[f"tangent:{offset[node] + i},{row + j}"] = element
+                            results[f"tangent:{row + j},{offset[node] + i}"] = element
+            row += len(c.names)
+        return results
+
+    def _offsets(self) -> dict[Node, int]:
+        offsets, n = {}, 0
+        for node in self.layout.coordinates:
+            offsets[node] = n
+            n += node.size
+        return offsets
+
+    def _elements(self, blocks: Mapping[tuple[Node, Node], Block], *, lower: bool) -> dict[str, Block]:
+        offset = self._offsets()
+        results: dict[str, Block] = {}
+        for (u, w), block in blocks.items():
+            for i in range(u.size):
+                for j in range(w.size):
+                    row, column = offset[u] + i, offset[w] + j
+                    if row >= column or not lower:
+                        results[f"tangent:{row},{column}"] = self.b.element(block, i, j)
+        return results
+
+    def closure(self) -> dict[str, Block]:
+        """Phi, Phid and Phidd."""
+        b, results = self.b, {}
+        for c in self.constraints:
+            bend = c.drift
+            for node, gradient in c.gradient.items():
+                bend = b.add(bend, b.mul(gradient, self.motions.node(node).a))
+            results |= {f"residual:{c.symbol}": c.residual, f"rate:{c.symbol}": c.rate, f"curvature:{c.symbol}": bend}
+        return results
+
+    def pull(self) -> dict[str, Block]:
+        """Phi_q^T w."""
+        b, force = self.b, NodalForce(motions=self.motions)
+        for c in self.constraints:
+            w = b.symbol(f"w:{c.symbol}", len(c.names), BindingTime.ITERATION)
+            for node, gradient in c.gradient.items():
+                force.add(_one(node), b.mul(b.transpose(gradient), w))
+        return {f"force:{node.name}": block for node, block in force.by_coordinate().items()}
+
+    def slots(self) -> dict[str, Slot]:
+        """The places of coordinates and equations; those of the tangent follow from its pattern."""
+        slots = {}
+        for node, offset in self._offsets().items():
+            arrays = {"node": "q", "node_rate": "v", "node_acceleration": "vdot", "placed": "q", "placed_rate": "v",
+                      "balance": "balance", "force": "force"}  # fmt: skip
+            for kind, array in arrays.items():
+                slots[f"{kind}:{node.name}"] = Slot(array=array, offset=offset, names=components(node))
+        first = 0
+        for c in self.constraints:
+            for array in ("lambda", "w", "residual", "rate", "curvature"):
+                slots[f"{array}:{c.symbol}"] = Slot(array=array, offset=first, names=c.names)
+            first += len(c.names)
+        return slots
+
+
+def components(node: Node) -> tuple[str, ...]:
+    """Names of a node's scalars."""
+    return ("rad",) if node.kind is NodeKind.ANGLE else ("x", "y", "z")
+
+
+def _one(node: Node) -> Form:
+    return {node: sympy.Integer(1)}

@@ -1,0 +1,261 @@
+"""Applied forces in natural coordinates, each with its tangents by the points and directions that it depends on.
+
+A law over a scalar s(q), such as a length or a displacement along an axis, works on s: Q = law ds/dq.  A torque T on a body with the
+perpendicular unit directions e_i works on them as half the sum of (T x e_i) . delta e_i.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import sympy
+
+from cutjoint.formulate.forces import PLACE, POSITION, RATE, TRAVEL, bushing_laws, is_active, law_of, spring_pull
+from cutjoint.formulate.inputs import guide_rates
+from cutjoint.formulate.natural.constraints import slide_axis
+from cutjoint.formulate.natural.motion import Motion, NodeMotions
+from cutjoint.formulate.natural.needs import ANGLES
+from cutjoint.formulate.natural.nodes import Form, difference
+from cutjoint.formulate.tyre import Wheel, tyre_force
+from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.records import (
+    COORDINATES,
+    GROUND,
+    AxialForce,
+    Body,
+    BodyLoad,
+    Bushing,
+    Joint,
+    JointForce,
+    Model,
+    PointSpring,
+    Scalar,
+    Scene,
+    Tyre,
+    Vector,
+)
+from cutjoint.program.blocks import BindingTime, Block
+from cutjoint.program.differentiate import Differentiator
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tangent:
+    """How an element's force on the form ``rows`` falls with the position (``stiffness``) and rate (``damping``) of ``columns``."""
+
+    rows: Form
+    columns: Form
+    stiffness: Block
+    damping: Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class Action:
+    """A generalised force on the displacement of a form of one body."""
+
+    body: str
+    form: Form
+    force: Block
+
+
+@dataclass(kw_only=True)
+class Element:
+    """A force element: what it does to forms, from the forms ``by`` whose motion it depends on, and its reported quantities."""
+
+    name: str
+    actions: list[Action] = field(default_factory=list)
+    by: list[tuple[Form, Motion]] = field(default_factory=list)
+    quantities: dict[str, Block] = field(default_factory=dict)
+
+    def tangents(self, motions: NodeMotions) -> Iterator[Tangent]:
+        """The element's tangents, without blocks that are zero."""
+        b = motions.builder
+        leaves = {block for _, m in self.by for block in (m.x, m.v) if block.binding is BindingTime.ITERATION}
+        differentiator = Differentiator(b, leaves)
+        by = {motion.x: (form, motion) for form, motion in reversed(self.by)}.values()
+        for action in self.actions:
+            jacobian = differentiator.jacobian(action.force)
+            for columns, motion in by:
+                if motion.x in jacobian or motion.v in jacobian:
+                    zero = b.zero(action.force.shape[0], motion.x.shape[0])
+                    stiffness, damping = (b.neg(jacobian.get(leaf, zero)) for leaf in (motion.x, motion.v))
+                    yield Tangent(rows=action.form, columns=columns, stiffness=stiffness, damping=damping)
+
+
+class ForceMaker:
+    """Derives the force elements of a scene."""
+
+    def __init__(self, motions: NodeMotions, model: Model, scene: Scene) -> None:
+        self._b = motions.builder
+        self._m = motions
+        self._model = model
+        self._scene = scene
+        self._joints: Mapping[str, Joint] = {j.name: j for j in model.joints}
+
+    def all(self) -> list[Element]:
+        """The force elements that the scene has switched on."""
+        rules: Mapping[type, Callable[[Any], Element]] = {
+            PointSpring: self._point_spring, AxialForce: self._axial_force, Bushing: self._bushing, BodyLoad: self._load,
+            JointForce: self._joint_force, Tyre: self._tyre,
+        }  # fmt: skip
+        elements = []
+        for force in self._model.forces:
+            if is_active(force, self._scene):
+                with self._b.section("force", force.name, _EQUATIONS[type(force)], force.span.place):
+                    elements.append(rules[type(force)](force))
+                    for quantity, block in elements[-1].quantities.items():
+                        self._b.label(block, f"{quantity}_{force.name.replace('.', '_')}")
+        return elements
+
+    def weight(self, body: Body) -> tuple[Form, Block]:
+        """The weight of a body at its centre of mass."""
+        pull = self._b.scale(self._m.translator.scalar(body.mass), self._m.vector(self._model.gravity))
+        return self._m.layout.point(body.name, body.centre_of_mass), pull
+
+    def _way(self, end: _Place, start: _Place) -> tuple[Form, Motion]:
+        layout = self._m.layout
+        form = difference(layout.point(*end), layout.point(*start))
+        return form, self._m.of(form)
+
+    def _pair(self, end: _Place, start: _Place, pull: Block) -> list[Action]:
+        """A force on one point and its reaction on another."""
+        layout = self._m.layout
+        return [
+            Action(body=end[0], form=layout.point(*end), force=pull),
+            Action(body=start[0], form=layout.point(*start), force=self._b.neg(pull)),
+        ]
+
+    def _direction(self, body: str, axis: Vector) -> tuple[Form, Motion]:
+        form = self._m.layout.direction(body, axis)
+        return form, self._m.of(form)
+
+    def _point_spring(self, force: PointSpring) -> Element:
+        end, start = (force.follower, force.end), (force.base, force.start)
+        form, way = self._way(end, start)
+        pull, quantities = spring_pull(self._b, self._m.translator, force, way.x, way.v)
+        return Element(name=force.name, actions=self._pair(end, start, pull), by=[(form, way)], quantities=quantities)
+
+    def _along(self, name: str, end: _Place, start: _Place, axis: Vector, law: Scalar, position: Scalar) -> Element:
+        """A law over the way between two points along an axis of the second's body."""
+        b, (form, way), (direction, e) = self._b, self._way(end, start), self._direction(start[0], axis)
+        place, rate = b.dot(e.x, way.x), b.add(b.dot(e.x, way.v), b.dot(e.v, way.x))
+        values = law_of(self._m.translator, law, {position: place, RATE: rate}, position)
+        turn = Action(body=start[0], form=direction, force=b.scale(values["force"], way.x))
+        actions = [*self._pair(end, start, b.scale(values["force"], e.x)), turn]
+        named = {"travel": place, "rate": rate} if position == TRAVEL else {}
+        return Element(name=name, actions=actions, by=[(form, way), (direction, e)], quantities={**values, **named})
+
+    def _axial_force(self, force: AxialForce) -> Element:
+        end, start = (force.follower, force.point), (force.base, force.origin)
+        return self._along(force.name, end, start, force.axis, force.law, TRAVEL)
+
+    def _joint_force(self, force: JointForce) -> Element:
+        joint = self._joints[force.joint]
+        if joint.guide is not None:  # a guided joint moves as it is told
+            return Element(name=force.name, quantities=self._of_guided(force, joint))
+        if force.coordinate not in ANGLES.get(joint.kind, ()):
+            axis = slide_axis(joint, force.coordinate)
+            return self._along(force.name, (joint.follower, joint.at), (joint.base, joint.at), axis, force.law, POSITION)
+        node = self._m.layout.angles[joint.name, force.coordinate]
+        form, motion = {node: sympy.Integer(1)}, self._m.node(node)
+        values = law_of(self._m.translator, force.law, {POSITION: motion.x, RATE: motion.v}, POSITION)
+        action = Action(body=joint.follower, form=form, force=values["force"])
+        return Element(name=force.name, actions=[action], by=[(form, motion)], quantities=values)
+
+    def _of_guided(self, force: JointForce, joint: Joint) -> dict[str, Block]:
+        """The law at the guide's course."""
+        assert joint.guide is not None
+        guide = joint.guide[COORDINATES[joint.kind].index(force.coordinate)]
+        motion = self._b.symbol("motion", 1, BindingTime.STEP)
+        position, rate, _ = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model, self._scene))
+        return law_of(self._m.translator, force.law, {POSITION: position, RATE: self._b.mul(motion, rate)}, POSITION)
+
+    def _bushing(self, force: Bushing) -> Element:
+        b = self._b
+        way = self._way((force.follower, force.point), (force.base, force.point))
+        E, G = ([self._direction(body, axis) for axis in force.axes] for body in (force.base, force.follower))
+        S = [[b.dot(e.x, g.x) for _, g in G] for _, e in E]
+        Sd = [[b.add(b.dot(e.x, g.v), b.dot(e.v, g.x)) for _, g in G] for _, e in E]
+        turns, turn_rates = (b.column([self._half_difference(T, i, j) for i, j in _PAIRS]) for T in (S, Sd))
+        places = (b.column([b.dot(e.x, way[1].x) for _, e in E]), turns)
+        rates = (b.column([b.add(b.dot(e.x, way[1].v), b.dot(e.v, way[1].x)) for _, e in E]), turn_rates)
+        trace = b.total([S[i][i] for i in range(3)])
+        by_turn = b.scale(b.number(0.5), b.sub(b.scale(trace, b.identity(3)), b.stack(S)))
+        pull, _, quantities = bushing_laws(b, self._m.translator, force, places, rates, by_turn)
+        laws = bushing_laws(b, self._m.translator, force, places, rates, b.identity(3))[1]
+        along = b.total([b.scale(b.element(pull, i), e.x) for i, (_, e) in enumerate(E)])
+        actions = self._pair((force.follower, force.point), (force.base, force.point), along)
+        actions += [Action(body=force.base, form=e, force=b.scale(b.element(pull, i), way[1].x)) for i, (e, _) in enumerate(E)]
+        for k, (i, j) in enumerate(_PAIRS):
+            half = b.mul(b.number(0.5), b.element(laws, k))
+            for works, m, n in ((half, i, j), (b.neg(half), j, i)):
+                actions.append(Action(body=force.base, form=E[m][0], force=b.scale(works, G[n][1].x)))
+                actions.append(Action(body=force.follower, form=G[n][0], force=b.scale(works, E[m][1].x)))
+        return Element(name=force.name, actions=actions, by=[way, *E, *G], quantities=quantities)
+
+    def _half_difference(self, S: list[list[Block]], i: int, j: int) -> Block:
+        return self._b.mul(self._b.number(0.5), self._b.sub(S[i][j], S[j][i]))
+
+    def _axes(self, body: str) -> list[tuple[Form, Motion]]:
+        return [self._direction(body, axis) for axis in GLOBAL_AXES]
+
+    def _torque(self, body: str, torque: Block) -> list[Action]:
+        b = self._b
+        half = b.scale(b.number(0.5), torque)
+        return [Action(body=body, form=form, force=b.cross(half, e.x)) for form, e in self._axes(body)]
+
+    def _load(self, force: BodyLoad) -> Element:
+        b, in_body = self._b, force.axes == "body"
+        axes = self._axes(force.body) if in_body or force.point is None else []
+        point = force.point
+        at = self._way((force.body, point), (GROUND, _ORIGIN)) if point is not None else None
+        components = self._components(force, at[1] if at else None, axes)
+        if force.moving_only:
+            components = b.scale(b.symbol("motion", 1, BindingTime.STEP), components)
+        vector = b.total([b.scale(b.element(components, i), e.x) for i, (_, e) in enumerate(axes)]) if in_body else components
+        actions = [Action(body=force.body, form=at[0], force=vector)] if at else self._torque(force.body, vector)
+        names = ("Fx", "Fy", "Fz") if at else ("Mx", "My", "Mz")
+        quantities = {name: b.element(components, i) for i, name in enumerate(names)}
+        return Element(name=force.name, actions=actions, by=[*([at] if at else []), *axes], quantities=quantities)
+
+    def _components(self, force: BodyLoad, at: Motion | None, axes: list[tuple[Form, Motion]]) -> Block:
+        """The load's components over place and velocity of its point, or the angular velocity of its body."""
+        b = self._b
+        values: dict[Any, Block] = {}
+        if at is not None:
+            speed = b.column([b.dot(e.x, at.v) for _, e in axes]) if force.axes == "body" else at.v
+            values |= {PLACE[i]: b.element(at.x, i) for i in range(3)} | {PLACE[3 + i]: b.element(speed, i) for i in range(3)}
+        else:
+            forms = [form for form, _ in axes]
+            spin = self._m.spin(force.body, (forms[0], forms[1], forms[2]))
+            if force.axes == "body":
+                spin = b.column([b.dot(e.x, spin) for _, e in axes])
+            values |= {PLACE[6 + i]: b.element(spin, i) for i in range(3)}
+        translator = self._m.translator.with_values(values)
+        return b.column([translator.scalar(c) for c in force.components])
+
+    def _tyre(self, force: Tyre) -> Element:
+        b = self._b
+        centre, axis = self._way((force.body, force.centre), (GROUND, _ORIGIN)), self._direction(force.body, force.axis)
+        wheel = Wheel(centre=centre[1].x, velocity=centre[1].v, axis=axis[1].x, axis_rate=axis[1].v)
+        contact = tyre_force(b, self._m.translator, force, wheel)
+        torque = b.add(b.cross(contact.arm, contact.force), contact.moment)
+        axes = self._axes(force.body)
+        by = [centre, axis, *((f, m) for f, m in axes if m.x is not axis[1].x)]
+        push = Action(body=force.body, form=centre[0], force=contact.force)
+        return Element(name=force.name, actions=[push, *self._torque(force.body, torque)], by=by, quantities=contact.quantities)
+
+
+_Place: TypeAlias = tuple[str, Vector]
+_ORIGIN: Vector = (sympy.Integer(0), sympy.Integer(0), sympy.Integer(0))
+_PAIRS = ((2, 1), (0, 2), (1, 0))
+
+_EQUATIONS: Mapping[type, str] = {
+    PointSpring: "n = (p_end - p_start)/length,  Q = -law(length, rate) n on the way between the points",
+    AxialForce: "travel = e . (p - p_origin),  Q = law(travel, rate) d travel/d q",
+    Bushing: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E,  Q = law d(x, theta)/d q",
+    BodyLoad: "the force given by its components at its point, a torque as half the sum of T x e_i on the directions",
+    JointForce: "Q = law(position, rate) of one coordinate",
+    Tyre: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
+}

@@ -1,0 +1,384 @@
+"""Model -> the layout of natural coordinates: which points and unit vectors are coordinates, and what follows from them.
+
+Bodies are laid out from the ground outwards.  A body is spanned by up to four nodes, a point first: those that a joint shares with a
+body laid out before, then points and directions of its own, then unit vectors across these.  All else of it is a linear combination
+of them.  A body without mass gets no more than its points and directions span: a rod needs two points, and no attitude.
+Joints that leave the attitude alone (fixed, prismatic) share all directions; bodies joined by a fixed joint are one group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angles
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, is_nought
+from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.records import GROUND, Joint, JointKind, Model, Output, Scalar, Scene, Vector
+from cutjoint.topology.records import Topology
+
+#: What a candidate must add to the span, as a share of its own length: of nodes that a joint shares, of a body's own.
+_SHARED, _OWN = 1e-3, 0.3
+#: Rounding of a span.
+_SPAN = 1e-7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Rigidly joined bodies: ``basis`` spans them, a point of the group is ``inverse`` (k, 4) times [place; 1] of it.
+
+    ``pairs`` are the ways from the first node whose products this group must keep, ``surplus`` shared nodes that the basis does not
+    have.
+    """
+
+    name: str
+    bodies: tuple[str, ...]
+    basis: tuple[Node, ...]
+    inverse: sympy.Matrix
+    pairs: tuple[tuple[Form, Form], ...]
+    surplus: tuple[Node, ...]
+
+
+@dataclass(kw_only=True)
+class Layout:
+    """The nodes in the order in which they were laid out, the groups, and who carries which node."""
+
+    nodes: list[Node] = field(default_factory=list)
+    groups: dict[str, Group] = field(default_factory=dict)
+    group_of: dict[str, str] = field(default_factory=dict)
+    carriers: dict[Node, set[str]] = field(default_factory=dict)
+    angles: dict[tuple[str, str], Node] = field(default_factory=dict)
+    idle: frozenset[str] = frozenset()
+    _places: dict[tuple[str, NodeKind, tuple[float, ...]], Node] = field(default_factory=dict, repr=False)
+    value: Callable[[Scalar], float] = float
+
+    @property
+    def coordinates(self) -> list[Node]:
+        """The nodes that are coordinates."""
+        return [n for n in self.nodes if n.is_coordinate]
+
+    def point(self, body: str, place: Vector) -> Form:
+        """A point of a body as a combination of nodes."""
+        return self._form(body, NodeKind.POINT, place)
+
+    def direction(self, body: str, place: Vector) -> Form:
+        """A direction of a body as a combination of nodes."""
+        return self._form(body, NodeKind.VECTOR, place)
+
+    def _form(self, body: str, kind: NodeKind, place: Vector) -> Form:
+        known = self.find(body, kind, place)
+        if known is not None:
+            return {known: sympy.Integer(1)}
+        if self.group_of[body] == GROUND:
+            return {self.node(body, kind, place, f"ground.{kind}_{len(self.nodes)}"): sympy.Integer(1)}
+        return combination(self.groups[self.group_of[body]], kind, place)
+
+    def _key(self, body: str, kind: NodeKind, place: Vector) -> tuple[str, NodeKind, tuple[float, ...]]:
+        return self.group_of[body], kind, tuple(round(self.value(x), 11) + 0.0 for x in place)
+
+    def find(self, body: str, kind: NodeKind, place: Vector) -> Node | None:
+        """The node that a body carries there."""
+        return self._places.get(self._key(body, kind, place))
+
+    def node(self, body: str, kind: NodeKind, place: Vector, name: str) -> Node:
+        """The node of a body that is laid out: the one it carries there, or a new combination of its basis."""
+        known = self.find(body, kind, place)
+        if known is not None:
+            return known
+        group = self.group_of[body]
+        parts = None if group == GROUND else combination(self.groups[group], kind, place)
+        return self.add(Node(name=name, kind=kind, body=group, place=place, parts=parts))
+
+    def add(self, node: Node) -> Node:
+        """A new node."""
+        self.nodes.append(node)
+        self.carry(node.body, node)
+        return node
+
+    def carry(self, body: str, node: Node) -> None:
+        """A further body carries the node."""
+        self.carriers.setdefault(node, set()).add(self.group_of[body])
+        self._places.setdefault(self._key(body, node.kind, node.place), node)
+
+    def settled(self, nodes: Iterable[Node], group: str) -> bool:
+        """Whether a group other than this one carries all nodes, so that their distances and angles are settled."""
+        return bool(set.intersection(*(self.carriers.get(n, set()) - {group} for n in nodes)))
+
+
+def homogeneous(kind: NodeKind, place: Vector) -> list[Scalar]:
+    """[place; 1] of a point, [place; 0] of a direction."""
+    return [*place, sympy.Integer(int(kind is NodeKind.POINT))]
+
+
+def combination(group: Group, kind: NodeKind, place: Vector) -> dict[Node, Scalar]:
+    """A point or direction of a group over its basis."""
+    coefficients = group.inverse * sympy.Matrix(homogeneous(kind, place))
+    return {n: _clean(c) for n, c in zip(group.basis, coefficients, strict=True) if not is_nought(c)}
+
+
+def _clean(c: Scalar) -> Scalar:
+    """A coefficient that is whole but for rounding, as a whole number."""
+    if c.is_number and abs(float(c) - round(float(c))) < 1e-13:
+        return sympy.Integer(round(float(c)))
+    return c
+
+
+def lay_out(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> Layout:
+    """The natural coordinates of a model for a scene's forces and outputs."""
+    model = topology.model
+    builder = _Builder(model, topology, _evaluator(model))
+    builder.collect(scene, outputs)
+    for body in _outwards(topology):
+        if builder.group_of[body] == body:
+            builder.lay_out(body)
+    for joint, coordinate in asked_angles(model, scene, outputs):
+        node = Node(name=f"{joint.name}.{coordinate}", kind=NodeKind.ANGLE, body=joint.follower, place=(sympy.Integer(0),) * 3)
+        builder.layout.nodes.append(node)
+        builder.layout.angles[joint.name, coordinate] = node
+    return builder.layout
+
+
+def _outwards(topology: Topology) -> list[str]:
+    """The ground and all bodies, by their number of joints from the ground."""
+    depth = {GROUND: 0}
+    for t in topology.tree:
+        depth[t.child] = depth[t.parent] + 1
+    return sorted(depth, key=depth.__getitem__)
+
+
+def _evaluator(model: Model) -> Callable[[Scalar], float]:
+    """Numbers from expressions, parameters at their defaults."""
+    defaults = {p.symbol: p.value for p in model.parameters}
+
+    def value(expression: Scalar) -> float:
+        expression = sympy.sympify(expression)
+        return float(expression if expression.is_number else expression.subs(defaults))
+
+    return value
+
+
+class _Builder:
+    def __init__(self, model: Model, topology: Topology, value: Callable[[Scalar], float]) -> None:
+        self._model = model
+        self._value = value
+        order = {body: i for i, body in enumerate(_outwards(topology))}
+        self.group_of = _join(model.joints, {JointKind.FIXED}, order)
+        self._attitude_of = _join(model.joints, {JointKind.FIXED, JointKind.PRISMATIC}, order)
+        self._done: list[str] = []
+        self.layout = Layout(group_of=self.group_of, value=value)
+        self._needs: dict[str, Needs] = {}
+
+    def collect(self, scene: Scene, outputs: Sequence[Output]) -> None:
+        """What every group must be able to say."""
+        collector = Collector(self._model, self.group_of.__getitem__, self._value)
+        reactions = {r.name: r.joint for r in self._model.reactions}
+        first = {reactions[o.element] for o in outputs if o.element in reactions}
+        joints = sorted((j for j in self._model.joints if j.kind is not JointKind.FIXED), key=lambda j: j.name not in first)
+        for joint, coordinate in asked_angles(self._model, scene, outputs):
+            collector.angle(joint, coordinate)
+        for joint in joints:
+            collector.joint(joint, idle=joint.kind is JointKind.UNIVERSAL)
+        for force in self._model.forces:
+            if is_active(force, scene):
+                collector.force(force)
+        for output in outputs:
+            collector.output(output)
+        self.layout.idle = frozenset(j.name for j in joints if self._is_idle(j, collector))
+        for joint in joints:
+            if joint.kind is JointKind.UNIVERSAL and joint.name not in self.layout.idle:
+                collector.joint(joint, idle=False)
+        self._needs = collector.needs
+
+    def _is_idle(self, joint: Joint, collector: Collector) -> bool:
+        """Whether a universal joint does no more than hold a massless rod from turning about itself."""
+        if joint.kind is not JointKind.UNIVERSAL or joint.guide is not None:
+            return False
+        for body in {self.group_of[joint.base], self.group_of[joint.follower]} - {GROUND}:
+            needs = collector.needs[body]
+            others = [j for j in self._model.joints if j is not joint and body in (self.group_of[j.base], self.group_of[j.follower])]
+            balls = all(j.kind in (JointKind.SPHERICAL, JointKind.DISTANCE) for j in others)
+            span = _span([self._column(n) for n in (*needs.shared, *needs.spanned)])
+            if balls and span <= 2 and all(n.kind is NodeKind.POINT for n in (*needs.shared, *needs.spanned)):
+                return True
+        return False
+
+    def lay_out(self, group: str) -> None:
+        """Choose the basis of a group and give it what it shares."""
+        if group != GROUND:
+            bodies = tuple(b for b, g in self.group_of.items() if g == group)
+            given = self._given(group)
+            basis, surplus = self._choose(group, given, self._needs[group])
+            pairs = [
+                (_way(basis, i), _way(basis, j)) for i in range(1, len(basis)) for j in range(i, len(basis))
+                if not self.layout.settled([*_way(basis, i), *_way(basis, j)], group)
+            ]  # fmt: skip
+            surplus = [n for n in surplus if not self.layout.settled([n, *basis], group)]
+            self.layout.groups[group] = Group(
+                name=group, bodies=bodies, basis=tuple(basis), inverse=self._inverse(basis), pairs=tuple(pairs), surplus=tuple(surplus)
+            )
+            for node in given:
+                self.layout.carry(group, node)
+            for node in basis:
+                if node not in given:
+                    self.layout.add(node)
+        self._done.append(group)
+
+    def _given(self, group: str) -> list[Node]:
+        """The nodes that joints share with groups laid out before, points first."""
+        given: dict[Node, None] = {}
+        for joint in self._model.joints:
+            for mine, other, place in self._ends(joint):
+                if mine == group and other in self._done and mine != other:
+                    for need in self._shared(joint, place):
+                        given.setdefault(self.layout.node(other, need.kind, need.place, need.name))
+        mates = [g for g in self._done if self._attitude_of[g] == self._attitude_of[group]]
+        for i, axis in enumerate(GLOBAL_AXES if mates else ()):
+            given.setdefault(self.layout.node(mates[0], NodeKind.VECTOR, axis, f"{mates[0]}.{'xyz'[i]}"))
+        return sorted(given, key=lambda n: n.kind is not NodeKind.POINT)
+
+    def _ends(self, joint: Joint) -> list[tuple[str, str, Vector]]:
+        base, follower = self.group_of[joint.base], self.group_of[joint.follower]
+        return [(base, follower, joint.at), (follower, base, joint.at)]
+
+    def _shared(self, joint: Joint, place: Vector) -> list[Need]:
+        """What a joint's two bodies have in common."""
+        shared = []
+        if joint.kind in (JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.UNIVERSAL):
+            shared.append(Need(kind=NodeKind.POINT, place=place, name=joint.name))
+        if joint.kind in (JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.SCREW, JointKind.PLANAR):
+            shared.append(Need(kind=NodeKind.VECTOR, place=joint.axes[0], name=f"{joint.name}.axis"))
+        return shared
+
+    def _choose(self, group: str, given: list[Node], needs: Needs) -> tuple[list[Node], list[Node]]:
+        """The basis of a group and the shared nodes that are left over."""
+        selection = _Selection(self._column)
+        items: list[Node | Need] = [*given, *needs.shared, *needs.spanned]
+        rank = _span([self._column(item) for item in items])
+        points = sorted(needs.shared, key=lambda n: n.kind is not NodeKind.POINT)
+        if not given and rank == 4:
+            self._free(group, needs, selection)
+        if given and given[0].kind is not NodeKind.POINT:
+            selection.offer(group, self._first_point(group, points, needs), 0.0)
+        surplus = [node for node in given if not selection.take(node, _SHARED)]
+        for need in points:
+            if len(selection.nodes) < rank:
+                selection.offer(group, need, _OWN if selection.nodes else _SHARED)
+        self._complete(group, needs, selection, rank)
+        return selection.nodes, surplus
+
+    def _first_point(self, group: str, points: Sequence[Need], needs: Needs) -> Need:
+        known = [n for n in (*points, *needs.spanned) if n.kind is NodeKind.POINT]
+        return known[0] if known else Need(kind=NodeKind.POINT, place=(sympy.Integer(0),) * 3, name=f"{group}.point")
+
+    def _free(self, group: str, needs: Needs, selection: _Selection) -> None:
+        """A body that nothing carries: its centre of mass and the global axes."""
+        centre = next((n for n in needs.spanned if n.kind is NodeKind.POINT), None)
+        if centre is not None:
+            selection.offer(group, Need(kind=NodeKind.POINT, place=centre.place, name=f"{group}.centre"), _SHARED)
+            for name, axis in zip("xyz", GLOBAL_AXES, strict=True):
+                selection.offer(group, Need(kind=NodeKind.VECTOR, place=axis, name=f"{group}.{name}"), _OWN)
+
+    def _complete(self, group: str, needs: Needs, selection: _Selection, rank: int) -> None:
+        """Unit vectors across what is chosen, or what is needed but lies badly, until the span is whole."""
+        if not selection.nodes:
+            selection.offer(group, self._first_point(group, (), needs), 0.0)
+        rest = [*needs.shared, *needs.spanned]
+        while len(selection.nodes) < rank:
+            if rank == 4:
+                selection.across(group)
+            else:
+                best = max(rest, key=selection.share)
+                selection.offer(group, best, 0.0)
+
+    def _column(self, item: Node | Need) -> NDArray[np.float64]:
+        return np.array([self._value(x) for x in homogeneous(item.kind, item.place)])
+
+    def _inverse(self, basis: Sequence[Node]) -> sympy.Matrix:
+        """The left inverse of the basis' homogeneous places."""
+        columns = sympy.Matrix([homogeneous(n.kind, n.place) for n in basis]).T
+        if not columns.free_symbols:
+            numbers = np.array(columns.tolist(), dtype=float)
+            inverse = np.linalg.inv(numbers) if numbers.shape == (4, 4) else np.linalg.pinv(numbers)
+            return sympy.Matrix(inverse.tolist())
+        return columns.inv() if columns.is_square else (columns.T * columns).inv() * columns.T
+
+
+def _join(joints: Sequence[Joint], kinds: set[JointKind], order: dict[str, int]) -> dict[str, str]:
+    """Each body's group of bodies that joints of some kinds connect, named after its first body."""
+    group = {body: body for body in order}
+    for joint in joints:
+        if joint.kind in kinds:
+            a, b = sorted((group[joint.base], group[joint.follower]), key=order.__getitem__)
+            group = {body: a if g == b else g for body, g in group.items()}
+    return group
+
+
+def _way(basis: Sequence[Node], i: int) -> Form:
+    """The way from the first node to node i, or that node's direction."""
+    one = sympy.Integer(1)
+    return {basis[i]: one, basis[0]: -one} if basis[i].kind is NodeKind.POINT else {basis[i]: one}
+
+
+def _span(columns: Sequence[NDArray[np.float64]]) -> int:
+    return int(np.linalg.matrix_rank(np.array(columns), tol=_SPAN)) if columns else 0
+
+
+class _Selection:
+    """Nodes that are independent: the directions from the first point to the others, and the directions among them."""
+
+    def __init__(self, column: Callable[[Node | Need], NDArray[np.float64]]) -> None:
+        self.nodes: list[Node] = []
+        self._column = column
+
+    def _ways(self) -> NDArray[np.float64]:
+        """The directions that the nodes span, (k, 3)."""
+        columns = [self._column(n) for n in self.nodes]
+        return np.array([self._way(c, columns) for c in columns[1:]]).reshape(-1, 3)
+
+    @staticmethod
+    def _way(column: NDArray[np.float64], columns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        return np.asarray(column[:3] - columns[0][:3] if column[3] else column[:3])
+
+    def share(self, item: Node | Need) -> float:
+        """How much of a candidate is new, 0 to 1."""
+        column = self._column(item)
+        if not self.nodes:
+            return float(column[3])
+        if self.nodes[0].kind is not NodeKind.POINT:
+            return 0.0
+        way = self._way(column, [self._column(self.nodes[0])])
+        length = float(np.linalg.norm(way))
+        if length < _SPAN:
+            return 0.0
+        ways = self._ways()
+        if ways.size:
+            basis = np.linalg.svd(ways, full_matrices=False)[2]
+            way = way - basis.T @ (basis @ way)
+        return float(np.linalg.norm(way)) / length
+
+    def take(self, node: Node, least: float) -> bool:
+        """Take a node that adds enough."""
+        if self.share(node) <= least:
+            return False
+        self.nodes.append(node)
+        return True
+
+    def offer(self, group: str, need: Need, least: float) -> None:
+        """Take a new node of the group for a need that adds enough."""
+        self.take(Node(name=need.name, kind=need.kind, body=group, place=need.place), least)
+
+    def across(self, group: str) -> None:
+        """Take a unit vector across all chosen."""
+        ways = self._ways()
+        basis = np.linalg.svd(ways, full_matrices=True)[2] if ways.size else np.eye(3)
+        normal = basis[-1] if ways.size else basis[0]
+        largest = int(np.argmax(np.abs(np.round(normal, 9))))
+        normal = normal * np.sign(normal[largest])
+        place = tuple(sympy.Float(float(np.round(x, 15))) + 0 for x in normal)
+        count = sum(n.name.startswith(f"{group}.across") for n in self.nodes)
+        self.nodes.append(Node(name=f"{group}.across_{count + 1}", kind=NodeKind.VECTOR, body=group, place=place))

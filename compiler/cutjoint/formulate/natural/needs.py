@@ -1,0 +1,252 @@
+"""What natural coordinates must be able to say of each body: its points and directions that joints, forces, inertia and outputs use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy
+
+from cutjoint.formulate.directions import tangents
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.natural.nodes import NodeKind
+from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.records import (
+    GROUND,
+    AxialForce,
+    Body,
+    BodyLoad,
+    Bushing,
+    Force,
+    Joint,
+    JointForce,
+    JointKind,
+    Marker,
+    Model,
+    Output,
+    PointSpring,
+    Scalar,
+    Scene,
+    Tyre,
+    Vector,
+)
+
+#: A second moment of mass below this share of the largest is a shape without extent in that direction.
+_FLAT = 1e-9
+
+_ATTITUDE = frozenset({"roll", "pitch", "yaw", "wx", "wy", "wz"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Need:
+    """A point or direction of a body in the design position, and what to call it."""
+
+    kind: NodeKind
+    place: Vector
+    name: str
+
+
+@dataclass(kw_only=True)
+class Needs:
+    """The needs of one rigid group of bodies: ``shared`` may become coordinates, ``spanned`` need only follow from these."""
+
+    shared: list[Need] = field(default_factory=list)
+    spanned: list[Need] = field(default_factory=list)
+
+    def point(self, place: Vector, name: str) -> None:
+        """A point that other bodies or forces meet."""
+        self.shared.append(Need(kind=NodeKind.POINT, place=place, name=name))
+
+    def direction(self, place: Vector, name: str) -> None:
+        """A direction that other bodies or forces meet."""
+        self.shared.append(Need(kind=NodeKind.VECTOR, place=place, name=name))
+
+    def span(self, kind: NodeKind, places: Iterable[Vector], name: str) -> None:
+        """Points or directions that must be combinations of the others."""
+        self.spanned.extend(Need(kind=kind, place=place, name=name) for place in places)
+
+    def attitude(self, body: str) -> None:
+        """All directions."""
+        self.span(NodeKind.VECTOR, GLOBAL_AXES, body)
+
+
+#: The scalar coordinates that are angles, by joint kind, in the order of COORDINATES.
+ANGLES = {
+    JointKind.REVOLUTE: ("angle",), JointKind.CYLINDRICAL: ("angle",), JointKind.SCREW: ("angle",),
+    JointKind.PLANAR: ("angle",), JointKind.UNIVERSAL: ("angle_1", "angle_2"),
+}  # fmt: skip
+
+
+def angle_axes(joint: Joint, coordinate: str) -> tuple[str, Vector, Vector, str, Vector]:
+    """How an angle is measured: from b_1 towards b_2, both carried by the first body, to the direction f of the second.
+
+    A universal joint's first angle turns the follower's axis about the base's, its second the other way round.
+    """
+    if joint.kind is JointKind.UNIVERSAL:
+        base, follower = (sympy.Matrix(axis) for axis in joint.axes)
+        if coordinate == "angle_1":
+            return joint.base, tuple(follower), tuple(base.cross(follower)), joint.follower, tuple(follower)
+        return joint.follower, tuple(base), tuple(-follower.cross(base)), joint.base, tuple(base)
+    first, second = (tuple(t) for t in tangents(joint, joint.axes[0]))
+    return joint.base, first, second, joint.follower, first
+
+
+def require_told(model: Model, scene: Scene, outputs: Sequence[Output]) -> None:
+    """A rod of a distance joint has no attitude in natural coordinates, and so no angles.
+
+    Raises:
+        ModelError: an output or a force asks for them.
+    """
+    rods = {j.name for j in model.joints if j.kind is JointKind.DISTANCE}
+    asked = [(o.span, f"output '{o.column}'") for o in outputs if o.element in rods]
+    asked += [(f.span, f"force '{f.name}'") for f in model.forces if isinstance(f, JointForce) and f.joint in rods and is_active(f, scene)]
+    if asked:
+        message = "natural coordinates do not have the attitude of a distance joint's rod"
+        raise ModelError([
+            Problem(span=span, element=element, message=message, hint="use --method recursive") for span, element in asked
+        ])  # fmt: skip
+
+
+def asked_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[tuple[Joint, str]]:
+    """The joints' angles that laws, screws or outputs use; each becomes a coordinate of its own."""
+    joints = {j.name: j for j in model.joints}
+    wanted = {(o.element, o.quantity.removesuffix("_rate")) for o in outputs if o.element in joints}
+    wanted |= {(f.joint, f.coordinate) for f in model.forces if isinstance(f, JointForce) and is_active(f, scene)}
+    wanted |= {(j.name, "angle") for j in model.joints if j.kind is JointKind.SCREW}
+    return [
+        (joint, name) for joint in model.joints for name in ANGLES.get(joint.kind, ())
+        if (joint.name, name) in wanted and not (joint.guide is not None and joint.kind is not JointKind.SCREW)
+    ]  # fmt: skip
+
+
+class Collector:
+    """Collects the needs of rigid groups; ``group`` names the group of a body."""
+
+    def __init__(self, model: Model, group: Callable[[str], str], value: Callable[[Scalar], float]) -> None:
+        self.needs: dict[str, Needs] = {}
+        self._model = model
+        self._group = group
+        self._value = value
+        for body in model.bodies:
+            self.of(body.name)
+            if body.mass != 0:
+                self._inertia(body)
+
+    def of(self, body: str) -> Needs:
+        """The needs of a body's group."""
+        return self.needs.setdefault(self._group(body), Needs())
+
+    def _inertia(self, body: Body) -> None:
+        needs = self.of(body.name)
+        needs.span(NodeKind.POINT, [body.centre_of_mass], f"{body.name}.centre")
+        moments, axes = np.linalg.eigh(second_moments(body, self._value))
+        largest = np.abs(moments).max()
+        extents = [tuple(axes[:, i]) for i in range(3) if abs(moments[i]) > _FLAT * largest]
+        needs.span(NodeKind.VECTOR, [tuple(sympy.Float(x) for x in axis) for axis in extents], body.name)
+
+    def joint(self, joint: Joint, idle: bool) -> None:
+        """A joint's points and directions; ``idle`` leaves out the axes of a universal joint that steers a body without mass."""
+        base, follower, name = self.of(joint.base), self.of(joint.follower), joint.name
+        if joint.kind is JointKind.FREE:
+            return
+        base.point(joint.at, name)
+        follower.point(joint.to or joint.at, f"{name}.to" if joint.to else name)
+        match joint.kind:
+            case JointKind.REVOLUTE | JointKind.CYLINDRICAL | JointKind.SCREW | JointKind.PLANAR:
+                base.direction(joint.axes[0], f"{name}.axis")
+                follower.direction(joint.axes[0], f"{name}.axis")
+            case JointKind.UNIVERSAL if not idle:
+                base.direction(joint.axes[0], f"{name}.axis_1")
+                follower.direction(joint.axes[1], f"{name}.axis_2")
+            case JointKind.PRISMATIC:
+                base.attitude(joint.base)
+                follower.attitude(joint.follower)
+        if joint.kind in (JointKind.CYLINDRICAL, JointKind.SCREW, JointKind.POINT_ON_LINE) or joint.guide is not None:
+            base.attitude(joint.base)
+        if joint.guide is not None and ANGLES.get(joint.kind):
+            follower.attitude(joint.follower)
+
+    def angle(self, joint: Joint, coordinate: str) -> None:
+        """The directions that an angle is measured by."""
+        first, _, _, second, _ = angle_axes(joint, coordinate)
+        self.of(first).attitude(first)
+        self.of(second).attitude(second)
+
+    def force(self, force: Force) -> None:
+        """A force's points and directions."""
+        match force:
+            case PointSpring():
+                self.of(force.base).point(force.start, f"{force.name}.start")
+                self.of(force.follower).point(force.end, f"{force.name}.end")
+            case AxialForce():
+                self.of(force.base).point(force.origin, f"{force.name}.origin")
+                self.of(force.base).direction(force.axis, f"{force.name}.axis")
+                self.of(force.follower).point(force.point, f"{force.name}.point")
+            case Bushing():
+                for body in (force.base, force.follower):
+                    self.of(body).point(force.point, force.name)
+                    self.of(body).attitude(body)
+            case BodyLoad():
+                self._load(force)
+            case Tyre():
+                self.of(force.body).point(force.centre, f"{force.name}.centre")
+                self.of(force.body).attitude(force.body)
+            case JointForce():
+                joint = next(j for j in self._model.joints if j.name == force.joint)
+                if force.coordinate not in ANGLES.get(joint.kind, ()):
+                    self.slide(joint)
+
+    def _load(self, load: BodyLoad) -> None:
+        if load.point is not None:
+            self.of(load.body).point(load.point, f"{load.name}.point")
+        if load.point is None or load.axes == "body":
+            self.of(load.body).attitude(load.body)
+
+    def slide(self, joint: Joint) -> None:
+        """What a displacement of a joint is measured by."""
+        self.of(joint.base).point(joint.at, joint.name)
+        self.of(joint.base).attitude(joint.base)
+        self.of(joint.follower).point(joint.at, joint.name)
+
+    def output(self, output: Output) -> None:
+        """What a reported quantity follows from."""
+        model = self._model
+        for body in model.bodies:
+            if body.name == output.element:
+                self._motion(body.name, body.centre_of_mass, output)
+        for marker in model.markers:
+            if marker.name == output.element:
+                self._marker(marker, output)
+        for reaction in model.reactions:
+            if reaction.name == output.element:
+                self.of(reaction.body).direction(reaction.direction, f"{reaction.name}.direction")
+        for joint in model.joints:
+            if joint.name == output.element:
+                self._joint_output(joint, output.quantity)
+
+    def _marker(self, marker: Marker, output: Output) -> None:
+        self._motion(marker.body, marker.point, output)
+
+    def _motion(self, body: str, point: Vector, output: Output) -> None:
+        if body == GROUND:
+            return
+        if output.quantity in _ATTITUDE:
+            self.of(body).attitude(body)
+        else:
+            self.of(body).span(NodeKind.POINT, [point], output.element)
+
+    def _joint_output(self, joint: Joint, quantity: str) -> None:
+        if quantity in ("wx", "wy", "wz"):
+            self.of(joint.base).attitude(joint.base)
+            self.of(joint.follower).attitude(joint.follower)
+        elif quantity.removesuffix("_rate") not in ANGLES.get(joint.kind, ()):
+            self.slide(joint)
+
+
+def second_moments(body: Body, value: Callable[[Scalar], float]) -> np.ndarray:
+    """Of a body's mass about its centre, the integral of x x^T dm = tr(J)/2 1 - J, (3, 3), kg m2."""
+    xx, yy, zz, xy, xz, yz = (value(x) for x in body.inertia)
+    J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return np.asarray(np.trace(J) / 2 * np.eye(3) - J)

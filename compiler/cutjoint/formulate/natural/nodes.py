@@ -1,0 +1,88 @@
+"""Points and unit vectors, the material of natural coordinates, and their linear combinations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+import sympy
+
+from cutjoint.model.records import GROUND, Scalar, Vector
+
+
+class NodeKind(StrEnum):
+    """What a node is: a point in m, a direction, or the angle of a joint in rad."""
+
+    POINT = "point"
+    VECTOR = "vector"
+    ANGLE = "angle"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Node:
+    """A point or direction of one or more bodies, or a joint's angle; equal only to itself.
+
+    ``place`` is its value in the design position (global axes), ``body`` one that carries it.  A node of the ground is constant, a node
+    with ``parts`` is that linear combination of others of its body, any other is a coordinate: three, or one of an angle.
+    """
+
+    name: str
+    kind: NodeKind
+    body: str
+    place: Vector
+    parts: Form | None = None
+
+    @property
+    def is_coordinate(self) -> bool:
+        """Whether the node is unknown of its own."""
+        return self.parts is None and self.body != GROUND
+
+    @property
+    def size(self) -> int:
+        """The number of its scalars."""
+        return 1 if self.kind is NodeKind.ANGLE else 3
+
+    def __repr__(self) -> str:
+        return f"<{self.kind} {self.name}>"
+
+
+#: A linear combination of nodes with scalar coefficients.
+Form: TypeAlias = Mapping[Node, Scalar]
+
+#: A coefficient smaller than this against the others is rounding.
+_ROUNDING = 1e-13
+
+
+def combine(*terms: tuple[Scalar, Form]) -> dict[Node, Scalar]:
+    """The sum of forms with factors, without what cancels."""
+    result: dict[Node, Scalar] = {}
+    for factor, form in terms:
+        for node, coefficient in form.items():
+            result[node] = result.get(node, 0) + factor * coefficient
+    return {node: c for node, c in result.items() if not is_nought(c)}
+
+
+def is_nought(value: Scalar) -> bool:
+    """Whether a coefficient of order one is zero but for rounding."""
+    value = sympy.sympify(value)
+    return bool(value.is_number and abs(float(value)) < _ROUNDING)
+
+
+def difference(a: Form, b: Form) -> dict[Node, Scalar]:
+    """a - b."""
+    return combine((1, a), (-1, b))
+
+
+def in_coordinates(form: Form) -> dict[Node, Scalar]:
+    """A form over coordinates and constants alone."""
+    terms = []
+    for node, coefficient in form.items():
+        terms.append((coefficient, {node: sympy.Integer(1)} if node.parts is None else in_coordinates(node.parts)))
+    return combine(*terms)
+
+
+def coordinates_of(nodes: Iterable[Node]) -> list[Node]:
+    """The nodes that are coordinates, in their order."""
+    return [node for node in nodes if node.is_coordinate]

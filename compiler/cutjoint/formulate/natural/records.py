@@ -1,0 +1,37 @@
+"""What the Lagrangian formulations hand on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cutjoint.formulate.natural.constraints import Constraint
+from cutjoint.formulate.natural.layout import Layout
+from cutjoint.formulate.natural.nodes import NodeKind
+from cutjoint.formulate.records import Equations, RecursiveEquations
+
+
+@dataclass(frozen=True, kw_only=True)
+class LagrangianEquations(Equations):
+    """An index-3 formulation in natural coordinates; ``method`` is "augmented" or "classical".
+
+    Inputs by symbol: ``node:name``, ``node_rate:name``, ``node_acceleration:name``, ``lambda:constraint``, ``w:constraint``, ``penalty``,
+    ``weights`` (damping, stiffness, constraint).  The results ``tangent:row,column`` are the tangent's candidates, of a symmetric
+    tangent the lower triangle; they have no slot yet.  ``start`` are the recursive equations that find where a run begins.
+    """
+
+    method: str
+    layout: Layout
+    constraints: tuple[Constraint, ...]
+    start: RecursiveEquations
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each element of q."""
+        return tuple(
+            n.name if n.kind is NodeKind.ANGLE else f"{n.name}.{axis}" for n in self.layout.coordinates for axis in "xyz"[: n.size]
+        )
+
+    @property
+    def equation_names(self) -> tuple[str, ...]:
+        """A name for each constraint equation."""
+        return tuple(f"{c.element}.{name}" for c in self.constraints for name in c.names)
