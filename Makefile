@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test sanitize fuzz bench flags verification lint setup clean
+.PHONY: demo test sanitize fuzz bench methods flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -22,6 +22,9 @@ bench: setup
 
 flags: setup
 	$(BIN)/python benchmarks/flags.py
+
+methods: setup
+	$(BIN)/python -m benchmarks.methods
 
 verification: setup
 	$(BIN)/python -m benchmarks.verification
@@ -43,7 +46,9 @@ $(VENV)/.ready: pyproject.toml scripts/require-cpp
 clean:
 	rm -rf $(VENV) results
 
-# The example of generated code that is kept in git for reading.
+# The examples of generated code and explanations that are kept in git for reading.
 .PHONY: generated
 generated: setup
 	$(BIN)/python -c 'from pathlib import Path; from tests.emit.test_source import source; from cutjoint.toolchain.build import write_source; write_source(source("four_bar", "swing"), Path("generated/four_bar"))'
+	$(BIN)/cutjoint explain models/four_bar.yaml --out docs/explain-four-bar.md
+	$(BIN)/cutjoint explain models/four_bar.yaml --method augmented --out docs/explain-four-bar-augmented.md

@@ -14,10 +14,11 @@ from rich.progress import Progress
 
 from cutjoint import pipeline
 from cutjoint.analysis.conditioning import rate_choices
-from cutjoint.analysis.inertia import NoInertiaError
+from cutjoint.analysis.inertia import NoInertiaError, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import find_redundancy
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.document import json_schema
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
@@ -25,11 +26,15 @@ from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.sparse.ordering import MissingLibraryError
 from cutjoint.toolchain.build import ToolchainError
+from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
 from cutjoint.topology.spanning_tree import TopologyError
 
-_ERRORS = (ModelError, TopologyError, NoInertiaError, RunError, SimulatorError, ToolchainError, NoEquilibriumError, OSError)
+_ERRORS = (
+    ModelError, TopologyError, NoInertiaError, MissingLibraryError, RunError, SimulatorError, ToolchainError, NoEquilibriumError, OSError,
+)  # fmt: skip
 
 _out = Console(highlight=False, soft_wrap=True)
 _err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -77,8 +82,10 @@ def check(model: Path) -> None:
 
     checked = read_model(model)
     scene = next(iter(checked.scenes), None)
-    equations, _, _ = pipeline.generate(checked, pipeline.find_scene(checked, scene), ())
-    topology, poses = equations.topology, explore(equations)
+    topology = build_topology(checked)
+    equations = formulate_recursive(topology, pipeline.find_scene(checked, scene), ())
+    require_inertia(equations)
+    poses = explore(equations)
     mobility = find_mobility(equations, poses)
     _out.print(tables.topology_facts(topology, mobility))
     if topology.loops:
@@ -109,25 +116,33 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @_method
 @click.option("--implementation", type=click.Choice(pipeline.IMPLEMENTATIONS), default="generated", show_default=True,
               help="Code made for the model, or a generic program that interprets it.")
+@click.option("--solver", type=click.Choice(pipeline.SOLVERS), default="emitted", show_default=True,
+              help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
 @click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
 @click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
 @_set
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
+@click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @_reports_errors
 def simulate(
-    model: Path, scene: str | None, method: str, implementation: str, dt: float | None, end: float | None,
-    changes: tuple[str, ...], out: Path, plots: Path | None,
+    model: Path, scene: str | None, method: str, implementation: str, solver: str, dt: float | None, end: float | None,
+    changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     from cutjoint.report import tables
 
     parameters = _parameters(changes)
+    if method == "recursive" and solver != "emitted":
+        raise RunError(f"--solver {solver}: the recursive method has no linear solver; use --method augmented or classical")
     with _progress(f"compiling {model.name}"):
-        artifact = pipeline.compile_model(model, scene=scene, method=method, implementation=implementation)
+        comparison = solver in pipeline.COMPARISON_SOLVERS
+        artifact = pipeline.compile_model(model, scene=scene, method=method, implementation=implementation, comparison=comparison)
     with _progress(f"running {artifact.scene.name}") as progress:
-        run = pipeline.simulate(artifact, out=out, dt=dt, end=end, parameters=parameters, progress=progress)
-    _out.print(tables.topology_facts(artifact.topology, find_mobility(artifact.equations)))
+        run = pipeline.simulate(
+            artifact, out=out, dt=dt, end=end, parameters=parameters, solver=solver, steps=steps, progress=progress
+        )  # fmt: skip
+    _out.print(tables.topology_facts(artifact.topology, find_mobility(artifact.mechanism)))
     _out.print(tables.run_facts(artifact, run))
     _out.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
     if plots is not None:
@@ -182,16 +197,17 @@ def equilibrium(model: Path, scene: str | None, changes: tuple[str, ...]) -> Non
 @main.command()
 @_model
 @_scene
+@_method
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Markdown file; standard output otherwise.")
 @_reports_errors
-def explain(model: Path, scene: str | None, out: Path | None) -> None:
+def explain(model: Path, scene: str | None, method: str, out: Path | None) -> None:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
     from cutjoint.report.explain.document import explain as write_explanation
 
     checked = read_model(model)
     chosen = pipeline.find_scene(checked, next(iter(checked.scenes), None) if scene is None else scene)
     with _progress(f"explaining {model.name}"):
-        text = write_explanation(checked, chosen)
+        text = write_explanation(checked, chosen, method)
     if out is None:
         click.echo(text, nl=False)
     else:

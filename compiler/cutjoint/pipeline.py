@@ -13,9 +13,14 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from cutjoint.analysis.inertia import require_inertia
+from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
 from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.source import Source, emit
-from cutjoint.formulate.records import Equations
+from cutjoint.emit.system import emit_system
+from cutjoint.formulate.natural.equations import formulate_lagrangian
+from cutjoint.formulate.natural.families import find_natural_families
+from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.families import find_families
 from cutjoint.model.quantities import quantities, unit_of
@@ -24,14 +29,24 @@ from cutjoint.model.records import Model, Numerics, Output, Road, Scene
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
-from cutjoint.run.results import Equilibrium, FailureReport, Trajectory, read_table
+from cutjoint.run.results import Equilibrium, FailureReport, Trajectory, read_effort, read_table
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.sparse.pattern import Pattern
+from cutjoint.sparse.pivoting import SingularError
+from cutjoint.sparse.plan import Plan, plan_symmetric, plan_unsymmetric
+from cutjoint.sparse.tangent import places, settle_entries
 from cutjoint.toolchain.build import FLAGS, Binary, build, build_generic
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
 
-METHODS = ("recursive",)
+METHODS = ("recursive", "augmented", "classical")
+
+#: Linear solvers of the Lagrangian methods: the emitted factorisation, and libraries.
+SOLVERS = ("emitted", "eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack")
+
+#: Those of SuiteSparse, some of them under the GPL: simulators that have them are for comparison.
+COMPARISON_SOLVERS = frozenset({"cholmod", "klu", "umfpack"})
 
 #: Code made for the model, or the generic twin that interprets the model at run time.
 IMPLEMENTATIONS = ("generated", "generic")
@@ -47,9 +62,17 @@ class Artifact:
     program: Program
     source: Source
     binary: Binary
+    method: str
     implementation: str
     generate_seconds: float
     compile_seconds: float
+
+    @property
+    def mechanism(self) -> RecursiveEquations:
+        """The recursive equations: the method's own, or those that start its runs."""
+        equations = self.equations
+        assert isinstance(equations, RecursiveEquations | LagrangianEquations)
+        return equations.start if isinstance(equations, LagrangianEquations) else equations
 
 
 class NoEquilibriumError(RuntimeError):
@@ -81,33 +104,84 @@ def _empty_scene(model: Model) -> Scene:
     )  # fmt: skip
 
 
-def generate(model: Model, scene: Scene, outputs: Sequence[Output], *, lanes: bool = True) -> tuple[Equations, Program, Source]:
+def generate(
+    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = "recursive", lanes: bool = True
+) -> tuple[Equations, Program, Source]:
     """The symbolic half of the pipeline; with ``lanes``, isomorphic subtrees are evaluated side by side.
 
     Raises:
         TopologyError: the cuts that the model gives cannot be honoured.
         NoInertiaError: some motion moves no mass.
+        ModelError: an output that the method does not know.
     """
     # Model -> Topology
     topology = build_topology(model)
     # Topology -> Equations
-    equations = formulate_recursive(topology, scene, tuple(outputs))
-    require_inertia(equations)
+    recursive = formulate_recursive(topology, scene, tuple(outputs) if method == "recursive" else ())
+    require_inertia(recursive)
+    if method != "recursive":
+        return generate_lagrangian(recursive, method, tuple(outputs), lanes=lanes)
     # Equations -> Program
-    families = find_families(equations.builder, topology) if lanes else []
+    program = schedule_recursive(recursive, lanes=lanes)
+    # Program -> Source
+    return recursive, program, emit(program, recursive)
+
+
+def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
+    """The program of the recursive method; what is called once a step or less stays out of the lanes."""
+    families = find_families(equations.builder, equations.topology) if lanes else []
     evaluate, *others = equations.functions
     folded = fold(equations.builder, families, evaluate.results)
-    program = schedule(equations.builder, [(evaluate.name, folded), *((f.name, f.results) for f in others)])
-    # Program -> Source
-    return equations, program, emit(program, equations)
+    return schedule(equations.builder, [(evaluate.name, folded), *((f.name, f.results) for f in others)])
+
+
+def generate_lagrangian(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool
+) -> tuple[LagrangianEquations, Program, Source]:
+    """The same for the Lagrangian methods; ``start`` finds where a run begins."""
+    # Topology -> Equations
+    equations = formulate_lagrangian(start, method, outputs)
+    states = closed_states(equations) if method == "classical" else []
+    if method == "classical" and (dependent := dependent_equations(equations, states)):
+        equations = formulate_lagrangian(start, method, outputs, left_out=dependent)
+    # Equations -> Program
+    families = find_natural_families(equations.correspondence, equations.topology) if lanes else []
+    functions = [(f.name, fold(equations.builder, families, f.results)) for f in equations.functions]
+    program = schedule(equations.builder, functions)
+    starting = schedule_recursive(start, lanes=lanes)
+    # Program -> Plan
+    unknowns = len(equations.coordinate_names) + (len(equations.equation_names) if method == "classical" else 0)
+    program, pattern = settle_entries(program, unknowns, symmetric=method == "augmented")
+    equations = equations.with_tangent(places(pattern))
+    plan = plan_symmetric(pattern) if pattern.symmetric else _plan_with_pivots(equations, pattern, states)
+    # Program, Plan -> Source
+    return equations, program, emit_system(starting, program, equations, plan)
+
+
+def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:
+    """The classical method's factorisation, with pivots that hold in all states.
+
+    Raises:
+        RunError: the equations depend on each other in one of the states.
+    """
+    dt = equations.scene.numerics.of_method("classical").dt
+    try:
+        return plan_unsymmetric(pattern, list(tangent_samples(equations, states, dt)))
+    except SingularError as error:
+        rows = equations.coordinate_names + equations.equation_names
+        names = ", ".join(f"'{rows[row]}'" for row in error.rows)
+        file = equations.topology.model.span.file
+        message = f"{file}: the classical method finds {names} without an equation of their own near the design position"
+        raise RunError(f"{message}; use --method augmented or recursive") from error
 
 
 def compile_model(
     path: Path, *, scene: str | None = None, method: str = "recursive", out: Path | None = None, flags: Sequence[str] = FLAGS,
-    outputs: Sequence[Output] | None = None, implementation: str = "generated",
-    lanes: bool = True,
+    outputs: Sequence[Output] | None = None, implementation: str = "generated", lanes: bool = True, comparison: bool = False,
 ) -> Artifact:  # fmt: skip
     """Compile a model file for one scene; ``out`` receives the generated source and the simulator.
+
+    ``comparison`` links the solvers of SuiteSparse too, see COMPARISON_SOLVERS.
 
     Raises:
         ModelError, TopologyError: the file is wrong.
@@ -121,36 +195,40 @@ def compile_model(
     model = read_model(path)
     chosen = find_scene(model, scene)
     # Model -> Source
-    equations, program, source = generate(model, chosen, chosen.outputs if outputs is None else outputs, lanes=lanes)
+    equations, program, source = generate(model, chosen, chosen.outputs if outputs is None else outputs, method=method, lanes=lanes)
     generated = perf_counter()
     # Source -> Binary
-    binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out)
+    binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out, comparison=comparison)
     return Artifact(
-        topology=equations.topology, scene=chosen, equations=equations, program=program, source=source, binary=binary,
+        topology=equations.topology, scene=chosen, equations=equations, program=program, source=source, binary=binary, method=method,
         implementation=implementation, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
     )  # fmt: skip
 
 
 def simulate(
-    artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None,
-    parameters: Mapping[str, float] | None = None, progress: Progress | None = None,
+    artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
+    parameters: Mapping[str, float] | None = None, solver: str = "emitted", steps: Path | None = None, progress: Progress | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
 
-    A run that fails numerically is returned as far as it came, with its failure.
+    ``dt`` and ``penalty`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``steps`` a CSV file that receives
+    iterations and residuals of each step.  A run that fails numerically is returned as far as it came, with its failure.
 
     Raises:
         RunError: a parameter that cannot be set.
         SimulatorError: the simulator could not begin.
     """
-    scene = artifact.scene
-    numerics = scene.numerics if dt is None else replace(scene.numerics, dt=dt)
-    scene = replace(scene, numerics=numerics, end=scene.end if end is None else end)
+    changes = {name: value for name, value in (("dt", dt), ("penalty", penalty)) if value is not None}
+    scene = with_figures(artifact.scene, artifact.method, changes)
+    scene = replace(scene, end=scene.end if end is None else end)
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as folder:
         table = Path(folder) / "table.csv" if out is None else out
-        run_file = make_run_file(artifact.topology.model, scene, parameters or {}, task="simulate", out=str(table.resolve()))
+        run_file = make_run_file(
+            artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
+            solver="" if artifact.method == "recursive" else solver, steps_out="" if steps is None else str(steps.resolve()),
+        )  # fmt: skip
         if artifact.implementation == "generic":
             run_file["model"] = str(_describe(artifact, Path(folder)))
         summary = call_simulator(artifact.binary.path, run_file, progress)
@@ -164,7 +242,25 @@ def simulate(
     return Trajectory(
         t=t, columns=columns, units=units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
+        effort=read_effort(summary),
     )  # fmt: skip
+
+
+def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
+    """Seconds that the parts of a Newton iteration take at the start of the scene: ``analyse``, ``assemble``, ``factor``, ``solve``.
+
+    Raises:
+        SimulatorError: the solver does not suit the method, or the simulator does not have it.
+    """
+    run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, solver=solver)
+    summary = call_simulator(artifact.binary.path, run_file)
+    return {name: value for name, value in summary.items() if isinstance(value, float | int)}
+
+
+def with_figures(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:
+    """The scene with other figures for one method."""
+    own = {**scene.numerics.methods.get(method, {}), **changes}
+    return replace(scene, numerics=replace(scene.numerics, methods={**scene.numerics.methods, method: own}))
 
 
 def _describe(artifact: Artifact, folder: Path) -> Path:

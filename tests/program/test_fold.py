@@ -136,3 +136,16 @@ def test_members_may_differ_in(differ: str) -> None:
         assert lanes[folded[target]].ravel() == pytest.approx(expected, rel=1e-14)
         found = [scalars[r.scalar] for r in program.functions[0].results if r.target == target]
         assert found == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("case", ["a term twice", "a member in two families"])
+def test_each_term_of_a_sum_counts_once(case: str) -> None:
+    """What stands in lanes is taken out of a sum as often as it stands there."""
+    b = Builder()
+    p, q, r = (b.call("sin", b.symbol(f"x{k}", 1, BindingTime.ITERATION)) for k in range(3))
+    terms, families = ([p, q, p, q, p], [(p, q)]) if case == "a term twice" else ([p, q, r], [(p, q), (q, r)])
+    results = {"sum": b.total(terms)}
+    folded = fold(b, families, results)
+    inputs = {f"x{k}": np.array([0.3 + k]) for k in range(3)}
+    expected = interpret_blocks(results.values(), inputs, {})[results["sum"]]
+    assert interpret_blocks(folded.values(), inputs, {})[folded["sum"]] == pytest.approx(expected, rel=1e-14)

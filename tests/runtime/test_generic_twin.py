@@ -155,7 +155,7 @@ def run_task(generic: Path, case: Case, folder: Path, task: dict[str, Any]) -> d
     """The twin's summary of a task."""
     (folder / "model.json").write_text(json.dumps(case.description))
     run = {
-        "model": str(folder / "model.json"), "parameters": case.parameters, "numerics": case.numerics,
+        "model": str(folder / "model.json"), "parameters": case.parameters, "stabilisation": case.numerics,
         "roads": {name: case.road.described() for name in case.equations.roads}, **task,
     }  # fmt: skip
     (folder / "run.json").write_text(json.dumps(run))

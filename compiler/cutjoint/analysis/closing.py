@@ -21,8 +21,8 @@ _DAMPING = 1e-12
 _ITERATIONS = 30
 
 
-class _NoRoad:
-    """A flat road; the closures never look at it."""
+class FlatRoad:
+    """A flat road at height zero."""
 
     def height(self, x: float, y: float) -> float:
         """Height, m."""
@@ -61,7 +61,7 @@ def evaluate_rates(equations: RecursiveEquations, q: Array, rates: Sequence[Bloc
 
 def _interpret(equations: RecursiveEquations, q: Array, blocks: Sequence[Block]) -> dict[Block, Array]:
     """The blocks at all unit speeds in one batch; what depends on coordinates alone is evaluated once and has no batch axis."""
-    roads: dict[str, RoadTable] = {name: _NoRoad() for name in equations.roads}
+    roads: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
     return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds)), roads)
 
 

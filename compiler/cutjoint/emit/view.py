@@ -120,9 +120,8 @@ class Viewer:
 
     def load(self) -> FunctionView:
         """The stage of parameters."""
-        arguments = ("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads")
         known = dict(self._inputs)
-        return self._early("load", arguments, self._program.loaded, BindingTime.PARAM, known, ("roads_ = roads;",))
+        return self._early("load", self._equations.load_arguments, self._program.loaded, BindingTime.PARAM, known, ("roads_ = roads;",))
 
     def begin_step(self) -> FunctionView:
         """The stage of time."""
@@ -148,7 +147,7 @@ class Viewer:
         function = self._program.function(name)
         used = [n for n in function.statements if n in self._locals]
         inputs = [Statement(type="Real", name=self._locals[n], expression=self._inputs[n], section=0) for n in used]
-        printer = self._printer({**self._locals, **self._known(BindingTime.STEP)})
+        printer = self._printer({**self._inputs, **self._locals, **self._known(BindingTime.STEP)})
         results = [r.scalar for r in function.results]
         statements = printer.statements(function.statements, results)
         return self._view(name, self._equations.function(name).arguments, [*inputs, *statements], self._results(function, printer))

@@ -71,7 +71,8 @@ class Equations:
     """The symbolic mechanics of one model in one scene, by any formulation.
 
     ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables,
-    ``columns`` the outputs with their units, ``slots`` the places of inputs and results.
+    ``columns`` the outputs with their units, ``slots`` the places of inputs and results, ``load_arguments`` what the generated
+    ``load`` takes.
     """
 
     topology: Topology
@@ -83,6 +84,7 @@ class Equations:
     columns: tuple[Column, ...]
     functions: tuple[Function, ...]
     slots: Mapping[str, Slot]
+    load_arguments: tuple[str, ...]
 
     def function(self, name: str) -> Function:
         """A function by name."""

@@ -152,8 +152,18 @@ class Road(Part):
 _NUMERICS = records.Numerics()
 
 
+class MethodNumerics(Part):
+    """Figures that one method has instead of the scene's."""
+
+    dt: Number | None = None
+    penalty: Number | None = None
+    tolerance: Number | None = None
+    iterations: StrictInt | None = None
+    multiplier_updates: StrictInt | None = None
+
+
 class Numerics(Part):
-    """Figures of the numerical method."""
+    """Figures of the numerical method; ``methods`` changes some of them for one method."""
 
     dt: Number = _NUMERICS.dt
     penalty: Number = _NUMERICS.penalty
@@ -162,6 +172,7 @@ class Numerics(Part):
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
+    methods: dict[Literal["recursive", "augmented", "classical"], MethodNumerics] = Field(default={})
 
 
 class Scene(Part):

@@ -9,7 +9,7 @@ global frame; every body frame is parallel to it there.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import PurePath
 from typing import Any, TypeAlias
@@ -341,7 +341,8 @@ class Numerics:
 
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
-    first ``multiplier_updates`` iterations of a step the multipliers are corrected.
+    first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty of its own,
+    by default one that follows from masses and step.  ``methods`` has what a method changes, by the names of these figures.
     """
 
     dt: float = 1e-3
@@ -351,6 +352,11 @@ class Numerics:
     tolerance: float = 1e-6
     iterations: int = 100
     multiplier_updates: int = 4
+    methods: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def of_method(self, method: str) -> Numerics:
+        """The figures of one method."""
+        return replace(self, **self.methods.get(method, {}))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)

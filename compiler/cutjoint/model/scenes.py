@@ -96,16 +96,27 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         "frequency": NONE / TIME,
         "tolerance": NONE,
     }
-    numbers = {key: where.number(getattr(part, key), of, ("numerics", key)) for key, of in dimensions.items()}
-    for key in ("dt", "penalty", "tolerance"):
-        _positive(where, numbers[key], ("numerics", key))
-    for key in ("damping_ratio", "frequency"):
-        if numbers[key] < 0:
-            where.fail(f"{key} must not be negative", "", ("numerics", key))
-    _positive(where, part.iterations, ("numerics", "iterations"))
-    if part.multiplier_updates < 0:
-        where.fail("multiplier_updates must not be negative", "", ("numerics", "multiplier_updates"))
-    return Numerics(**numbers, iterations=part.iterations, multiplier_updates=part.multiplier_updates)
+    numbers = _figures(where, part, dimensions, ("numerics",))
+    methods: dict[str, dict[str, Any]] = {
+        name: _figures(where, figures, dimensions, ("numerics", "methods", name)) for name, figures in part.methods.items()
+    }  # fmt: skip
+    return Numerics(**numbers, methods=methods)
+
+
+def _figures(
+    where: Element, part: document.Numerics | document.MethodNumerics, dimensions: Mapping[str, Dimension], keys: Path
+) -> dict[str, Any]:
+    """The figures that are given, each in its range."""
+    figures: dict[str, Any] = {
+        key: where.number(getattr(part, key), of, (*keys, key)) for key, of in dimensions.items() if getattr(part, key, None) is not None
+    }
+    figures |= {key: getattr(part, key) for key in ("iterations", "multiplier_updates") if getattr(part, key) is not None}
+    for key, value in figures.items():
+        if key in ("dt", "penalty", "tolerance", "iterations"):
+            _positive(where, value, (*keys, key))
+        elif value < 0:
+            where.fail(f"{key} must not be negative", "", (*keys, key))
+    return figures
 
 
 def _states(

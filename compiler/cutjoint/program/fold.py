@@ -7,6 +7,7 @@ blocks that they use; where they differ otherwise, each computes on its own and 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -138,9 +139,9 @@ class _Folding:
             return self.builder.lane(self.lanes(family), k)
         if block.op in ("add", "sub"):
             terms = self._terms_of(block)
-            whole = self._whole_families(terms)
+            whole, left = self._whole_families(terms)
             if whole:
-                return self._sum(terms, whole)
+                return self._sum(whole, left)
         return self.builder.again(block, [self.uniform(a) for a in block.args])
 
     def _terms_of(self, block: Block) -> list[tuple[int, Block]]:
@@ -157,26 +158,33 @@ class _Folding:
             stack.append((-sign if part.op == "neg" else sign, part.args[0]))
         return terms
 
-    def _whole_families(self, terms: Sequence[tuple[int, Block]]) -> dict[tuple[int, Family], int]:
-        """The families all of whose members are terms of a sum, with their sign."""
-        present = set(terms)
-        found: dict[tuple[int, Family], int] = {}
+    def _whole_families(self, terms: Sequence[tuple[int, Block]]) -> tuple[list[tuple[int, Family]], list[tuple[int, Block]]]:
+        """The families all of whose members are terms of a sum, with their signs, and the terms that are left.
+
+        A member may stand in several lanes and in several families, and a term may occur more than once: each occurrence counts once.
+        """
+        remaining = Counter(terms)
+        found: list[tuple[int, Family]] = []
         for sign, block in terms:
             family = self.place[block][0] if block in self.place else ()
-            if family and all((sign, member) in present for member in family):
-                found[sign, family] = sign
-        return found
+            needed = Counter((sign, member) for member in family)
+            if family and needed <= remaining:
+                remaining -= needed
+                found.append((sign, family))
+        left = []
+        for term in terms:
+            if remaining[term] > 0:
+                remaining[term] -= 1
+                left.append(term)
+        return found, left
 
-    def _sum(self, terms: Sequence[tuple[int, Block]], whole: Mapping[tuple[int, Family], int]) -> Block:
+    def _sum(self, whole: Sequence[tuple[int, Family]], left: Sequence[tuple[int, Block]]) -> Block:
         """A sum with the whole families added lane by lane first, then across."""
         b = self.builder
-        covered = {(sign, block) for sign, family in whole for block in family}
-        parts = [self.lanes(family) if sign > 0 else b.neg(self.lanes(family)) for sign, family in whole]
-        result = b.lane_sum(b.total(parts))
-        for sign, block in terms:
-            if (sign, block) not in covered:
-                term = self.uniform(block)
-                result = b.add(result, term) if sign > 0 else b.sub(result, term)
+        result = b.lane_sum(b.total([self.lanes(family) if sign > 0 else b.neg(self.lanes(family)) for sign, family in whole]))
+        for sign, block in left:
+            term = self.uniform(block)
+            result = b.add(result, term) if sign > 0 else b.sub(result, term)
         return result
 
 

@@ -72,4 +72,7 @@ class Program:
             if weight:
                 section = self.graph.nodes[n].section
                 counts[section] = counts.get(section, 0) + weight
-        return {self.sections[i]: counts[i] for i in sorted(counts)}
+        by_section: dict[Section, int] = {}
+        for i in sorted(counts):  # an element may have several sections alike
+            by_section[self.sections[i]] = by_section.get(self.sections[i], 0) + counts[i]
+        return by_section

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,30 @@ class FailureReport:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Residuals:
+    """The largest absolute values of the equations and of their first and second derivatives over a run; nan of what was not evaluated."""
+
+    position: float = nan
+    velocity: float = nan
+    acceleration: float = nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """What the steps of a run took besides evaluations.
+
+    The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured.  ``pivoting_fallbacks`` counts the
+    matrices for which a fixed pivot order had to give way to pivoting.
+    """
+
+    solver: str = ""
+    iterations: int = 0
+    factorisations: int = 0
+    pivoting_fallbacks: int = 0
+    residuals: Residuals = Residuals()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Trajectory:
     """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
 
@@ -46,6 +71,7 @@ class Trajectory:
     seconds: float
     undetermined: tuple[str, ...]
     failure: FailureReport | None
+    effort: Effort = Effort()
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
@@ -60,6 +86,15 @@ class Equilibrium:
 
     def __getitem__(self, column: str) -> float:
         return self.values[column]
+
+
+def read_effort(summary: Mapping[str, Any]) -> Effort:
+    """The effort that a simulator's summary reports."""
+    residuals = {name: nan if value is None else value for name, value in summary.get("residuals", {}).items()}
+    return Effort(
+        solver=summary.get("solver", ""), iterations=summary.get("iterations", 0), factorisations=summary.get("factorisations", 0),
+        pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), residuals=Residuals(**residuals),
+    )  # fmt: skip
 
 
 def read_table(path: Path) -> tuple[Array, dict[str, Array]]:

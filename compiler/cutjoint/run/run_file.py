@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from cutjoint.formulate.inputs import open_parameters
-from cutjoint.model.records import Binding, Model, Scalar, Scene, Tyre
+from cutjoint.model.records import Binding, Model, Numerics, Scalar, Scene, Tyre
 from cutjoint.run.roads import road_pieces
 
 
@@ -36,8 +36,15 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
     return f"model '{model.name}' has no parameter '{name}'; it has {', '.join(known) or 'none'}"
 
 
-def make_run_file(model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "") -> dict[str, Any]:
-    """The run file of a task: "simulate", "equilibrium" or "evaluate".
+def make_run_file(
+    model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "", method: str = "recursive", solver: str = "",
+    steps_out: str = "",
+) -> dict[str, Any]:  # fmt: skip
+    """The run file of a task: "simulate", "equilibrium" or "evaluate"; of a Lagrangian method also "factor".
+
+    ``solver`` names the linear solver of a Lagrangian method, by default the emitted one; ``steps_out`` is where iterations and residuals
+    of each step go.  ``numerics`` are the method's figures, a penalty of None is left to the simulator; ``stabilisation`` those of the
+    cut joints of the recursive equations, which start every run.
 
     Raises:
         RunError: a change names no open parameter.
@@ -47,7 +54,8 @@ def make_run_file(model: Model, scene: Scene, changes: Mapping[str, float], *, t
     return {
         "task": task,
         "parameters": parameters,
-        "numerics": asdict(scene.numerics),
+        "numerics": _figures(scene.numerics, method),
+        "stabilisation": {name: getattr(scene.numerics.of_method("recursive"), name) for name in ("penalty", "damping_ratio", "frequency")},
         "end": scene.end,
         "output_step": scene.output_step,
         "pose": scene.pose,
@@ -55,9 +63,17 @@ def make_run_file(model: Model, scene: Scene, changes: Mapping[str, float], *, t
         "rates": {name: value(e) for name, e in scene.rates.items()},
         "roads": {f.name: _road(scene, value(f.constants["radius"])) for f in model.forces if isinstance(f, Tyre)},
         "out": out,
+        **({"solver": solver} if solver else {}),
+        **({"steps_out": steps_out} if steps_out else {}),
     }
 
 
+def _figures(numerics: Numerics, method: str) -> dict[str, float | None]:
+    """The figures of a method; the augmented one has no penalty but its own."""
+    own = numerics.of_method(method)
+    figures: dict[str, float | None] = {name: getattr(own, name) for name in ("dt", "tolerance", "iterations", "multiplier_updates")}
+    figures["penalty"] = None if method == "augmented" and "penalty" not in numerics.methods.get(method, {}) else own.penalty
+    return figures
 
 
 class Evaluator:

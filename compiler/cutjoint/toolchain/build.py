@@ -40,25 +40,26 @@ class Binary:
 
 def write_source(source: Source, folder: Path) -> None:
     """Put the generated files into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
     for name, text in source.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None = None) -> Binary:
+def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None = None, comparison: bool = False) -> Binary:
     """Build the simulator of a source, or find it in the cache.
 
     The cache key covers the generated files, the runtime headers, compiler and flags.  ``folder`` keeps source and binary there as well.
+    ``comparison`` adds the solvers of SuiteSparse, some of which are under the GPL: such a simulator is not for handing on.
 
     Raises:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = _digest([source.digest, runtime_digest(), compiler_version(compiler), *flags])
+    key = _digest([source.digest, runtime_digest(), compiler_version(compiler), *flags, *_kind(comparison)])
     kept = cache_folder() / key / "simulator"
     fresh = not kept.exists()
     if fresh:
-        _build_into(kept.parent, source, flags)
+        _build_into(kept.parent, source, flags, comparison)
     if folder is not None:
         write_source(source, folder)
         shutil.copy2(kept, folder / "simulator")
@@ -81,16 +82,27 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
     return Binary(path=kept, fresh=fresh, compiler=compiler_version(compiler), flags=tuple(flags))
 
 
-def _build_into(target: Path, source: Source, flags: Sequence[str]) -> None:
+def _build_into(target: Path, source: Source, flags: Sequence[str], comparison: bool) -> None:
     """Configure and build in a temporary folder, then move the simulator into place at once."""
-    driver = cache_folder() / f"driver-{_digest([runtime_digest(), compiler_version(find_compiler())])}" / "libdriver.a"
+    driver = _driver(flags, comparison)
     known = [f"-DCUTJOINT_DRIVER={driver}"] if driver.exists() else []
+    definitions = [f"-DCUTJOINT_RUNTIME={runtime_folder()}", f"-DCUTJOINT_COMPARISON={'ON' if comparison else 'OFF'}", *known]
     with _workplace() as folder:
         write_source(source, folder / "source")
-        _cmake(folder / "source", folder / "out", flags, f"-DCUTJOINT_RUNTIME={runtime_folder()}", *known)
+        _cmake(folder / "source", folder / "out", flags, *definitions)
         _keep(folder / "out" / "simulator", target / "simulator")
         if not known:
             _keep(folder / "out" / "libdriver.a", driver)
+
+
+def _driver(flags: Sequence[str], comparison: bool) -> Path:
+    """The driver's place in the cache; that for comparisons is compiled with the flags of generated code, the plain one with its own."""
+    key = _digest([runtime_digest(), compiler_version(find_compiler()), *_kind(comparison), *(flags if comparison else ())])
+    return cache_folder() / f"driver-{key}" / "libdriver.a"
+
+
+def _kind(comparison: bool) -> tuple[str, ...]:
+    return ("comparison",) if comparison else ()
 
 
 @contextmanager
@@ -150,7 +162,7 @@ def compiler_version(compiler: str) -> str:
 def runtime_digest(*, generic: bool = False) -> str:
     """A digest of the runtime's headers and sources, with or without those of the generic twin."""
     folder = runtime_folder()
-    files = sorted(p for p in folder.rglob("*") if p.suffix in (".hpp", ".cpp", ".txt"))
+    files = sorted(p for p in folder.rglob("*") if p.suffix in (".hpp", ".cpp", ".txt", ".cmake"))
     files = [p for p in files if generic or "generic" not in p.relative_to(folder).parts]
     return _digest([part for p in files for part in (str(p.relative_to(folder)), p.read_text(encoding="utf-8"))])
 

@@ -1,6 +1,7 @@
-// The driver's door: generated mechanisms come in through their base class, so that the driver is compiled once for all models.
+// The driver's door: generated mechanisms and systems come in through their base classes, so that one driver serves all models.
 #pragma once
 
+#include "cutjoint/lagrangian/system.hpp"
 #include "cutjoint/mechanism.hpp"
 
 namespace cutjoint {
@@ -8,5 +9,8 @@ namespace cutjoint {
 /// The program of a simulator: `simulator RUN.json` reads the run file, does its task and prints a summary.
 /// Exit status 0 when done, 1 when the run failed numerically, 2 when it could not begin.
 int run_main(int argc, char** argv, AnyMechanism<double>& mechanism);
+
+/// The same of a Lagrangian method: `start` finds the start in relative coordinates (what it reports is not asked for), `system` goes on.
+int run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<double>& system);
 
 }  // namespace cutjoint

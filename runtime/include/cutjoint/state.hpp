@@ -9,14 +9,16 @@
 
 namespace cutjoint {
 
-/// Time, coordinates, speeds, accelerations and multipliers; SI units, lengths as in the mechanism's description.
+/// Time, coordinates, speeds, accelerations and multipliers; SI units, lengths as in the description of the mechanism or system.
 template <class Real>
 struct State {
   Real t{0};
   std::vector<Real> q, v, vdot, lambda;
 
-  explicit State(const Description& d)
-      : q(d.coordinates.size()), v(d.speeds.size()), vdot(d.speeds.size()), lambda(d.equations.size()) {
+  State(std::size_t coordinates, std::size_t speeds, std::size_t equations)
+      : q(coordinates), v(speeds), vdot(speeds), lambda(equations) {}
+
+  explicit State(const Description& d) : State(d.coordinates.size(), d.speeds.size(), d.equations.size()) {
     for (const Chart& chart : d.charts)
       if (chart.ball) q[static_cast<std::size_t>(chart.q + chart.scalars)] = Real(1);
   }

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import sympy
-
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Form, Node
 from cutjoint.model.records import GROUND
@@ -22,13 +20,14 @@ class NodalForce:
     motions: NodeMotions
     parts: dict[Node, Block] = field(default_factory=dict)
 
-    def add(self, form: Form, force: Block) -> None:
-        """A force that works on the displacement of a form."""
+    def add(self, source: str, form: Form, force: Block) -> None:
+        """A force of an element that works on the displacement of a form."""
         for node, coefficient in form.items():
-            self._add(node, self.motions.times(coefficient, force))
+            self._add(source, node, self.motions.times(coefficient, force))
 
-    def _add(self, node: Node, force: Block) -> None:
+    def _add(self, source: str, node: Node, force: Block) -> None:
         if node.body != GROUND:
+            self.motions.correspondence.record(source, node.name, block=force)
             known = self.parts.get(node)
             self.parts[node] = force if known is None else self.motions.builder.add(known, force)
 
@@ -36,9 +35,12 @@ class NodalForce:
         """The force on each coordinate; the others hand theirs on, the last laid out first."""
         for node in reversed(self.motions.layout.nodes):
             if node.parts is not None and node in self.parts:
-                self.add(node.parts, self.parts.pop(node))
+                self.add(node.name, node.parts, self.parts.pop(node))
         b = self.motions.builder
-        return {n: self.parts.get(n, b.zero(n.size)) for n in self.motions.layout.coordinates}
+        forces = {n: self.parts.get(n, b.zero(n.size)) for n in self.motions.layout.coordinates}
+        for node, force in forces.items():
+            self.motions.correspondence.record("total", node.name, block=force)
+        return forces
 
 
 @dataclass(kw_only=True)
@@ -48,14 +50,15 @@ class NodalMatrix:
     motions: NodeMotions
     parts: dict[tuple[Node, Node], Block] = field(default_factory=dict)
 
-    def add(self, rows: Form, columns: Form, block: Block) -> None:
-        """A block between two forms."""
+    def add(self, source: str, rows: Form, columns: Form, block: Block) -> None:
+        """A block of an element between two forms."""
         for i, c in rows.items():
             for j, d in columns.items():
-                self._add(i, j, self.motions.times(sympy.sympify(c * d), block))
+                self._add(source, i, j, self.motions.times(c * d, block))
 
-    def _add(self, i: Node, j: Node, block: Block) -> None:
+    def _add(self, source: str, i: Node, j: Node, block: Block) -> None:
         if GROUND not in (i.body, j.body):
+            self.motions.correspondence.record(source, i.name, j.name, block=block)
             known = self.parts.get((i, j))
             self.parts[i, j] = block if known is None else self.motions.builder.add(known, block)
 
@@ -70,8 +73,8 @@ class NodalMatrix:
     def _hand_on(self, node: Node) -> None:
         """Replace a node by the combination that it is, first as a row, then as a column."""
         assert node.parts is not None
-        one = {node: sympy.Integer(1)}
+        one = {node: 1}
         for i, j in [pair for pair in self.parts if pair[0] is node]:
-            self.add(node.parts, {j: sympy.Integer(1)} if j is not node else one, self.parts.pop((i, j)))
+            self.add(node.name, node.parts, {j: 1} if j is not node else one, self.parts.pop((i, j)))
         for i, j in [pair for pair in self.parts if pair[1] is node]:
-            self.add({i: sympy.Integer(1)}, node.parts, self.parts.pop((i, j)))
+            self.add(node.name, {i: 1}, node.parts, self.parts.pop((i, j)))

@@ -1,13 +1,13 @@
 """The constraint equations of natural coordinates: products of points and unit vectors, and a few linear ones.
 
 Each has its residual Phi, the gradient of Phi by the nodes, its rate Phid = Phi_q qd + Phi_t, and the drift
-(d/dt Phi_q) qd + (d/dt Phi_t), so that Phidd = Phi_q qdd + drift.  Products are divided by the lengths of their factors, so that a residual
-is in metres or radians.
+(d/dt Phi_q) qd + (d/dt Phi_t), so that Phidd = Phi_q qdd + drift.  A product of two ways between points is divided by the longer way, so
+that every residual is in metres or, of two directions, in radians.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,6 +34,20 @@ class Constraint:
     rate: Block
     drift: Block
     gradient: Mapping[Node, Block]
+
+    def without(self, names: Collection[str], b: Builder) -> Constraint | None:
+        """The constraint without the equations of these names; None when none is left."""
+        rows = [i for i, name in enumerate(self.names) if name not in names]
+        if len(rows) == len(self.names) or not rows:
+            return self if rows else None
+
+        def kept(block: Block) -> Block:
+            return b.stack([[b.take(block, (i, i + 1), (0, block.shape[1]))] for i in rows])
+
+        return Constraint(
+            element=self.element, names=tuple(self.names[i] for i in rows), residual=kept(self.residual), rate=kept(self.rate),
+            drift=kept(self.drift), gradient={node: kept(block) for node, block in self.gradient.items()},
+        )  # fmt: skip
 
     @property
     def symbol(self) -> str:
@@ -86,7 +100,7 @@ class _Row:
         number = self.motions.translator.scalar(factor)
         self.residual = b.sub(self.residual, b.mul(number, motion.x))
         self.rate = b.sub(self.rate, b.mul(number, motion.v))
-        self.push({node: sympy.Integer(-1)}, number)
+        self.push({node: -1}, number)
 
 
 def multipliers(b: Builder, constraint: Constraint) -> Block:
@@ -109,7 +123,7 @@ class ConstraintMaker:
         spans = {body.name: body.span for body in self._model.bodies}
         constraints: list[Constraint] = []
         for group in self._layout.groups.values():
-            with self._b.section("body", group.name, "Phi = (u . w - const)/(|u| |w|), the shape of a body", spans[group.name].place):
+            with self._b.section("body", group.name, "Phi = (u . w - const)/length, the shape of a body", spans[group.name].place):
                 constraints.extend(self._body(group))
         for joint in self._model.joints:
             with self._b.section("joint", joint.name, "Phi of what nodes alone do not share", joint.span.place):
@@ -142,9 +156,8 @@ class ConstraintMaker:
         """The product of two ways keeps its design value."""
         row, value = self._row(), self._layout.value
         p, q = (sympy.Matrix(_design(form)) for form in (u, w))
-        lengths = [max(float(sympy.sqrt(sum(value(x) ** 2 for x in place))), 1e-300) for place in (p, q)]
-        scale = (0.5 if u is w else 1.0) / (lengths[0] * lengths[1]) ** 0.5
-        weight = self._b.number(scale)
+        lengths = [float(np.linalg.norm([value(x) for x in place])) for place, form in ((p, u), (q, w)) if len(form) == 2]
+        weight = self._b.number((0.5 if u is w else 1.0) / (max(lengths) if len(lengths) == 2 else 1.0))
         row.product(weight, u, w)
         constant = self._b.mul(weight, self._m.translator.scalar(p.dot(q)))
         row.known(constant, self._b.zero(1), self._b.zero(1))
@@ -156,10 +169,10 @@ class ConstraintMaker:
         if node.kind is NodeKind.VECTOR and len(group.basis) == 4:
             across = tangents_of(tuple(self._layout.value(x) for x in node.place))
             forms = [combination(group, NodeKind.VECTOR, t) for t in across]
-            rows = [self._perpendicular({node: sympy.Integer(1)}, form) for form in forms]
+            rows = [self._perpendicular({node: 1}, form) for form in forms]
             yield self._stacked(group.name, [f"{node.name}.{i}" for i in (1, 2)], rows)
         else:
-            yield self._equal(group.name, node.name, difference({node: sympy.Integer(1)}, own))
+            yield self._equal(group.name, node.name, difference({node: 1}, own))
 
     def _equal(self, element: str, name: str, form: Form) -> Constraint:
         """A combination of nodes is zero."""
@@ -234,7 +247,7 @@ class ConstraintMaker:
         row = self._turned(joint, coordinate, motion.x, motion.v, b.zero(1))
         first, second = self._products(joint, coordinate)
         reach = b.add(b.mul(b.call("cos", motion.x), first), b.mul(b.call("sin", motion.x), second))
-        row.push({node: sympy.Integer(-1)}, reach)
+        row.push({node: -1}, reach)
         return row
 
     def _products(self, joint: Joint, coordinate: str) -> tuple[Block, Block]:

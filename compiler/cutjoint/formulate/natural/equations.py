@@ -10,10 +10,8 @@ Left out is the change of Phi_q^T lambda by q, as in the paper: it is small agai
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-
-import sympy
 
 from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix
@@ -30,17 +28,20 @@ from cutjoint.formulate.natural.start import place_nodes
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.model.quantities import unit_of
-from cutjoint.model.records import Output, Scalar, Tyre
+from cutjoint.model.records import Model, Output, Scalar, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 _STATE = ("const Real* q", "const Real* v", "const Real* vdot")
 _BALANCE = (*_STATE, "const Real* lambda", "Real penalty")
 
 
-def formulate_lagrangian(start: RecursiveEquations, method: str, outputs: tuple[Output, ...]) -> LagrangianEquations:
+def formulate_lagrangian(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], left_out: Collection[str] = ()
+) -> LagrangianEquations:
     """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
 
-    ``start`` are the recursive equations of the same model and scene; ``method`` is "augmented" or "classical".
+    ``start`` are the recursive equations of the same model and scene; ``method`` is "augmented" or "classical"; equations named in
+    ``left_out`` are not held.
 
     Raises:
         ModelError: outputs that natural coordinates do not tell.
@@ -54,8 +55,8 @@ def formulate_lagrangian(start: RecursiveEquations, method: str, outputs: tuple[
     motions = NodeMotions(builder=b, translator=translator, layout=layout)
     maker = ForceMaker(motions, model, scene)
     system = _System(
-        b=b, motions=motions, layout=layout, constraints=tuple(ConstraintMaker(motions, model, scene).all()),
-        elements={e.name: e for e in maker.all()}, maker=maker, start=start,
+        b=b, motions=motions, layout=layout, constraints=tuple(_kept(b, ConstraintMaker(motions, model, scene).all(), left_out)),
+        elements={e.name: e for e in maker.all()}, masses=tuple(_masses(layout, model)), maker=maker, start=start,
     )  # fmt: skip
     reporter = NaturalReporter(
         model=model, scene=scene, motions=motions, elements=system.elements, constraints=system.constraints
@@ -83,8 +84,24 @@ def formulate_lagrangian(start: RecursiveEquations, method: str, outputs: tuple[
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions, method=method,
         slots={**chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs)}, start=start, layout=layout,
-        constraints=system.constraints,
+        correspondence=motions.correspondence, constraints=system.constraints,
+        load_arguments=("const Real* parameters", "const Road<Real>* roads"),
     )  # fmt: skip
+
+
+def _kept(b: Builder, constraints: Iterable[Constraint], left_out: Collection[str]) -> Iterator[Constraint]:
+    for c in constraints:
+        kept = c.without([name for name in c.names if f"{c.element}.{name}" in left_out], b)
+        if kept is not None:
+            yield kept
+
+
+def _masses(layout: Layout, model: Model) -> Iterator[tuple[Node, Node, Scalar]]:
+    """The elements of all groups' mass matrices."""
+    bodies = {body.name: body for body in model.bodies}
+    for group in layout.groups.values():
+        for (i, j), mass in mass_matrix(group, [bodies[name] for name in group.bodies]).items():
+            yield i, j, mass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,40 +113,34 @@ class _System:
     layout: Layout
     constraints: tuple[Constraint, ...]
     elements: Mapping[str, Element]
+    masses: tuple[tuple[Node, Node, Scalar], ...]
     maker: ForceMaker
     start: RecursiveEquations
-
-    def masses(self) -> Iterable[tuple[Node, Node, Scalar]]:
-        """The elements of all groups' mass matrices."""
-        bodies = {body.name: body for body in self.start.topology.model.bodies}
-        for group in self.layout.groups.values():
-            for (i, j), mass in mass_matrix(group, [bodies[name] for name in group.bodies]).items():
-                yield i, j, mass
 
     def balance(self) -> dict[str, Block]:
         """M qdd + Phi_q^T (penalty Phi + lambda) - Q, and Phi."""
         b, force = self.b, NodalForce(motions=self.motions)
         with b.section("inertia", "", "M qdd", ""):
-            for i, j, mass in self.masses():
-                force.add(_one(i), self.motions.times(mass, self.motions.node(j).a))
+            for i, j, mass in self.masses:
+                force.add("inertia", _one(i), self.motions.times(mass, self.motions.node(j).a))
         penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
         for c in self.constraints:
             with b.section("constraint", c.element, "Phi_q^T (penalty Phi + lambda)", ""):
                 pull = b.add(b.scale(penalty, c.residual), multipliers(b, c))
                 for node, gradient in c.gradient.items():
-                    force.add(_one(node), b.mul(b.transpose(gradient), pull))
-        for form, push in self._pushes():
-            force.add(form, b.neg(push))
+                    force.add(c.element, _one(node), b.mul(b.transpose(gradient), pull))
+        for element, form, push in self._pushes():
+            force.add(element, form, b.neg(push))
         residuals = {f"residual:{c.symbol}": c.residual for c in self.constraints}
         return {f"balance:{node.name}": block for node, block in force.by_coordinate().items()} | residuals
 
-    def _pushes(self) -> Iterable[tuple[Form, Block]]:
+    def _pushes(self) -> Iterable[tuple[str, Form, Block]]:
         for body in self.start.topology.model.bodies:
             if body.mass != 0:
-                yield self.maker.weight(body)
+                yield body.name, *self.maker.weight(body)
         for element in self.elements.values():
             for action in element.actions:
-                yield action.form, action.force
+                yield element.name, action.form, action.force
 
     def _weights(self) -> tuple[Block, Block, Block]:
         b = self.b
@@ -143,18 +154,18 @@ class _System:
         """A = M + damping C + stiffness K, or its symmetric part."""
         b, matrix = self.b, NodalMatrix(motions=self.motions)
         damping, stiffness, _ = self._weights()
-        for i, j, mass in self.masses():
-            matrix.add(_one(i), _one(j), self.motions.times(mass, b.identity(3)))
+        for i, j, mass in self.masses:
+            matrix.add("inertia", _one(i), _one(j), self.motions.times(mass, b.identity(3)))
         for element in self.elements.values():
             with b.section("tangent", element.name, "damping C + stiffness K", ""):
                 for t in element.tangents(self.motions):
                     block = b.add(b.scale(damping, t.damping), b.scale(stiffness, t.stiffness))
                     if symmetric:
                         half = b.scale(b.number(0.5), block)
-                        matrix.add(t.rows, t.columns, half)
-                        matrix.add(t.columns, t.rows, b.transpose(half))
+                        matrix.add(element.name, t.rows, t.columns, half)
+                        matrix.add(element.name, t.columns, t.rows, b.transpose(half))
                     else:
-                        matrix.add(t.rows, t.columns, block)
+                        matrix.add(element.name, t.rows, t.columns, block)
         return matrix
 
     def augmented(self) -> dict[str, Block]:
@@ -164,27 +175,27 @@ class _System:
             with b.section("tangent", c.element, "constraint Phi_q^T Phi_q", ""):
                 for i, g in c.gradient.items():
                     for j, h in c.gradient.items():
-                        squares.add(_one(i), _one(j), b.mul(b.transpose(g), h))
+                        squares.add(c.element, _one(i), _one(j), b.mul(b.transpose(g), h))
         _, _, weight = self._weights()
         matrix = self._dynamic(symmetric=True)
         with b.section("tangent", "", "M + damping C + stiffness K + constraint Phi_q^T Phi_q", ""):
             blocks = matrix.by_coordinate()
-            for pair, block in squares.by_coordinate().items():
+            for (u, w), block in squares.by_coordinate().items():
                 scaled = b.scale(weight, block)
-                blocks[pair] = b.add(blocks[pair], scaled) if pair in blocks else scaled
+                blocks[u, w] = b.add(blocks[u, w], scaled) if (u, w) in blocks else scaled
+                self.motions.correspondence.record("tangent", u.name, w.name, block=blocks[u, w])
             return self._elements(blocks, lower=True)
 
     def classical(self) -> dict[str, Block]:
         """[A, constraint Phi_q^T; constraint Phi_q, 0]."""
-        b, results = self.b, self._elements(self._dynamic(symmetric=False).by_coordinate(), lower=False)
+        b, matrix = self.b, self._dynamic(symmetric=False)
+        with b.section("tangent", "", "M + damping C + stiffness K", ""):
+            results = self._elements(matrix.by_coordinate(), lower=False)
         _, _, weight = self._weights()
         offset, row = self._offsets(), sum(n.size for n in self.layout.coordinates)
         for c in self.constraints:
-            gradients = NodalForce(motions=self.motions)
-            for node, gradient in c.gradient.items():
-                gradients.add(_one(node), b.transpose(gradient))
-            for node, block in gradients.by_coordinate().items():
-                if node in gradients.parts:
+            with b.section("tangent", c.element, "constraint Phi_q", ""):
+                for node, block in self._gradient(c).items():
                     for i in range(node.size):
                         for j in range(len(c.names)):
                             element = b.mul(weight, b.element(block, i, j))
@@ -192,6 +203,14 @@ class _System:
                             results[f"tangent:{row + j},{offset[node] + i}"] = element
             row += len(c.names)
         return results
+
+    def _gradient(self, c: Constraint) -> dict[Node, Block]:
+        """A constraint's Phi_q^T by the coordinates that it depends on."""
+        gradients = NodalForce(motions=self.motions)
+        for node, gradient in c.gradient.items():
+            gradients.add(c.element, _one(node), self.b.transpose(gradient))
+        by_coordinate = gradients.by_coordinate()
+        return {node: by_coordinate[node] for node in gradients.parts}
 
     def _offsets(self) -> dict[Node, int]:
         offsets, n = {}, 0
@@ -213,8 +232,11 @@ class _System:
 
     def closure(self) -> dict[str, Block]:
         """Phi, Phid and Phidd."""
-        b, results = self.b, {}
+        b = self.b
+        results: dict[str, Block] = {}
         for c in self.constraints:
+            for block in (c.residual, c.rate, c.drift):
+                self.motions.correspondence.record(c.element, block=block)
             bend = c.drift
             for node, gradient in c.gradient.items():
                 bend = b.add(bend, b.mul(gradient, self.motions.node(node).a))
@@ -227,7 +249,7 @@ class _System:
         for c in self.constraints:
             w = b.symbol(f"w:{c.symbol}", len(c.names), BindingTime.ITERATION)
             for node, gradient in c.gradient.items():
-                force.add(_one(node), b.mul(b.transpose(gradient), w))
+                force.add(c.element, _one(node), b.mul(b.transpose(gradient), w))
         return {f"force:{node.name}": block for node, block in force.by_coordinate().items()}
 
     def slots(self) -> dict[str, Slot]:
@@ -252,4 +274,4 @@ def components(node: Node) -> tuple[str, ...]:
 
 
 def _one(node: Node) -> Form:
-    return {node: sympy.Integer(1)}
+    return {node: 1}

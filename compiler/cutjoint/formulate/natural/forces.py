@@ -155,10 +155,11 @@ class ForceMaker:
         if joint.guide is not None:  # a guided joint moves as it is told
             return Element(name=force.name, quantities=self._of_guided(force, joint))
         if force.coordinate not in ANGLES.get(joint.kind, ()):
+            base, follower = self._m.layout.slide_ends(joint)
             axis = slide_axis(joint, force.coordinate)
-            return self._along(force.name, (joint.follower, joint.at), (joint.base, joint.at), axis, force.law, POSITION)
+            return self._along(force.name, (follower, joint.at), (base, joint.at), axis, force.law, POSITION)
         node = self._m.layout.angles[joint.name, force.coordinate]
-        form, motion = {node: sympy.Integer(1)}, self._m.node(node)
+        form, motion = {node: 1}, self._m.node(node)
         values = law_of(self._m.translator, force.law, {POSITION: motion.x, RATE: motion.v}, POSITION)
         action = Action(body=joint.follower, form=form, force=values["force"])
         return Element(name=force.name, actions=[action], by=[(form, motion)], quantities=values)

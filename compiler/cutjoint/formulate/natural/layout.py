@@ -8,7 +8,7 @@ Joints that leave the attitude alone (fixed, prismatic) share all directions; bo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,7 +23,7 @@ from cutjoint.model.records import GROUND, Joint, JointKind, Model, Output, Scal
 from cutjoint.topology.records import Topology
 
 #: What a candidate must add to the span, as a share of its own length: of nodes that a joint shares, of a body's own.
-_SHARED, _OWN = 1e-3, 0.3
+_SHARED, _OWN = 1e-3, 0.5
 #: Rounding of a span.
 _SPAN = 1e-7
 
@@ -46,7 +46,11 @@ class Group:
 
 @dataclass(kw_only=True)
 class Layout:
-    """The nodes in the order in which they were laid out, the groups, and who carries which node."""
+    """The nodes in the order in which they were laid out, the groups, and who carries which node.
+
+    ``angles`` are nodes by joint and coordinate, ``idle`` the universal joints that need no equation, ``outwards`` inner and outer body of
+    each tree joint.
+    """
 
     nodes: list[Node] = field(default_factory=list)
     groups: dict[str, Group] = field(default_factory=dict)
@@ -54,6 +58,7 @@ class Layout:
     carriers: dict[Node, set[str]] = field(default_factory=dict)
     angles: dict[tuple[str, str], Node] = field(default_factory=dict)
     idle: frozenset[str] = frozenset()
+    outwards: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     _places: dict[tuple[str, NodeKind, tuple[float, ...]], Node] = field(default_factory=dict, repr=False)
     value: Callable[[Scalar], float] = float
 
@@ -73,9 +78,9 @@ class Layout:
     def _form(self, body: str, kind: NodeKind, place: Vector) -> Form:
         known = self.find(body, kind, place)
         if known is not None:
-            return {known: sympy.Integer(1)}
+            return {known: 1}
         if self.group_of[body] == GROUND:
-            return {self.node(body, kind, place, f"ground.{kind}_{len(self.nodes)}"): sympy.Integer(1)}
+            return {self.node(body, kind, place, f"ground.{kind}_{len(self.nodes)}"): 1}
         return combination(self.groups[self.group_of[body]], kind, place)
 
     def _key(self, body: str, kind: NodeKind, place: Vector) -> tuple[str, NodeKind, tuple[float, ...]]:
@@ -92,18 +97,29 @@ class Layout:
             return known
         group = self.group_of[body]
         parts = None if group == GROUND else combination(self.groups[group], kind, place)
-        return self.add(Node(name=name, kind=kind, body=group, place=place, parts=parts))
+        return self.add(Node(name=self.free_name(name, group), kind=kind, body=group, place=place, parts=parts))
 
     def add(self, node: Node) -> Node:
-        """A new node."""
+        """A new node, whose name no other must have: two bodies may meet a joint at points of their own."""
+        assert all(n.name != node.name for n in self.nodes), node
         self.nodes.append(node)
         self.carry(node.body, node)
         return node
+
+    def free_name(self, name: str, group: str) -> str:
+        """A name that no node has."""
+        taken = {n.name for n in self.nodes}
+        candidates = (name, f"{group}.{name}", *(f"{group}.{name}_{i}" for i in range(2, 1000)))
+        return next(c for c in candidates if c not in taken)
 
     def carry(self, body: str, node: Node) -> None:
         """A further body carries the node."""
         self.carriers.setdefault(node, set()).add(self.group_of[body])
         self._places.setdefault(self._key(body, node.kind, node.place), node)
+
+    def slide_ends(self, joint: Joint) -> tuple[str, str]:
+        """The bodies from and to which a displacement counts: base and follower, of a free joint inner and outer body."""
+        return self.outwards[joint.name] if joint.kind is JointKind.FREE else (joint.base, joint.follower)
 
     def settled(self, nodes: Iterable[Node], group: str) -> bool:
         """Whether a group other than this one carries all nodes, so that their distances and angles are settled."""
@@ -117,15 +133,16 @@ def homogeneous(kind: NodeKind, place: Vector) -> list[Scalar]:
 
 def combination(group: Group, kind: NodeKind, place: Vector) -> dict[Node, Scalar]:
     """A point or direction of a group over its basis."""
-    coefficients = group.inverse * sympy.Matrix(homogeneous(kind, place))
-    return {n: _clean(c) for n, c in zip(group.basis, coefficients, strict=True) if not is_nought(c)}
+    coefficients = [_clean(c) for c in group.inverse * sympy.Matrix(homogeneous(kind, place))]
+    return {n: c for n, c in zip(group.basis, coefficients, strict=True) if not is_nought(c)}
 
 
 def _clean(c: Scalar) -> Scalar:
-    """A coefficient that is whole but for rounding, as a whole number."""
-    if c.is_number and abs(float(c) - round(float(c))) < 1e-13:
-        return sympy.Integer(round(float(c)))
-    return c
+    """A number as a float, and as a whole one if it is whole but for rounding."""
+    if not c.is_number:
+        return c
+    number = float(c)
+    return float(round(number)) if abs(number - round(number)) < 1e-13 else number
 
 
 def lay_out(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> Layout:
@@ -137,7 +154,8 @@ def lay_out(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> Layo
         if builder.group_of[body] == body:
             builder.lay_out(body)
     for joint, coordinate in asked_angles(model, scene, outputs):
-        node = Node(name=f"{joint.name}.{coordinate}", kind=NodeKind.ANGLE, body=joint.follower, place=(sympy.Integer(0),) * 3)
+        body = joint.base if joint.follower == GROUND else joint.follower
+        node = Node(name=f"{joint.name}.{coordinate}", kind=NodeKind.ANGLE, body=body, place=(sympy.Integer(0),) * 3)
         builder.layout.nodes.append(node)
         builder.layout.angles[joint.name, coordinate] = node
     return builder.layout
@@ -170,7 +188,8 @@ class _Builder:
         self.group_of = _join(model.joints, {JointKind.FIXED}, order)
         self._attitude_of = _join(model.joints, {JointKind.FIXED, JointKind.PRISMATIC}, order)
         self._done: list[str] = []
-        self.layout = Layout(group_of=self.group_of, value=value)
+        outwards = {t.joint.name: (t.parent, t.child) for t in topology.tree}
+        self.layout = Layout(group_of=self.group_of, value=value, outwards=outwards)
         self._needs: dict[str, Needs] = {}
 
     def collect(self, scene: Scene, outputs: Sequence[Output]) -> None:
@@ -231,14 +250,14 @@ class _Builder:
     def _given(self, group: str) -> list[Node]:
         """The nodes that joints share with groups laid out before, points first."""
         given: dict[Node, None] = {}
+        mates = [g for g in self._done if self._attitude_of[g] == self._attitude_of[group]]
+        for i, axis in enumerate(GLOBAL_AXES if mates else ()):
+            given.setdefault(self.layout.node(mates[0], NodeKind.VECTOR, axis, f"{mates[0]}.{'xyz'[i]}"))
         for joint in self._model.joints:
             for mine, other, place in self._ends(joint):
                 if mine == group and other in self._done and mine != other:
                     for need in self._shared(joint, place):
                         given.setdefault(self.layout.node(other, need.kind, need.place, need.name))
-        mates = [g for g in self._done if self._attitude_of[g] == self._attitude_of[group]]
-        for i, axis in enumerate(GLOBAL_AXES if mates else ()):
-            given.setdefault(self.layout.node(mates[0], NodeKind.VECTOR, axis, f"{mates[0]}.{'xyz'[i]}"))
         return sorted(given, key=lambda n: n.kind is not NodeKind.POINT)
 
     def _ends(self, joint: Joint) -> list[tuple[str, str, Vector]]:
@@ -256,7 +275,7 @@ class _Builder:
 
     def _choose(self, group: str, given: list[Node], needs: Needs) -> tuple[list[Node], list[Node]]:
         """The basis of a group and the shared nodes that are left over."""
-        selection = _Selection(self._column)
+        selection = _Selection(self._column, self.layout.free_name)
         items: list[Node | Need] = [*given, *needs.shared, *needs.spanned]
         rank = _span([self._column(item) for item in items])
         points = sorted(needs.shared, key=lambda n: n.kind is not NodeKind.POINT)
@@ -320,8 +339,7 @@ def _join(joints: Sequence[Joint], kinds: set[JointKind], order: dict[str, int])
 
 def _way(basis: Sequence[Node], i: int) -> Form:
     """The way from the first node to node i, or that node's direction."""
-    one = sympy.Integer(1)
-    return {basis[i]: one, basis[0]: -one} if basis[i].kind is NodeKind.POINT else {basis[i]: one}
+    return {basis[i]: 1, basis[0]: -1} if basis[i].kind is NodeKind.POINT else {basis[i]: 1}
 
 
 def _span(columns: Sequence[NDArray[np.float64]]) -> int:
@@ -331,9 +349,10 @@ def _span(columns: Sequence[NDArray[np.float64]]) -> int:
 class _Selection:
     """Nodes that are independent: the directions from the first point to the others, and the directions among them."""
 
-    def __init__(self, column: Callable[[Node | Need], NDArray[np.float64]]) -> None:
+    def __init__(self, column: Callable[[Node | Need], NDArray[np.float64]], free_name: Callable[[str, str], str]) -> None:
         self.nodes: list[Node] = []
         self._column = column
+        self._free_name = free_name
 
     def _ways(self) -> NDArray[np.float64]:
         """The directions that the nodes span, (k, 3)."""
@@ -370,7 +389,7 @@ class _Selection:
 
     def offer(self, group: str, need: Need, least: float) -> None:
         """Take a new node of the group for a need that adds enough."""
-        self.take(Node(name=need.name, kind=need.kind, body=group, place=need.place), least)
+        self.take(Node(name=self._free_name(need.name, group), kind=need.kind, body=group, place=need.place), least)
 
     def across(self, group: str) -> None:
         """Take a unit vector across all chosen."""

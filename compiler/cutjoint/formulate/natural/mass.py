@@ -28,9 +28,13 @@ def mass_matrix(group: Group, bodies: Iterable[Body]) -> dict[tuple[Node, Node],
     least = _ROUNDING * max(sizes, default=0.0)
     pairs = ((i, j) for i in range(M.rows) for j in range(M.cols))
     return {
-        (group.basis[i], group.basis[j]): M[min(i, j), max(i, j)] for i, j in pairs
+        (group.basis[i], group.basis[j]): _number(M[min(i, j), max(i, j)]) for i, j in pairs
         if not (M[i, j].is_number and abs(float(M[i, j])) <= least)
     }  # fmt: skip
+
+
+def _number(x: Scalar) -> Scalar:
+    return float(x) if x.is_number else x
 
 
 def _moments(body: Body) -> sympy.Matrix:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from cutjoint.formulate.natural.families import Correspondence
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
 from cutjoint.formulate.translate import Translator
@@ -27,6 +28,7 @@ class NodeMotions:
     builder: Builder
     translator: Translator
     layout: Layout
+    correspondence: Correspondence = field(default_factory=Correspondence)
     _known: dict[Node, Motion] = field(default_factory=dict, repr=False)
 
     def of(self, form: Form) -> Motion:
@@ -47,12 +49,17 @@ class NodeMotions:
         b = self.builder
         if coefficient == 1:
             return block
-        return b.neg(block) if coefficient == -1 else b.scale(self.translator.scalar(coefficient), block)
+        if coefficient == -1:
+            return b.neg(block)
+        number = b.number(coefficient) if isinstance(coefficient, float) else self.translator.scalar(coefficient)
+        return b.scale(number, block)
 
     def node(self, node: Node) -> Motion:
         """The motion of a node."""
         if node not in self._known:
-            self._known[node] = self._derived(node)
+            motion = self._known[node] = self._derived(node)
+            for block in (motion.x, motion.v, motion.a):
+                self.correspondence.record(node.name, block=block)
         return self._known[node]
 
     def _derived(self, node: Node) -> Motion:

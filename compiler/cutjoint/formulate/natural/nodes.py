@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
 
-import sympy
-
 from cutjoint.model.records import GROUND, Scalar, Vector
 
 
@@ -66,8 +64,11 @@ def combine(*terms: tuple[Scalar, Form]) -> dict[Node, Scalar]:
 
 def is_nought(value: Scalar) -> bool:
     """Whether a coefficient of order one is zero but for rounding."""
-    value = sympy.sympify(value)
-    return bool(value.is_number and abs(float(value)) < _ROUNDING)
+    if not isinstance(value, int | float):
+        if not value.is_number:
+            return False
+        value = float(value)
+    return bool(abs(value) < _ROUNDING)
 
 
 def difference(a: Form, b: Form) -> dict[Node, Scalar]:
@@ -79,7 +80,7 @@ def in_coordinates(form: Form) -> dict[Node, Scalar]:
     """A form over coordinates and constants alone."""
     terms = []
     for node, coefficient in form.items():
-        terms.append((coefficient, {node: sympy.Integer(1)} if node.parts is None else in_coordinates(node.parts)))
+        terms.append((coefficient, {node: 1} if node.parts is None else in_coordinates(node.parts)))
     return combine(*terms)
 
 

@@ -94,13 +94,14 @@ class NaturalReporter:
 
     def _slide(self, joint: Joint, coordinate: str) -> Motion:
         b, layout = self.motions.builder, self.motions.layout
-        way = self.motions.of(difference(layout.point(joint.follower, joint.at), layout.point(joint.base, joint.at)))
-        axis = self.motions.direction(joint.base, slide_axis(joint, coordinate))
+        base, follower = layout.slide_ends(joint)
+        way = self.motions.of(difference(layout.point(follower, joint.at), layout.point(base, joint.at)))
+        axis = self.motions.direction(base, slide_axis(joint, coordinate))
         rate = b.add(b.dot(way.x, axis.v), b.dot(way.v, axis.x))
         return Motion(x=b.dot(way.x, axis.x), v=rate, a=b.zero(1))
 
     def _relative_spin(self, joint: Joint, axis: int) -> Block:
-        """An element of the follower's angular velocity against the base, in the base's axes."""
-        b = self.motions.builder
-        follower, base = (self.motions.spin(body, self._axes(body)) for body in (joint.follower, joint.base))
-        return b.dot(self.motions.direction(joint.base, GLOBAL_AXES[axis]).x, b.sub(follower, base))
+        """An element of the outer body's angular velocity against the inner one, in the latter's axes."""
+        b, (inner, outer) = self.motions.builder, self.motions.layout.outwards[joint.name]
+        spin = b.sub(self.motions.spin(outer, self._axes(outer)), self.motions.spin(inner, self._axes(inner)))
+        return b.dot(self.motions.direction(inner, GLOBAL_AXES[axis]).x, spin)

@@ -76,11 +76,11 @@ def _balance(
     balance = NodalForce(motions=m)
     bodies = [body for body in model.bodies if body.name in group.bodies]
     for (i, j), mass in mass_matrix(group, bodies).items():
-        balance.add(_one(i), m.times(mass, m.node(j).a))
+        balance.add("inertia", _one(i), m.times(mass, m.node(j).a))
     for constraint in constraints:
         if constraint.element == group.name:
             for node, gradient in constraint.gradient.items():
-                balance.add(_one(node), b.mul(b.transpose(gradient), multipliers(b, constraint)))
+                balance.add(constraint.element, _one(node), b.mul(b.transpose(gradient), multipliers(b, constraint)))
     for body in bodies:
         if body.mass != 0:
             weight = b.scale(m.translator.scalar(body.mass), m.vector(model.gravity))
@@ -93,10 +93,10 @@ def _balance(
 
 
 def _one(node: Node) -> Form:
-    return {node: sympy.Integer(1)}
+    return {node: 1}
 
 
 def _subtract(balance: NodalForce, group: Group, form: Form, force: Block) -> None:
     """Take off a force on a form of the group, over its basis."""
-    over = combine(*((c, {n: sympy.Integer(1)} if n in group.basis else n.parts or {}) for n, c in form.items()))
-    balance.add(over, balance.motions.builder.neg(force))
+    over = combine(*((c, {n: 1} if n in group.basis else n.parts or {}) for n, c in form.items()))
+    balance.add("reaction", over, balance.motions.builder.neg(force))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from cutjoint.formulate.natural.constraints import Constraint
+from cutjoint.formulate.natural.families import Correspondence
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import NodeKind
-from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations, Slot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,13 +18,14 @@ class LagrangianEquations(Equations):
 
     Inputs by symbol: ``node:name``, ``node_rate:name``, ``node_acceleration:name``, ``lambda:constraint``, ``w:constraint``, ``penalty``,
     ``weights`` (damping, stiffness, constraint).  The results ``tangent:row,column`` are the tangent's candidates, of a symmetric
-    tangent the lower triangle; they have no slot yet.  ``start`` are the recursive equations that find where a run begins.
+    tangent the lower triangle; their slots follow from its pattern.  ``start`` are the recursive equations that find where a run begins.
     """
 
     method: str
     layout: Layout
     constraints: tuple[Constraint, ...]
     start: RecursiveEquations
+    correspondence: Correspondence
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
@@ -35,3 +38,8 @@ class LagrangianEquations(Equations):
     def equation_names(self) -> tuple[str, ...]:
         """A name for each constraint equation."""
         return tuple(f"{c.element}.{name}" for c in self.constraints for name in c.names)
+
+    def with_tangent(self, places: Mapping[str, int]) -> LagrangianEquations:
+        """The equations with a slot for each entry of the tangent that is not always zero."""
+        slots = {name: Slot(array="tangent", offset=place, names=(name,)) for name, place in places.items()}
+        return replace(self, slots={**self.slots, **slots})

@@ -56,6 +56,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
         parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={**chart_slots(charts, ""), **_closure_slots(closures), **column_slots(outputs)},
+        load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ def find_families(builder: Builder, topology: Topology) -> list[Family]:
     """
     blocks = {label: block for block, label in builder.labels.items()}
     families = []
-    for members in (group for subtrees in independent_classes(topology) for group in _groups(subtrees.members)):
+    for members in (group for subtrees in independent_classes(topology) for group in grouped_members(subtrees.members)):
         counterparts = [
             {_identifier(mine): _identifier(theirs) for mine, theirs in zip(members[0], member, strict=True)} for member in members
         ]
@@ -63,7 +63,8 @@ def _carriers(topology: Topology, subtrees: SubtreeClass) -> set[str]:
     return common or {GROUND}
 
 
-def _groups(members: tuple[tuple[str, ...], ...]) -> list[tuple[tuple[str, ...], ...]]:
+def grouped_members(members: tuple[tuple[str, ...], ...]) -> list[tuple[tuple[str, ...], ...]]:
+    """Members in groups of four and two, those that go into one register together."""
     groups, first, width = [], 0, WIDEST
     while len(members) - first > 1:
         while width > len(members) - first:

@@ -56,10 +56,16 @@ def _entry(bodies: Sequence[Body], arms: Mapping[str, Vector], model: Model) -> 
 
 
 def _row(body: Body, arm: Vector, model: Model) -> tuple[str, ...]:
-    principal, products = (", ".join(text(x, model) for x in part) for part in (body.inertia[:3], body.inertia[3:]))
     return (
-        code(body.name), body.span.place, text(body.mass, model), place(body.centre_of_mass, model), place(arm, model), principal, products,
+        code(body.name), body.span.place, text(body.mass, model), place(body.centre_of_mass, model), place(arm, model),
+        *inertia_cells(body, model),
     )  # fmt: skip
+
+
+def inertia_cells(body: Body, model: Model) -> tuple[str, str]:
+    """Moments and products of inertia for a table."""
+    principal, products = (", ".join(text(x, model) for x in part) for part in (body.inertia[:3], body.inertia[3:]))
+    return principal, products
 
 
 def _formulas(body: Body, arm: Vector, model: Model) -> tuple[str, ...]:

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.model.records import Force
+from cutjoint.formulate.records import Equations
+from cutjoint.model.records import Force, Model
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import variants
 from cutjoint.report.explain.manners import Manner, describe
 from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
 
 
-def explain_forces(equations: RecursiveEquations, counterparts: Sequence[Counterparts]) -> Chapter:
-    """The forces that act in the scene; those that are switched off are named."""
+def explain_forces(
+    equations: Equations, counterparts: Sequence[Counterparts], manner: Callable[[Force, Model], Manner] = describe,
+    notes: tuple[str, ...] = (),
+) -> Chapter:  # fmt: skip
+    """The forces that act in the scene, in the manner of a formulation; those that are switched off are named."""
     model, scene = equations.topology.model, equations.scene
     forces = {f.name: f for f in model.forces if is_active(f, scene)}
-    manners = {name: describe(f, model) for name, f in forces.items()}
+    manners = {name: manner(f, model) for name, f in forces.items()}
     groups = group(list(forces), counterparts, lambda name: manners[name].kind, lambda name: manners[name].laws)
     entries = [_entry([forces[n] for n in names], [manners[n] for n in names]) for names in groups]
     off = [f for f in model.forces if f.name not in forces]
     if off:
         rows = make_table(("force", "line"), ((code(f.name), f.span.place) for f in off))
         entries.append(Entry(title="Switched off", notes=("Not in this scene's equations.",), formulas=(), table=rows))
-    notes = () if model.forces else ("None but gravity.",)
-    return Chapter(title="Forces", notes=notes, formulas=(), entries=tuple(entries))
+    return Chapter(title="Forces", notes=notes if model.forces else ("None but gravity.",), formulas=(), entries=tuple(entries))
 
 
 def _entry(forces: Sequence[Force], manners: Sequence[Manner]) -> Entry:

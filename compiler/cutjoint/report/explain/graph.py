@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.model.records import GROUND, SPEEDS, Binding, Joint, JointKind
+from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.model.records import GROUND, SPEEDS, Binding, Joint, JointKind, Model
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
@@ -38,24 +38,41 @@ def summarise(equations: RecursiveEquations, program: Program) -> Table:
     """The counts."""
     topology, mobility = equations.topology, find_mobility(equations)
     model = topology.model
-    active = sum(1 for f in model.forces if is_active(f, equations.scene))
-    bindings = ", ".join(f"{sum(1 for p in model.parameters if p.binding is b)} {b.value}" for b in Binding)
     widest = max((loop.width for loop in topology.loops), default=0)
     return make_table(("what", "count"), [
-        ("bodies", f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.mass == 0)} of them massless"),
+        ("bodies", count_bodies(model)),
         ("joints", f"{len(topology.tree)} in the tree ({sum(1 for t in topology.tree if t.joint.guide is not None)} guided), "
                    f"{len(topology.cuts)} cut"),
         ("loops", f"{len(topology.loops)}, widest couples {plural(widest, 'body', 'bodies')}"),
-        ("forces", f"{active} act, {len(model.forces) - active} switched off"),
-        ("parameters", bindings),
+        *given_rows(equations),
         ("coordinates", f"{equations.coordinates}, quaternions with four each"),
         ("speeds", str(equations.speeds)),
         ("cut-joint equations", f"{mobility.equations}, rank {mobility.rank}"),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
+        *operation_rows(program),
+    ])  # fmt: skip
+
+
+def count_bodies(model: Model) -> str:
+    """How many bodies there are, and how many of them have no mass."""
+    return f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.mass == 0)} of them massless"
+
+
+def given_rows(equations: Equations) -> list[tuple[str, str]]:
+    """The counts of forces and parameters."""
+    model = equations.topology.model
+    active = sum(1 for f in model.forces if is_active(f, equations.scene))
+    bindings = ", ".join(f"{sum(1 for p in model.parameters if p.binding is b)} {b.value}" for b in Binding)
+    return [("forces", f"{active} act, {len(model.forces) - active} switched off"), ("parameters", bindings)]
+
+
+def operation_rows(program: Program) -> list[tuple[str, str]]:
+    """The operations of each function, and of what comes before it."""
+    return [
         *((f"operations of `{f.name}`", str(program.operations(f.name))) for f in program.functions),
         ("operations when parameters are loaded", _early(program, program.loaded, BindingTime.PARAM)),
         ("operations when a step begins", _early(program, program.stepped, BindingTime.STEP)),
-    ])  # fmt: skip
+    ]  # fmt: skip
 
 
 def _early(program: Program, nodes: Sequence[int], binding: BindingTime) -> str:

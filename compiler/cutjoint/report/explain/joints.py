@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import sympy
 
 from cutjoint.formulate.inputs import TIME, guide_rates
-from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Joint, JointKind, Model, Scalar
 from cutjoint.report.explain.graph import unknowns_of
@@ -82,7 +82,7 @@ def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], 
     if others:
         notes.append(f"Kernel of {code(first.joint.name)}; the same with their own axes: {code(others)}.")
     notes += [_KINDS[kind]] if kind in _KINDS else []
-    guides = variants([t.joint.name for t in joints], [_guide(t.joint, equations) for t in joints])
+    guides = variants([t.joint.name for t in joints], [explain_guide(t.joint, equations) for t in joints])
     if guides:
         notes.append("Guided, so that the motion is known and $d$ takes in $b$ times the guide's acceleration:")
     return Entry(
@@ -108,7 +108,7 @@ def _row(t: TreeJoint, model: Model) -> tuple[str, ...]:
     return code(joint.name), joint.span.place, code(t.parent), code(t.child) + reverse, ends, axes + pitch, unknowns_of(t)
 
 
-def _guide(joint: Joint, equations: RecursiveEquations) -> tuple[str, ...]:
+def explain_guide(joint: Joint, equations: Equations) -> tuple[str, ...]:
     """A guided coordinate, its rate and acceleration as functions of time; nothing of a free one."""
     if joint.guide is None:
         return ()

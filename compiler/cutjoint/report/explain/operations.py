@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Binding, Model, Parameter, Scene
 from cutjoint.program.records import Program
+from cutjoint.program.scalars import FREE
 from cutjoint.program.schedule import schedule
 from cutjoint.report.explain.latex import number
 from cutjoint.report.explain.views import Table, code, make_table
 from cutjoint.topology.records import Topology
 
 #: The sweeps of an evaluation, in their order.
-_STAGES = ("inputs", "kinematics", "body", "force", "closure", "condensation", "accelerations", "multipliers")
+STAGES = ("inputs", "kinematics", "body", "force", "closure", "condensation", "accelerations", "multipliers")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,24 +35,28 @@ def derive(topology: Topology, scene: Scene) -> tuple[RecursiveEquations, Progra
     return equations, schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
 
 
-def count_operations(program: Program) -> dict[tuple[str, str], int]:
-    """The operations of ``evaluate`` by stage and element."""
+def count_operations(program: Program, function: str = "evaluate") -> dict[tuple[str, str], int]:
+    """The operations of a function without lanes by stage and element."""
     counts: dict[tuple[str, str], int] = {}
-    for section, operations in program.operations_by_section("evaluate").items():
-        key = (section.stage, section.element)
-        counts[key] = counts.get(key, 0) + operations
+    for n in program.function(function).statements:
+        node = program.graph.nodes[n]
+        if node.op not in FREE:
+            section = program.sections[node.section]
+            counts[section.stage, section.element] = counts.get((section.stage, section.element), 0) + 1
     return counts
 
 
-def operations_table(topology: Topology, counts: Mapping[tuple[str, str], int]) -> Table:
-    """One row an element, one column a stage."""
+def operations_table(
+    topology: Topology, counts: Mapping[tuple[str, str], int], order: Sequence[str] = STAGES, unnamed: str = "inputs"
+) -> Table:
+    """One row an element, one column a stage, known ones in their order; ``unnamed`` is what belongs to no element."""
     joints = (*(t.joint for t in topology.tree), *topology.cuts)
     known = {stage for stage, _ in counts}
-    stages = [*(s for s in _STAGES if s in known), *sorted(known - set(_STAGES))]
+    stages = [*(s for s in order if s in known), *sorted(known - set(order))]
     lines = {e.name: e.span.place for e in (*topology.model.bodies, *joints, *topology.model.forces)}
     elements = [name for name in ("", *lines) if any((stage, name) in counts for stage in stages)]
     rows = [
-        (code(name) if name else "inputs", lines.get(name, ""), *_cells([counts.get((stage, name), 0) for stage in stages]))
+        (code(name) if name else unnamed, lines.get(name, ""), *_cells([counts.get((stage, name), 0) for stage in stages]))
         for name in elements
     ]  # fmt: skip
     sums = _cells([sum(n for (stage, _), n in counts.items() if stage == s) for s in stages])

@@ -95,6 +95,11 @@ class Expressions {
   void set(int at, Real value) { registers_[static_cast<std::size_t>(at)] = value; }
   Real operator[](int at) const { return registers_[static_cast<std::size_t>(at)]; }
 
+  /// Whether a register holds a number that neither parameters nor time change.
+  bool is_number(int at) const {
+    return std::any_of(constants_.begin(), constants_.end(), [at](const auto& constant) { return constant.second == at; });
+  }
+
   /// Whether a register holds this number whatever the parameters are.
   bool is_constant(int at, double value) const {
     const auto found = constants_.find(value);

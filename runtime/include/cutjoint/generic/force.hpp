@@ -149,8 +149,8 @@ class Forces {
   }
 
   void add(BodySystem<Real>& system, const Tyre& tyre, const TyreValues<Real>& values) {
-    const Contact<Real> contact = meet_road(k_, tyre, values, roads_[tyre.road]);
-    system.Q(tyre.centre.body) += contact.wrench;
+    const auto [contact, wrench] = meet_road(k_, tyre, values, roads_[tyre.road]);
+    system.Q(tyre.centre.body) += wrench;
     Real* out = &quantities_[static_cast<std::size_t>(tyre.quantity)];
     out[0] = contact.load, out[1] = contact.side, out[2] = contact.aligning;
     out[3] = contact.slip, out[4] = contact.camber, out[5] = contact.deflection;

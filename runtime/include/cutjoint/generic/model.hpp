@@ -125,6 +125,12 @@ struct Output {
   int index = 0, cut = -1;
 };
 
+/// A body's point or direction that others ask for.
+struct Mark {
+  Fixed at;
+  bool is_point;
+};
+
 /// The names that a description refers to.
 struct Names {
   struct Item {
@@ -190,6 +196,7 @@ struct Model {
   std::vector<JointForce> joint_forces;
   std::vector<Tyre> tyres;
   std::vector<Output> outputs;
+  std::vector<Mark> marks;  ///< points and directions that others ask for
   int quantities = 0;  ///< how many all forces report
 
   bool same_branch(int a, int b) const { return body(a).root == body(b).root; }

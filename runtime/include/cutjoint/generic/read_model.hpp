@@ -19,6 +19,33 @@ inline JointKind joint_kind_of(const std::string& name) {
   return kinds.at(name);
 }
 
+/// A law over a named position and its rate.
+template <class Real>
+Law read_law(Expressions<Real>& e, const Json& json, const char* position) {
+  Law law;
+  law.position = e.variable(position);
+  law.rate = e.variable("rate");
+  law.value = e.routine([&] { law.force = e.read(json.at("force")); });
+  law.tangents = e.routine([&] {
+    law.stiffness = e.read(json.at("stiffness"));
+    law.damping = e.read(json.at("damping"));
+  });
+  return law;
+}
+
+template <class Real>
+TyreConstants read_constants(Expressions<Real>& e, const Json& c) {
+  const auto of = [&](const char* name) { return e.read(c.at(name)); };
+  return {of("stiffness"), of("radius"), of("spin_inertia"), of("A0"), of("A1"), of("A2"), of("A3"), of("A4"),
+          of("B1"), of("B3"), of("B4"), of("SN"), of("AF1"), of("AF2")};
+}
+
+inline std::vector<Names::Item> read_parameter_names(const Json& document) {
+  std::vector<Names::Item> items;
+  for (const Json& p : document.at("parameters")) items.push_back({p.at("name"), p.at("unit"), p.at("default")});
+  return items;
+}
+
 /// Reads one model.  Throws std::runtime_error or a nlohmann exception on a description that does not hold together.
 template <class Real>
 class ModelReader {
@@ -37,6 +64,8 @@ class ModelReader {
     for (const Json& cut : document_.at("cuts")) read_cut(cut);
     for (const Json& force : document_.at("forces")) read_force(force);
     for (const Json& output : document_.at("outputs")) read_output(output);
+    if (document_.contains("marks"))
+      for (const Json& mark : document_.at("marks")) model_.marks.push_back(read_mark(mark));
     return std::move(model_);
   }
 
@@ -45,7 +74,7 @@ class ModelReader {
     Names& names = model_.names;
     names.model = document_.at("name");
     names.roads = document_.at("roads").template get<std::vector<std::string>>();
-    for (const Json& p : document_.at("parameters")) names.parameters.push_back({p.at("name"), p.at("unit"), p.at("default")});
+    names.parameters = read_parameter_names(document_);
   }
 
   /// "prefix.name" for each name.
@@ -65,6 +94,12 @@ class ModelReader {
   }
 
   Fixed direction(int body, const Json& trees) { return {body, model_.vectors.add(triple(trees))}; }
+
+  Mark read_mark(const Json& json) {
+    const int on = body(json.at("body"));
+    if (json.at("kind") == "point") return {point(on, json.at("place")), true};
+    return {direction(on, json.at("place")), false};
+  }
 
   Joint read_joint(const Json& json) {
     Joint joint;
@@ -141,29 +176,16 @@ class ModelReader {
     else throw std::runtime_error("unknown kind of force '" + kind + "'");
   }
 
-  Law read_law(const Json& json, const char* position) {
-    Law law;
-    Expressions<Real>& e = model_.expressions;
-    law.position = e.variable(position);
-    law.rate = e.variable("rate");
-    law.value = e.routine([&] { law.force = e.read(json.at("force")); });
-    law.tangents = e.routine([&] {
-      law.stiffness = e.read(json.at("stiffness"));
-      law.damping = e.read(json.at("damping"));
-    });
-    return law;
-  }
-
   void read_point_spring(const Json& json, int quantity) {
     const int base = body(json.at("base")), follower = body(json.at("follower"));
-    model_.point_springs.push_back(
-        {point(base, json.at("start")), point(follower, json.at("end")), read_law(json.at("law"), "length"), quantity});
+    model_.point_springs.push_back({point(base, json.at("start")), point(follower, json.at("end")),
+                                    read_law(model_.expressions, json.at("law"), "length"), quantity});
   }
 
   void read_axial_force(const Json& json, int quantity) {
     const int base = body(json.at("base")), follower = body(json.at("follower"));
     model_.axial_forces.push_back({point(base, json.at("origin")), point(follower, json.at("point")), direction(base, json.at("axis")),
-                                   read_law(json.at("law"), "travel"), quantity});
+                                   read_law(model_.expressions, json.at("law"), "travel"), quantity});
   }
 
   void read_bushing(const Json& json, int quantity) {
@@ -196,18 +218,16 @@ class ModelReader {
   }
 
   void read_joint_force(const Json& json, int quantity) {
-    model_.joint_forces.push_back({body(json.at("body")), json.at("coordinate"), read_law(json.at("law"), "position"), quantity});
+    const Law law = read_law(model_.expressions, json.at("law"), "position");
+    model_.joint_forces.push_back({body(json.at("body")), json.at("coordinate"), law, quantity});
   }
 
   void read_tyre(const Json& json, int quantity) {
-    const Json& c = json.at("constants");
-    const auto of = [&](const char* name) { return number(c.at(name)); };
     const int on = body(json.at("body"));
     Tyre tyre{};
     tyre.centre = point(on, json.at("centre"));
     tyre.axis = direction(on, json.at("axis"));
-    tyre.constants = {of("stiffness"), of("radius"), of("spin_inertia"), of("A0"), of("A1"), of("A2"), of("A3"), of("A4"),
-                      of("B1"), of("B3"), of("B4"), of("SN"), of("AF1"), of("AF2")};
+    tyre.constants = read_constants(model_.expressions, json.at("constants"));
     tyre.road = json.at("road");
     tyre.quantity = quantity;
     model_.tyres.push_back(tyre);

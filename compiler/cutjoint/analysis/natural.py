@@ -1,0 +1,128 @@
+"""Systems in natural coordinates as numbers: states that satisfy their equations, Jacobians, tangents, equations that depend on others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
+from cutjoint.analysis.poses import TOLERANCE, Pose, explore
+from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.program.interpret import RoadTable, interpret_blocks
+
+#: Which array of a call an input symbol's column is taken from, by what its name begins with.
+_ARRAYS: Mapping[str, str] = {"node": "q", "node_rate": "v", "node_acceleration": "vdot", "lambda": "lambda", "w": "w"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class NaturalState:
+    """Natural coordinates and their rates."""
+
+    q: Array
+    v: Array
+
+
+def call(
+    equations: LagrangianEquations, function: str, arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None
+) -> dict[str, Array]:
+    """The results of a function by array, in the interpreter; what ``arrays`` does not give is zero or a parameter's default.
+
+    Arrays of inputs (..., length) are named as the generated function's arguments, and may carry batch axes; ``relative_q`` and
+    ``relative_v`` are those of the start.  Only entries of the tangent that have their place are returned.
+    """
+    results = {name: block for name, block in equations.function(function).results.items() if name in equations.slots}
+    flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
+    values = interpret_blocks(results.values(), _inputs(equations, arrays), flat if roads is None else roads)
+    pieces: dict[str, list[tuple[int, Array]]] = {}
+    for name, block in results.items():
+        slot = equations.slots[name]
+        pieces.setdefault(slot.array, []).append((slot.offset, values[block][..., 0]))
+    return {array: _joined([p for _, p in sorted(parts, key=lambda part: part[0])]) for array, parts in pieces.items()}
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    batch = np.broadcast_shapes(*(p.shape[:-1] for p in parts))
+    return np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in parts], axis=-1)
+
+
+def _inputs(equations: LagrangianEquations, arrays: Mapping[str, Array]) -> dict[str, Array]:
+    start = equations.start
+    q, v = arrays.get("relative_q", np.zeros(start.coordinates)), arrays.get("relative_v", np.zeros(start.speeds))
+    given = ("parameters", "penalty", "weights", "t", "motion")
+    inputs = make_inputs(start, q, v) | {name: arrays[name] for name in given if name in arrays}
+    for symbol, slot in equations.slots.items():
+        array = _ARRAYS.get(symbol.partition(":")[0])
+        if array is not None:
+            size = len(slot.names)
+            inputs[symbol] = arrays[array][..., slot.offset : slot.offset + size] if array in arrays else np.zeros(size)
+    return inputs
+
+
+def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
+    """The poses of the recursive equations that close the loops, in natural coordinates, moving along a free direction of each."""
+    rng = np.random.default_rng(0)
+    return [_moving(equations, pose, rng) for pose in explore(equations.start)]
+
+
+def _moving(equations: LagrangianEquations, pose: Pose, rng: np.random.Generator) -> NaturalState:
+    m, n = pose.jacobian.shape
+    free = np.linalg.svd(pose.jacobian, full_matrices=m < n)[2][pose.rank :].T if m and n else np.eye(n)
+    speeds = free @ rng.standard_normal(free.shape[1])
+    placed = call(equations, "place", {"relative_q": pose.q, "relative_v": speeds})
+    return NaturalState(q=placed["q"], v=placed["v"])
+
+
+def constraint_jacobian(equations: LagrangianEquations, q: Array) -> Array:
+    """Phi_q, (equations, coordinates)."""
+    m, n = len(equations.equation_names), len(equations.coordinate_names)
+    if m == 0:
+        return np.zeros((0, n))
+    return np.broadcast_to(call(equations, "pull", {"q": q, "w": np.eye(m)})["force"], (m, n))
+
+
+def dependent_equations(equations: LagrangianEquations, states: Sequence[NaturalState]) -> tuple[str, ...]:
+    """The names of equations that follow from the others in every state: the last of those that depend on each other.
+
+    The rows kept have the rank of all in each state that has the largest rank.
+    """
+    jacobians = [constraint_jacobian(equations, state.q) for state in states]
+    if not jacobians[0].shape[0]:
+        return ()
+    ranks = [_rank(J) for J in jacobians]
+    best = [J for J, rank in zip(jacobians, ranks, strict=True) if rank == max(ranks)]
+    kept: list[int] = []
+    reduced = [J / np.linalg.norm(J, axis=1, keepdims=True).clip(1e-300) for J in best]
+    bases = [np.zeros((0, J.shape[1])) for J in best]
+    for row in range(len(best[0])):
+        rests = [J[row] - basis.T @ (basis @ J[row]) for J, basis in zip(reduced, bases, strict=True)]
+        if min(np.linalg.norm(rest) for rest in rests) > _INDEPENDENT:
+            kept.append(row)
+            bases = [np.vstack([basis, _orthogonal(rest, basis)]) for basis, rest in zip(bases, rests, strict=True)]
+    return tuple(name for row, name in enumerate(equations.equation_names) if row not in kept)
+
+
+#: What a normalised row must have that the rows before it do not.
+_INDEPENDENT = 1e-7
+
+
+def _orthogonal(rest: Array, basis: Array) -> Array:
+    rest = rest - basis.T @ (basis @ rest)
+    return np.asarray(rest / np.linalg.norm(rest))
+
+
+def _rank(J: Array) -> int:
+    values = np.linalg.svd(J, compute_uv=False)
+    return int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
+
+
+def tangent_samples(equations: LagrangianEquations, states: Sequence[NaturalState], dt: float) -> Iterator[Array]:
+    """Values of the tangent's entries at states, as a step of dt has them and as the start has them.
+
+    The constraints have the same weight in both: it multiplies rows and columns of the multipliers, and pivots do not depend on it.
+    """
+    for state in states:
+        for weights in ((dt / 2, dt * dt / 4, 1.0), (0.0, 0.0, 1.0)):
+            arrays = {"q": state.q, "v": state.v, "penalty": np.zeros(1), "weights": np.array(weights)}
+            yield call(equations, "linearise", arrays)["tangent"]

@@ -1,0 +1,71 @@
+"""Programs of a Lagrangian method -> C++ files: the system in natural coordinates, and the mechanism that starts its runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cutjoint.emit.factorisation import emit_factorisation
+from cutjoint.emit.source import Page, Source, description, mechanism_files, members, sources
+from cutjoint.emit.view import Viewer
+from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.program.records import Program
+from cutjoint.sparse.pattern import Pattern
+from cutjoint.sparse.plan import Plan
+
+_ABOUT = {
+    "place": "Natural coordinates and their rates from relative coordinates and speeds.",
+    "balance": "M vdot + Phi_q^T (penalty Phi + lambda) - Q, and Phi.",
+    "linearise": "The same, and the entries of the tangent.",
+    "close": "Phi, Phid = Phi_q v + Phi_t, and Phidd.",
+    "pull": "Phi_q^T w.",
+    "report": "The reported columns.",
+}
+
+
+def emit_system(start: Program, program: Program, equations: LagrangianEquations, plan: Plan) -> Source:
+    """The C++ of a system: class, factorisation, starting mechanism, main program and CMake project."""
+    page = Page.of(equations.start, "recursive, for the start")
+    mechanism = mechanism_files(page, start, equations.start)
+    own = replace(page, class_name=f"{page.class_name}System", formulation=equations.method)
+    files = _system_files(own, program, equations, plan)
+    main = own.render(
+        "lagrangian_main.cpp.jinja", start_header=f"{page.stem}.hpp", start_class_name=page.class_name, header=f"{_header(own)}.hpp"
+    )
+    project = own.render("CMakeLists.txt.jinja", sources=sources({**mechanism, **files}))
+    return own.source({**mechanism, **files, "main.cpp": main, "CMakeLists.txt": project})
+
+
+def _header(page: Page) -> str:
+    return f"{page.stem}_system"
+
+
+def _system_files(page: Page, program: Program, equations: LagrangianEquations, plan: Plan) -> dict[str, str]:
+    viewer, header = Viewer(program, equations), _header(page)
+    functions = page.functions(viewer, list(_ABOUT), header=header)
+    files = {f"system_{name}": text for name, text in functions.items()}
+    files[f"{header}.hpp"] = page.render(
+        "system.hpp.jinja", summary=f"Model {page.stem}, formulation {equations.method}.",
+        functions=[
+            {"name": name, "about": about, "operations": program.operations(name), "arguments": equations.function(name).arguments}
+            for name, about in _ABOUT.items()
+        ],
+        **members(viewer, equations),
+    )  # fmt: skip
+    lists = [("coordinates", equations.coordinate_names), ("equations", equations.equation_names)]
+    files["system_description.cpp"] = page.render(
+        "system_description.cpp.jinja", header=header, method=equations.method,
+        pattern=_pattern(plan.pattern, row_names(equations)), **description(equations, lists),
+    )  # fmt: skip
+    return files | emit_factorisation(plan, row_names(equations), page)
+
+
+def row_names(equations: LagrangianEquations) -> tuple[str, ...]:
+    """A name for each row of the tangent."""
+    return equations.coordinate_names + (equations.equation_names if equations.method == "classical" else ())
+
+
+def _pattern(pattern: Pattern, names: tuple[str, ...]) -> dict[str, object]:
+    columns = [
+        {"name": name, "entries": pattern.row[pattern.first[j] : pattern.first[j + 1]]} for j, name in enumerate(names)
+    ]  # fmt: skip
+    return {"size": pattern.size, "symmetric": pattern.symmetric, "first": pattern.first, "columns": columns}

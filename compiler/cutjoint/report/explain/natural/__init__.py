@@ -1,0 +1,1 @@
+"""The explanation of the Lagrangian formulations in natural coordinates."""

@@ -1,0 +1,94 @@
+"""Where the entries of a square sparse matrix stand, known when the compiler runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pattern:
+    """Compressed columns, rows ascending; of a symmetric matrix the lower triangle.  The same record as `cutjoint::Pattern`.
+
+    ``first`` has size + 1 offsets: column j has the entries first[j] .. first[j + 1] - 1, in the rows ``row``.
+    """
+
+    size: int
+    symmetric: bool
+    first: tuple[int, ...]
+    row: tuple[int, ...]
+
+    def entries(self) -> Iterator[tuple[int, int]]:
+        """Row and column of each entry, in the order of the values."""
+        for column in range(self.size):
+            for k in range(self.first[column], self.first[column + 1]):
+                yield self.row[k], column
+
+
+def make_pattern(size: int, entries: Iterable[tuple[int, int]], *, symmetric: bool) -> Pattern:
+    """The pattern of a set of entries (row, column), given in any order and any number of times.
+
+    Of a symmetric matrix either half may be given; the lower triangle is kept.
+
+    Raises:
+        ValueError: an entry is outside the matrix.
+    """
+    columns: list[set[int]] = [set() for _ in range(size)]
+    for i, j in entries:
+        if not (0 <= i < size and 0 <= j < size):
+            raise ValueError(f"entry ({i}, {j}) is outside of a matrix of size {size}")
+        row, column = (max(i, j), min(i, j)) if symmetric else (i, j)
+        columns[column].add(row)
+    first = [0]
+    for rows in columns:
+        first.append(first[-1] + len(rows))
+    return Pattern(size=size, symmetric=symmetric, first=tuple(first), row=tuple(i for rows in columns for i in sorted(rows)))
+
+
+def positions(pattern: Pattern) -> Mapping[tuple[int, int], int]:
+    """The position of each entry (row, column) among the values; of a symmetric matrix both halves."""
+    found = {entry: k for k, entry in enumerate(pattern.entries())}
+    return found | {(j, i): k for (i, j), k in found.items()} if pattern.symmetric else found
+
+
+def dense(pattern: Pattern, values: Sequence[float] | Array) -> Array:
+    """The matrix, size x size, with the values of the pattern's entries."""
+    matrix = np.zeros((pattern.size, pattern.size))
+    for (i, j), value in zip(pattern.entries(), values, strict=True):
+        matrix[i, j] = value
+        if pattern.symmetric:
+            matrix[j, i] = value
+    return matrix
+
+
+def verify_pattern(pattern: Pattern) -> None:
+    """Check that the record does not contradict itself.
+
+    Raises:
+        ValueError: it does; the message has all that is wrong.
+    """
+    problems = []
+    if len(pattern.first) != pattern.size + 1 or pattern.first[0] != 0 or pattern.first[-1] != len(pattern.row):
+        problems.append(f"first has to lead from 0 to {len(pattern.row)} in {pattern.size + 1} offsets")
+    elif any(a > b for a, b in pairwise(pattern.first)):
+        problems.append("first has to ascend")
+    else:
+        problems += [problem for column in range(pattern.size) if (problem := _problem(pattern, column))]
+    if problems:
+        raise ValueError("; ".join(problems))
+
+
+def _problem(pattern: Pattern, column: int) -> str:
+    """What is wrong with a column; empty when nothing is."""
+    rows = pattern.row[pattern.first[column] : pattern.first[column + 1]]
+    if any(a >= b for a, b in pairwise(rows)):
+        return f"the rows of column {column} have to ascend"
+    lowest = column if pattern.symmetric else 0
+    outside = [i for i in rows if not lowest <= i < pattern.size]
+    return f"column {column} has rows outside of {lowest} .. {pattern.size - 1}: {outside}" if outside else ""

@@ -1,0 +1,31 @@
+// JSON as the driver reads and writes it.
+#pragma once
+
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+
+namespace cutjoint {
+
+using Json = nlohmann::ordered_json;
+
+/// A double that JSON can hold: null where it is not finite.
+inline Json number_or_null(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
+
+/// A JSON file's content.
+inline Json read_json(const std::string& path) {
+  std::ifstream in(path);
+  if (!in) throw std::runtime_error("cannot read " + path);
+  return Json::parse(in);
+}
+
+/// Print a summary; the exit status that goes with it.
+inline int conclude(const Json& summary) {
+  std::cout << summary << std::endl;
+  return summary.at("status") == "done" ? 0 : 1;
+}
+
+}  // namespace cutjoint

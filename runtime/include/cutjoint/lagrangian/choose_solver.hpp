@@ -1,0 +1,63 @@
+// The solver that a run asks for by name.
+#pragma once
+
+#include <concepts>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "cutjoint/lagrangian/eigen_solvers.hpp"
+#include "cutjoint/lagrangian/guarded_solver.hpp"
+#include "cutjoint/lagrangian/solver.hpp"
+
+namespace cutjoint {
+
+/// Whether a system brings its own factorisation.
+template <class S>
+concept Factored = requires(const S& system, const typename S::real_type* in, typename S::real_type* out) {
+  { system.factor(in, out) } -> std::convertible_to<int>;
+  system.solve(in, out);
+};
+
+/// The emitted factorisation; watched where it must do without symmetry, since only a positive definite matrix makes any pivot order safe.
+template <class S>
+std::unique_ptr<LinearSolver<typename S::real_type>> emitted_solver(const S& system) {
+  using Real = typename S::real_type;
+  auto emitted = std::make_unique<EmittedSolver<S>>(system);
+  if (system.description().pattern.symmetric) return emitted;
+  return std::make_unique<GuardedSolver<Real>>(std::move(emitted), std::make_unique<EigenLu<Real>>());
+}
+
+/// The names of the solvers that fit a matrix, as a sentence has them.
+inline std::string solver_names(bool emitted, bool symmetric) {
+  std::string names = emitted ? "emitted" : "";
+  for (const SolverKind& kind : library_solvers())
+    if (symmetric || !kind.symmetric) names.append(names.empty() ? "" : ", ").append(kind.name);
+  return names;
+}
+
+/// The solver of that name, with the system's pattern analysed.  Throws runtime_error for a name that is not built in or does not fit.
+template <class S>
+std::unique_ptr<LinearSolver<double>> choose_solver(const S& system, std::string_view name) {
+  const Pattern& pattern = system.description().pattern;
+  std::unique_ptr<LinearSolver<double>> solver;
+  if constexpr (Factored<S>)
+    if (name == "emitted") solver = emitted_solver(system);
+  for (const SolverKind& kind : library_solvers()) {
+    if (kind.name != name) continue;
+    if (kind.symmetric && !pattern.symmetric)
+      throw std::runtime_error("solver '" + std::string(name) +
+                               "' factors symmetric matrices, and that of the classical method is not; use " +
+                               solver_names(Factored<S>, false));
+    solver = kind.make();
+  }
+  if (!solver)
+    throw std::runtime_error("no solver '" + std::string(name) + "' in this simulator, which has " +
+                             solver_names(Factored<S>, pattern.symmetric) +
+                             "; cholmod, klu and umfpack need a simulator built for comparison");
+  solver->analyse(pattern);
+  return solver;
+}
+
+}  // namespace cutjoint

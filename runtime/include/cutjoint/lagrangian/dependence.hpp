@@ -1,0 +1,84 @@
+// Which equations depend on others: what makes the tangent of the classical method singular.  Dense, and only for the message of a failure.
+#pragma once
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/lagrangian/system.hpp"
+
+namespace cutjoint {
+
+/// Equations whose rows of the Jacobian the others already span, and the others that take part.
+struct Dependence {
+  std::vector<int> dependent;
+  std::vector<int> on;
+};
+
+template <class Real>
+using DenseMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
+
+/// The transposed Jacobian of the equations, (n, m), from the values of a classical tangent; each column has length 1 unless it is zero.
+template <class Real>
+DenseMatrix<Real> transposed_jacobian(const SystemDescription& d, const Real* tangent) {
+  const auto n = static_cast<int>(d.coordinates.size()), m = static_cast<int>(d.equations.size());
+  DenseMatrix<Real> J = DenseMatrix<Real>::Zero(n, m);
+  for (int column = 0; column < n; ++column)
+    for (int i = d.pattern.first[static_cast<std::size_t>(column)]; i < d.pattern.first[static_cast<std::size_t>(column) + 1]; ++i)
+      if (const int row = d.pattern.row[static_cast<std::size_t>(i)]; row >= n) J(column, row - n) = tangent[i];
+  for (int equation = 0; equation < m; ++equation)
+    if (const Real length = J.col(equation).norm(); length > Real(0)) J.col(equation) /= length;
+  return J;
+}
+
+/// Householder's factorisation with column pivoting sorts the equations: the first `rank` span all of them, and the triangle tells how.
+template <class Real>
+Dependence find_dependence(const DenseMatrix<Real>& transposed) {
+  Dependence found;
+  if (transposed.size() == 0) return found;
+  Eigen::ColPivHouseholderQR<DenseMatrix<Real>> qr;
+  qr.setThreshold(Real(1e-7));
+  qr.compute(transposed);
+  const Eigen::Index rank = qr.rank(), m = transposed.cols();
+  const auto& order = qr.colsPermutation().indices();
+  for (Eigen::Index i = rank; i < m; ++i) found.dependent.push_back(order[i]);
+  const DenseMatrix<Real> share =
+      qr.matrixQR().topLeftCorner(rank, rank).template triangularView<Eigen::Upper>().solve(qr.matrixQR().topRightCorner(rank, m - rank));
+  for (Eigen::Index i = 0; i < rank; ++i)
+    if (rank < m && share.row(i).cwiseAbs().maxCoeff() > Real(1e-6)) found.on.push_back(order[i]);
+  std::sort(found.dependent.begin(), found.dependent.end());
+  std::sort(found.on.begin(), found.on.end());
+  return found;
+}
+
+/// The coordinate that moves most in a motion which the equations leave free and which nothing resists; -1 when there is none.
+template <class Real>
+int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
+  const auto n = static_cast<Eigen::Index>(d.coordinates.size());
+  DenseMatrix<Real> K = DenseMatrix<Real>::Zero(d.pattern.size, d.pattern.size);
+  for (int column = 0; column < d.pattern.size; ++column)
+    for (int i = d.pattern.first[static_cast<std::size_t>(column)]; i < d.pattern.first[static_cast<std::size_t>(column) + 1]; ++i)
+      K(d.pattern.row[static_cast<std::size_t>(i)], column) = tangent[i];
+  for (Eigen::Index i = 0; i < K.rows(); ++i)
+    if (const Real largest = K.row(i).cwiseAbs().maxCoeff(); largest > Real(0)) K.row(i) /= largest;
+  Eigen::FullPivLU<DenseMatrix<Real>> lu(K);
+  lu.setThreshold(Real(1e-12));
+  if (lu.isInvertible()) return -1;
+  Eigen::Index coordinate = 0;
+  const Real moved = lu.kernel().topRows(n).rowwise().norm().maxCoeff(&coordinate);
+  return moved > Real(0) ? static_cast<int>(coordinate) : -1;
+}
+
+/// Some names, the rest counted.
+inline std::string listed(const std::vector<int>& indices, const std::vector<std::string_view>& names) {
+  constexpr std::size_t most = 6;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(indices.size(), most); ++i)
+    text.append(i > 0 ? ", " : "").append("'").append(names[static_cast<std::size_t>(indices[i])]).append("'");
+  return indices.size() > most ? text + " and " + std::to_string(indices.size() - most) + " more" : text;
+}
+
+}  // namespace cutjoint

@@ -1,0 +1,128 @@
+// A system looked at from outside: its functions at given states, and the time that the parts of an iteration take.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/json.hpp"
+#include "cutjoint/lagrangian/choose_solver.hpp"
+#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint {
+
+/// The array under a key.
+template <class Real>
+std::vector<Real> read_array(const Json& object, const char* key) {
+  return object.at(key).get<std::vector<Real>>();
+}
+
+/// A state with the keys t, q, v, vdot and lambda.
+template <class Real>
+State<Real> read_state(const Json& at) {
+  State<Real> state(0, 0, 0);
+  state.t = read_number<Real>(at, "t");
+  state.q = read_array<Real>(at, "q");
+  state.v = read_array<Real>(at, "v");
+  state.vdot = read_array<Real>(at, "vdot");
+  state.lambda = read_array<Real>(at, "lambda");
+  return state;
+}
+
+/// The functions of a system at a state with `penalty`, `weights` and `w`, what the equations are pulled with.  Where it has them: natural
+/// coordinates of `relative` q and v, and the solution for a right-hand side `right` with the row that broke the factors, else -1.
+template <class S>
+Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, const Json& at) {
+  using Real = typename S::real_type;
+  const SystemDescription& d = system.description();
+  const State<Real> x = read_state<Real>(at);
+  const Json& weights = at.at("weights");
+  const Real penalty = read_number<Real>(at, "penalty");
+  std::vector<Real> f(d.coordinates.size()), phi(d.equations.size()), phid(phi.size()), phidd(phi.size()), tangent(d.pattern.row.size());
+  Json result;
+  system.begin_step(x.t, Real(1));
+  system.balance(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, f.data(), phi.data());
+  result["balance"] = f;
+  result["residual"] = phi;
+  system.linearise(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty,
+                   {.damping = read_number<Real>(weights, "damping"),
+                    .stiffness = read_number<Real>(weights, "stiffness"),
+                    .constraint = read_number<Real>(weights, "constraint")},
+                   f.data(), phi.data(), tangent.data());
+  result["linearised_balance"] = f;
+  result["linearised_residual"] = phi;
+  result["tangent"] = tangent;
+  system.close(x.q.data(), x.v.data(), x.vdot.data(), phi.data(), phid.data(), phidd.data());
+  result["closed_residual"] = phi;
+  result["rate"] = phid;
+  result["curvature"] = phidd;
+  system.pull(x.q.data(), read_array<Real>(at, "w").data(), f.data());
+  result["pull"] = f;
+  std::vector<Real> columns(d.columns.size());
+  system.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), columns.data());
+  result["columns"] = columns;
+  if (at.contains("relative")) {
+    const Json& relative = at.at("relative");
+    std::vector<Real> q(f.size()), v(f.size());
+    system.place(read_array<Real>(relative, "q").data(), read_array<Real>(relative, "v").data(), q.data(), v.data());
+    result["placed"] = Json{{"q", q}, {"v", v}};
+  }
+  if (at.contains("right")) {
+    std::vector<Real> right = read_array<Real>(at, "right");
+    Breakdown broken = solver.factor(tangent.data());
+    if (!broken) broken = solver.solve(right.data());
+    result["solution"] = right;
+    result["breakdown"] = broken.row;
+  }
+  return result;
+}
+
+/// The median over batches of the seconds that a call takes.
+template <class Call>
+double seconds_of(int batches, int repetitions, Call call) {
+  std::vector<double> seconds;
+  for (int batch = 0; batch < batches; ++batch) {
+    const auto begin = std::chrono::steady_clock::now();
+    for (int i = 0; i < repetitions; ++i) call();
+    seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() / repetitions);
+  }
+  const auto middle = seconds.begin() + static_cast<std::ptrdiff_t>(seconds.size() / 2);
+  std::nth_element(seconds.begin(), middle, seconds.end());
+  return *middle;
+}
+
+/// Seconds a call of each part of an iteration, the others left out: analysis (with its memory), assembly of balance and tangent, numerical
+/// factorisation, and solution of one right-hand side.  The run file may have `repetitions` and `batches`.
+template <class S>
+Json time_parts(S& system, std::string_view name, const State<typename S::real_type>& x, const Weights<typename S::real_type>& weights,
+                typename S::real_type penalty, const Json& file) {
+  using Real = typename S::real_type;
+  const SystemDescription& d = system.description();
+  const int batches = file.value("batches", 9), repetitions = file.value("repetitions", 100);
+  const auto solver = choose_solver(system, name);
+  std::vector<Real> f(d.coordinates.size()), phi(d.equations.size()), tangent(d.pattern.row.size());
+  std::vector<Real> right(static_cast<std::size_t>(d.pattern.size));
+  const auto assemble = [&] {
+    system.linearise(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, weights, f.data(), phi.data(), tangent.data());
+  };
+  const auto factor = [&] { return solver->factor(tangent.data()); };
+  const auto solve = [&] {
+    std::fill(right.begin(), right.end(), weights.stiffness);
+    return solver->solve(right.data());
+  };
+  system.begin_step(x.t, Real(1));
+  assemble();
+  if (factor() || solve()) throw std::runtime_error("the tangent has no factors to time");
+  return Json{{"solver", name},
+              {"size", d.pattern.size},
+              {"entries", d.pattern.row.size()},
+              {"analyse", seconds_of(batches, 1, [&] { return choose_solver(system, name); })},
+              {"assemble", seconds_of(batches, repetitions, assemble)},
+              {"factor", seconds_of(batches, repetitions, factor)},
+              {"solve", seconds_of(batches, repetitions, solve)}};
+}
+
+}  // namespace cutjoint

@@ -1,0 +1,131 @@
+// A Lagrangian method as the driver sees it: it goes on from a start in relative coordinates and integrates in natural ones.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/lagrangian/augmented.hpp"
+#include "cutjoint/lagrangian/choose_solver.hpp"
+#include "cutjoint/lagrangian/classical.hpp"
+#include "cutjoint/lagrangian/examine.hpp"
+#include "cutjoint/run_file.hpp"
+
+namespace cutjoint {
+
+/// The integrator of the method that a system was made for.
+template <class S>
+std::unique_ptr<Newton<S>> make_newton(S& system, LinearSolver<typename S::real_type>& solver, const NewtonFigures& figures) {
+  if (system.description().method == Lagrangian::augmented) return std::make_unique<AugmentedNewton<S>>(system, solver, figures);
+  return std::make_unique<ClassicalNewton<S>>(system, solver, figures);
+}
+
+/// The figures of a run file; tasks without steps can do without those of steps.
+inline NewtonFigures read_figures(const Json& numerics) {
+  return {.dt = numerics.value("dt", 0.0),
+          .penalty = numerics.at("penalty").is_null() ? 0.0 : numerics.at("penalty").get<double>(),
+          .tolerance = numerics.value("tolerance", 1e-6),
+          .iterations = numerics.value("iterations", 100),
+          .multiplier_updates = numerics.value("multiplier_updates", 4)};
+}
+
+/// Integrates a system with the solver and the figures of a run file.
+template <class S>
+class LagrangianMethod {
+ public:
+  using Real = typename S::real_type;
+
+  LagrangianMethod(S& system, const Json& file)
+      : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.coordinates.size(), d_.equations.size()),
+        roads_(read_roads<Real>(d_.roads, file)), parameters_(read_parameters<Real>(d_.parameters, file)),
+        figures_(read_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
+        solver_(choose_solver(system, solver_name_)), newton_(make_newton(system, *solver_, figures_)) {
+    system_.load(parameters_.data(), roads_.data());
+  }
+
+  const std::vector<Named>& columns() const { return d_.columns; }
+
+  /// Take over a start in relative coordinates; `motion` is 0 of a mechanism at rest.  Throws Failure.
+  void begin(const State<Real>& start, Real motion) {
+    state_.t = origin_ = start.t;
+    system_.begin_step(start.t, motion);
+    system_.place(start.q.data(), start.v.data(), state_.q.data(), state_.v.data());
+    newton_->begin(state_, motion);
+    note_residuals();
+  }
+
+  void prepare() {}
+
+  void step(long number) {
+    const long before = newton_->iterations();
+    newton_->step(state_, number);
+    state_.t = origin_ + Real(number) * Real(figures_.dt);
+    iterations_ = newton_->iterations() - before;
+    note_residuals();
+  }
+
+  Real time() const { return state_.t; }
+
+  void report(Real* column) const { system_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
+
+  static constexpr std::array<std::string_view, 4> step_columns{"iterations", "position", "velocity", "acceleration"};
+
+  /// The last step's iterations and largest residuals.
+  std::vector<double> measure_step() const {
+    const Residuals& last = newton_->residuals();
+    return {static_cast<double>(iterations_), last.position, last.velocity, last.acceleration};
+  }
+
+  /// What the run took, and the largest residuals that any of its states has.
+  void summarise(Json& summary) const {
+    summary["solver"] = solver_name_;
+    summary["evaluations"] = newton_->evaluations();
+    summary["iterations"] = newton_->iterations();
+    summary["factorisations"] = newton_->factorisations();
+    summary["pivoting_fallbacks"] = solver_->fallbacks();
+    summary["residuals"] = Json{{"position", number_or_null(worst_.position)},
+                                {"velocity", number_or_null(worst_.velocity)},
+                                {"acceleration", number_or_null(worst_.acceleration)}};
+  }
+
+  /// The system's functions at the run file's states.
+  Json evaluate() {
+    Json results = Json::array();
+    for (const Json& at : file_.at("states")) results.push_back(evaluate_system(system_, *solver_, at));
+    return results;
+  }
+
+  /// Seconds that the parts of an iteration take, at the start or at the run file's `state`, with the weights of a step.
+  Json time_solver() {
+    const Weights<Real> weights = newton_->step_weights();
+    const State<Real> at = file_.contains("state") ? read_state<Real>(file_.at("state")) : state_;
+    return time_parts(system_, solver_name_, at, weights, weights.constraint / weights.stiffness, file_);
+  }
+
+ private:
+  void note_residuals() {
+    const Residuals& last = newton_->residuals();
+    worst_ = {.position = std::max(worst_.position, last.position),
+              .velocity = std::max(worst_.velocity, last.velocity),
+              .acceleration = std::max(worst_.acceleration, last.acceleration)};
+  }
+
+  S& system_;
+  const SystemDescription& d_;
+  const Json& file_;
+  State<Real> state_;
+  std::vector<Road<Real>> roads_;
+  std::vector<Real> parameters_;
+  NewtonFigures figures_;
+  std::string solver_name_;
+  std::unique_ptr<LinearSolver<Real>> solver_;
+  std::unique_ptr<Newton<S>> newton_;
+  Real origin_{0};
+  long iterations_ = 0;
+  Residuals worst_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,256 @@
+// The trapezoidal rule in positions with Newton's iteration, and projections of velocities and accelerations: what the two Lagrangian
+// methods of Cuadrado et al. 2000 (sections 2.1 and 2.2) share.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "cutjoint/lagrangian/workspace.hpp"
+
+namespace cutjoint {
+
+/// Figures of a Lagrangian method.  `tolerance` and `iterations` mean what they mean to the fixed point (trapezoidal.hpp); the augmented
+/// method corrects its multipliers in the first `multiplier_updates` iterations of a step and has the `penalty` alpha,
+/// where it is not zero.
+struct NewtonFigures {
+  double dt;
+  double penalty;
+  double tolerance;
+  int iterations;
+  int multiplier_updates;
+};
+
+/// The largest absolute values of Phi, Phid and Phidd.
+struct Residuals {
+  double position = 0.0;
+  double velocity = 0.0;
+  double acceleration = 0.0;
+};
+
+/// Integrates a system with steps of equal length.  The unknown of a step is the acceleration at its end, from which follow
+///
+///     v = v_n + dt/2 (vdot_n + vdot)         q = q_n + dt v_n + dt^2/4 (vdot_n + vdot)
+///
+/// which is the rule of [eqs. 4-5] without its differences of large numbers, qd = 2/dt (q - q_n) - qd_n and
+/// qdd = 4/dt^2 (q - q_n) - 4/dt qd_n - qdd_n, that cost a small step its digits.  Newton's equations remain those for dq = dt^2/4 dvdot.
+///
+/// The tangent leaves out how the multipliers' directions turn, (Phi_q^T)_q lambda, as the paper does; convergence is linear with a
+/// factor of the order of dt^2/4 lambda / (mass length).
+template <class S>
+class Newton : public Workspace<S> {
+ public:
+  using typename Workspace<S>::Real;
+
+  Newton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
+      : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt), k_(dt_ * dt_ / 4), lambda_before_(m_), before_(n_, n_, m_) {}
+
+  /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
+  void begin(State<Real>& state, Real motion) {
+    time_ = state.t;
+    system_.begin_step(state.t, motion);
+    std::fill(state.vdot.begin(), state.vdot.end(), Real(0));
+    std::fill(lambda_.begin(), lambda_.end(), Real(0));
+    require_start(state);
+    choose_weights(state);
+    this->linearise(state, Real(0), start_weights());
+    this->factor();
+    examine();
+    bool settled = false;
+    for (int iteration = 0;; ++iteration) {
+      this->close(state);
+      if (iteration > 0) correct_start();
+      if (settled) break;
+      if (iteration == 200) fail("the accelerations at the start do not settle", d_.coordinates[worst_], change_, "take a larger penalty");
+      this->balance(state);
+      right_of_start(state);
+      this->solve();
+      take(Real(1), state);
+      settled = start_settled(state, iteration);
+    }
+    lambda_before_ = lambda_;
+    state.lambda = lambda_;
+    residuals_ = measure();
+  }
+
+  /// One step; `state` is that at its end.  Throws Failure; `state` is then the last one that converged.
+  void step(State<Real>& state, long number) {
+    before_ = state;
+    this->number_ = number;
+    time_ = state.t + dt_;
+    try {
+      system_.begin_step(time_, Real(1));
+      iterate(state);
+      this->close(state);
+      settle(state);
+      project(state);
+    } catch (const Failure&) {
+      state = before_;
+      throw;
+    }
+    state.t = time_;
+  }
+
+  /// Weights of the tangent of a step.
+  Weights<Real> step_weights() const { return weights(); }
+
+  long iterations() const { return iterations_; }
+
+  /// Residuals of the last state.
+  const Residuals& residuals() const { return residuals_; }
+
+ protected:
+  using Workspace<S>::d_, Workspace<S>::lambda_, Workspace<S>::m_, Workspace<S>::n_, Workspace<S>::phi_, Workspace<S>::phid_,
+      Workspace<S>::phidd_, Workspace<S>::system_, Workspace<S>::tangent_, Workspace<S>::time_, Workspace<S>::x_;
+  using Workspace<S>::fail, Workspace<S>::finite, Workspace<S>::largest;
+
+  // What the two methods differ in.
+
+  virtual Weights<Real> weights() const = 0;        ///< of the tangent of a step
+  virtual Weights<Real> start_weights() const = 0;  ///< of the matrix that gives accelerations
+
+  virtual void choose_weights(const State<Real>&) {}  ///< of the equations against the masses
+  virtual void examine() {}         ///< throw Failure when the matrix of the start is singular without its solver having noticed
+  virtual void correct_start() {}   ///< multipliers from Phidd
+  virtual void right_of_start(const State<Real>& state) = 0;
+  virtual void approach(const State<Real>& state, int iteration) = 0;  ///< tangent and right-hand side of an iteration
+  virtual bool extrapolates() const { return true; }                   ///< whether multipliers go on as in the step before
+  virtual void take_multipliers() {}                                   ///< those of the solution
+  virtual void settle(State<Real>& state) = 0;                         ///< multipliers at the end of a step, whose Phi is known
+
+  /// Bring rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations.
+  virtual void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) = 0;
+
+  virtual void explain() {}  ///< throw Failure when there is more to say of an iteration that did not converge
+
+  /// Passes of a projection, and the gap beside a quantity of this size that is only rounding.
+  static constexpr int passes = 10;
+  static Real rounding(const std::vector<Real>& values) { return Real(1e-11) * (Real(1) + largest(values)); }
+
+  NewtonFigures figures_;
+  Real dt_, k_;  ///< step and dt^2/4
+  std::vector<Real> lambda_before_;  ///< multipliers of the step before
+
+ private:
+  void iterate(State<Real>& state) {
+    const char* infinite = "Newton's iteration diverged to infinity";
+    predict();
+    change_ = smallest_ = std::numeric_limits<Real>::infinity();
+    growing_ = idle_ = 0;
+    for (int iteration = 1;; ++iteration) {
+      follow(state);
+      approach(state, iteration);
+      if (iteration > 1 && !finite(largest(x_))) fail(infinite, d_.coordinates[worst_], change_, "take a smaller dt");
+      this->factor();
+      this->solve();
+      take(Real(1) / k_, state);
+      ++iterations_;
+      if (converged(state)) break;
+      if (!finite(change_)) give_up(infinite);
+      if (growing_ >= 5 && change_ > Real(1e3) * smallest_) give_up("Newton's iteration diverges");
+      if (iteration >= figures_.iterations) give_up("Newton's iteration did not converge in " + std::to_string(iteration) + " iterations");
+    }
+    follow(state);
+  }
+
+  /// The multipliers go on as in the step before, lambda_0 = 2 lambda_n - lambda_(n-1) [eq. 3], or stay; the accelerations stay.
+  void predict() {
+    const Real share(extrapolates() ? 1 : 0);
+    for (std::size_t i = 0; i < m_; ++i) {
+      const Real now = lambda_[i];
+      lambda_[i] = now + share * (now - lambda_before_[i]);
+      lambda_before_[i] = now;
+    }
+  }
+
+  /// Coordinates and rates that belong to the state's accelerations.
+  void follow(State<Real>& state) const {
+    for (std::size_t i = 0; i < n_; ++i) {
+      const Real sum = before_.vdot[i] + state.vdot[i];
+      state.v[i] = before_.v[i] + dt_ / 2 * sum;
+      state.q[i] = before_.q[i] + (dt_ * before_.v[i] + k_ * sum);
+    }
+  }
+
+  void take(Real scale, State<Real>& state) {
+    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] += scale * x_[i];
+    take_multipliers();
+  }
+
+  /// The accelerations changed by at most the tolerance; or the coordinates by no more than their rounding, and that falls no more: with
+  /// a small dt, an acceleration belongs to less than the last digit of a coordinate.  Equations that nearly depend on each other
+  /// enlarge rounding, which shows when several iterations get no closer.
+  bool converged(const State<Real>& state) {
+    const Real last = change_, move = largest_move();
+    change_ = move / k_;
+    size_ = Real(1) + largest(state.vdot);
+    growing_ = change_ > last ? growing_ + 1 : 0;
+    idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
+    smallest_ = std::min(smallest_, change_);
+    if (change_ <= Real(figures_.tolerance) * size_) return true;
+    const Real digits = (idle_ >= 4 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
+    return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
+  }
+
+  Real largest_move() {
+    using std::abs;
+    Real move(0);
+    for (std::size_t i = 0; i < n_; ++i)
+      if (const Real size = abs(x_[i]); size > move || size != size) {
+        move = size;
+        worst_ = i;
+      }
+    return move;
+  }
+
+  bool start_settled(const State<Real>& state, int iteration) {
+    const Real last = change_;
+    change_ = largest_move();
+    const Real size = Real(1) + largest(state.vdot);
+    return iteration > 0 && (change_ <= Real(1e-12) * size || (change_ <= Real(1e-8) * size && change_ >= last / 2));
+  }
+
+  /// Rates and accelerations satisfy the equations at the smallest cost in the norm of the tangent: by increments that vanish with the
+  /// gaps, with the factors of the last iteration.
+  void project(State<Real>& state) {
+    project_on(state, state.v, phid_);
+    this->close(state);
+    project_on(state, state.vdot, phidd_);
+    this->close(state);
+    residuals_ = measure();
+    const double sum = residuals_.position + residuals_.velocity + residuals_.acceleration;
+    if (!std::isfinite(sum)) fail("an equation has no finite value", d_.equations[0], Real(sum), this->advice_finite());
+  }
+
+  Residuals measure() const {
+    return {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), static_cast<double>(largest(phidd_))};
+  }
+
+  void require_start(const State<Real>& state) {
+    using std::abs;
+    this->close(state);
+    for (std::size_t i = 0; i < m_; ++i) {
+      const Real gap = std::max(abs(phi_[i]) / (Real(1) + largest(state.q)), abs(phid_[i]) / (Real(1) + largest(state.v)));
+      if (!(gap <= Real(1e-6))) fail("the start does not satisfy an equation", d_.equations[i], gap, "please report this");
+    }
+  }
+
+  [[noreturn]] void give_up(const std::string& what) {
+    explain();
+    fail(what, d_.coordinates[worst_], change_,
+         idle_ == 0                       ? "it was still getting closer: allow more iterations, or take a smaller dt"
+         : change_ <= Real(1e-4) * size_ ? "what is left may be rounding: take a larger tolerance"
+                                          : "take a smaller dt; look at the forces on this coordinate");
+  }
+
+  State<Real> before_;
+  Residuals residuals_;
+  Real change_{0}, smallest_{0}, size_{1};
+  int growing_ = 0, idle_ = 0;  ///< iterations in a row whose change grew, and since it last fell by half
+  std::size_t worst_ = 0;
+  long iterations_ = 0;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,110 @@
+// A system with its tangent's factors and the arrays of a step: what Newton's iteration, the start and the projections work with.
+#pragma once
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "cutjoint/lagrangian/solver.hpp"
+#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint {
+
+/// Evaluates, factors and solves, counts what it does, and throws Failure where a number is not one.
+template <class S>
+class Workspace {
+ public:
+  using Real = typename S::real_type;
+
+  Workspace(S& system, LinearSolver<Real>& solver)
+      : system_(system), solver_(solver), d_(system.description()), n_(d_.coordinates.size()), m_(d_.equations.size()), f_(n_), phi_(m_),
+        phid_(m_), phidd_(m_), weight_(m_), lambda_(m_), x_(static_cast<std::size_t>(d_.pattern.size)), tangent_(d_.pattern.row.size()) {}
+
+  Workspace(const Workspace&) = delete;
+  Workspace& operator=(const Workspace&) = delete;
+  virtual ~Workspace() = default;
+
+  long evaluations() const { return evaluations_; }
+  long factorisations() const { return factorisations_; }
+
+ protected:
+  virtual const char* name() const = 0;
+
+  /// Throw the Failure of a matrix without factors.
+  [[noreturn]] virtual void report_breakdown(Breakdown broken) = 0;
+
+  void linearise(const State<Real>& state, Real penalty, const Weights<Real>& weights) {
+    ++evaluations_;
+    system_.linearise(state.q.data(), state.v.data(), state.vdot.data(), lambda_.data(), penalty, weights, f_.data(), phi_.data(),
+                      tangent_.data());
+  }
+
+  void balance(const State<Real>& state) {
+    ++evaluations_;
+    system_.balance(state.q.data(), state.v.data(), state.vdot.data(), lambda_.data(), Real(0), f_.data(), phi_.data());
+  }
+
+  void close(const State<Real>& state) {
+    system_.close(state.q.data(), state.v.data(), state.vdot.data(), phi_.data(), phid_.data(), phidd_.data());
+  }
+
+  void factor() {
+    require_finite();
+    ++factorisations_;
+    if (const Breakdown broken = solver_.factor(tangent_.data())) report_breakdown(broken);
+  }
+
+  void solve() {
+    if (const Breakdown broken = solver_.solve(x_.data())) report_breakdown(broken);
+  }
+
+  [[noreturn]] void fail(const std::string& what, std::string_view element, Real residual, const std::string& advice) const {
+    throw Failure(std::string(name()) + ": " + what, static_cast<double>(time_), number_, std::string(element),
+                  static_cast<double>(residual), advice);
+  }
+
+  /// Throws Failure where the balance or the tangent has an entry that is no number.
+  void require_finite() const {
+    for (std::size_t i = 0; i < n_; ++i)
+      if (!finite(f_[i])) fail("the balance has no finite value", d_.coordinates[i], f_[i], advice_finite());
+    bool all = true;
+    for (const Real value : tangent_) all &= value - value == Real(0);  // without branches, since this is asked of every tangent
+    if (all) return;
+    for (std::size_t i = 0; i < tangent_.size(); ++i)
+      if (!finite(tangent_[i])) {
+        const auto row = static_cast<std::size_t>(d_.pattern.row[i]);
+        fail("the tangent has no finite value", row < n_ ? d_.coordinates[row] : d_.equations[row - n_], tangent_[i], advice_finite());
+      }
+  }
+
+  static const char* advice_finite() {
+    return "look for a law that divides by zero or takes the root of a negative number in this pose; or take a smaller dt";
+  }
+
+  static bool finite(Real value) { return std::isfinite(static_cast<double>(value)); }
+
+  /// The largest absolute value; not a number where one is none.
+  static Real largest(const std::vector<Real>& values) {
+    using std::abs;
+    Real result(0);
+    for (const Real value : values)
+      if (const Real size = abs(value); size > result || size != size) result = size;
+    return result;
+  }
+
+  S& system_;
+  LinearSolver<Real>& solver_;
+  const SystemDescription& d_;
+  std::size_t n_, m_;                                  ///< coordinates and equations
+  std::vector<Real> f_, phi_, phid_, phidd_, weight_;  ///< balance, equations and their rates, and room for what pulls on the equations
+  std::vector<Real> lambda_;
+  std::vector<Real> x_, tangent_;  ///< right-hand side and then solution, and the matrix
+  Real time_{0};
+  long number_ = 0;  ///< of the step, for messages
+
+ private:
+  long evaluations_ = 0, factorisations_ = 0;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,84 @@
+// The start of a run in relative coordinates, as its run file asks for it.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/start.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint {
+
+/// Loads a mechanism with the figures of a run file and finds the state from which the run starts.
+template <Mechanism M>
+class Launch {
+ public:
+  using Real = typename M::real_type;
+
+  Launch(M& mechanism, const Json& file)
+      : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), roads_(read_roads<Real>(d_.roads, file)),
+        parameters_(read_parameters<Real>(d_.parameters, file)) {
+    const Json& figures = file_.at("stabilisation");
+    mechanism_.load(parameters_.data(),
+                    {.penalty = read_number<Real>(figures, "penalty"),
+                     .damping_ratio = read_number<Real>(figures, "damping_ratio"),
+                     .frequency = read_number<Real>(figures, "frequency")},
+                    roads_.data());
+  }
+
+  Launch(const Launch&) = delete;
+  Launch& operator=(const Launch&) = delete;
+
+  /// A mechanism at rest, which no guide moves.  Throws Failure.
+  const State<Real>& at_rest() {
+    place();
+    Starter<M>(mechanism_).accelerate(state_, Real(0));
+    return state_;
+  }
+
+  /// A mechanism in motion, with speeds that keep its loops closed.  Throws Failure.
+  const State<Real>& in_motion() {
+    place();
+    Starter<M> starter(mechanism_);
+    const std::vector<bool> moving = read_given(file_.at("rates"), d_.speeds, state_.v);
+    starter.make_consistent(state_, moving, Real(1));
+    for (const std::string_view name : starter.undetermined(state_, moving)) undetermined_.push_back(std::string(name));
+    starter.accelerate(state_, Real(1));
+    starter.require_finite(state_);
+    return state_;
+  }
+
+  /// Independent speeds that neither run file nor loops determine.
+  const std::vector<std::string>& undetermined() const { return undetermined_; }
+
+ private:
+  void place() {
+    Starter<M> starter(mechanism_);
+    const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
+    starter.assemble(state_, placed, Real(0));
+    if (file_.at("pose") == "equilibrium") starter.equilibrate(state_, placed);
+    starter.assemble(state_, placed, Real(0));
+  }
+
+  /// Which speeds belong to given coordinates.
+  std::vector<bool> speeds_of(const std::vector<bool>& coordinates) const {
+    std::vector<bool> speeds(d_.speeds.size(), false);
+    for (const Chart& chart : d_.charts)
+      for (int i = 0; i < chart.scalars; ++i)
+        speeds[static_cast<std::size_t>(chart.v + i)] = coordinates[static_cast<std::size_t>(chart.q + i)];
+    return speeds;
+  }
+
+  M& mechanism_;
+  const Description& d_;
+  const Json& file_;
+  State<Real> state_;
+  std::vector<Road<Real>> roads_;
+  std::vector<Real> parameters_;
+  std::vector<std::string> undetermined_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,26 @@
+// A program around a run: one argument, the run file; errors as text; the exit status.
+#pragma once
+
+#include <exception>
+#include <iostream>
+#include <stdexcept>
+#include <string>
+
+#include "cutjoint/json.hpp"
+
+namespace cutjoint {
+
+/// Calls `perform` with the content of the run file and prints the summary that it returns.
+/// Exit status 0 when done, 1 when the run failed numerically, 2 when it could not begin.
+template <class Perform>
+int run_program(int argc, char** argv, const char* name, Perform perform) {
+  try {
+    if (argc != 2) throw std::runtime_error(std::string("usage: ") + name + " RUN.json");
+    return conclude(perform(read_json(argv[1])));
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << std::endl;
+    return 2;
+  }
+}
+
+}  // namespace cutjoint

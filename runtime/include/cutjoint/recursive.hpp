@@ -1,0 +1,115 @@
+// The recursive method as the driver sees it: the fixed point of the trapezoidal rule in relative coordinates.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/json.hpp"
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/state.hpp"
+#include "cutjoint/trapezoidal.hpp"
+
+namespace cutjoint {
+
+/// Goes on from a start with the mechanism that found it.
+template <Mechanism M>
+class Recursive {
+ public:
+  using Real = typename M::real_type;
+
+  Recursive(M& mechanism, const Json& file)
+      : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), residual_(d_.equations.size()),
+        rate_(d_.equations.size()) {
+    if (file.contains("solver")) throw std::runtime_error("the recursive method has no linear solver to choose; leave 'solver' away");
+  }
+
+  const std::vector<Named>& columns() const { return d_.columns; }
+
+  /// Take over a start; `motion` is 0 of a mechanism at rest.
+  void begin(const State<Real>& start, Real) {
+    state_ = start;
+    origin_ = start.t;
+  }
+
+  /// Get ready for steps.
+  void prepare() {
+    const Json& numerics = file_.at("numerics");
+    dt_ = read_number<Real>(numerics, "dt");
+    const FixedPoint fixed_point{numerics.at("tolerance").get<double>(), numerics.at("iterations").get<int>(),
+                                 numerics.at("multiplier_updates").get<int>()};
+    integrator_.emplace(mechanism_, dt_, fixed_point);
+  }
+
+  void step(long number) {
+    integrator_->step(state_, number);
+    state_.t = origin_ + Real(number) * dt_;
+  }
+
+  Real time() const { return state_.t; }
+
+  void report(Real* column) { mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
+
+  static constexpr std::array<std::string_view, 3> step_columns{"iterations", "position", "velocity"};
+
+  /// The last step's iterations and largest residuals; an evaluation of its own, which the method itself does without.
+  const std::vector<double>& measure_step() {
+    mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+    measured_ = {static_cast<double>(integrator_->evaluations() - evaluations_), largest(residual_), largest(rate_)};
+    evaluations_ = integrator_->evaluations();
+    position_ = std::max(position_, measured_[1]);
+    velocity_ = std::max(velocity_, measured_[2]);
+    return measured_;
+  }
+
+  /// What the run took; an iteration is an evaluation, and residuals are known where steps were measured.
+  void summarise(Json& summary) const {
+    const long evaluations = integrator_ ? integrator_->evaluations() : 0;
+    summary["evaluations"] = evaluations;
+    summary["iterations"] = evaluations;
+    if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
+  }
+
+  /// One evaluation at given q, v, lambda: the mechanism as a function, for comparison with other implementations.
+  Json evaluate() {
+    Json results = Json::array();
+    for (const Json& at : file_.at("states")) {
+      state_.q = at.at("q").get<std::vector<Real>>();
+      state_.v = at.at("v").get<std::vector<Real>>();
+      state_.lambda = at.at("lambda").get<std::vector<Real>>();
+      std::vector<Real> correction(d_.equations.size()), values(d_.columns.size());
+      mechanism_.begin_step(read_number<Real>(at, "t"), Real(1));
+      mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), state_.vdot.data(), correction.data());
+      mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+      report(values.data());
+      results.push_back(
+          Json{{"vdot", state_.vdot}, {"correction", correction}, {"residual", residual_}, {"rate", rate_}, {"columns", values}});
+    }
+    return results;
+  }
+
+ private:
+  static double largest(const std::vector<Real>& values) {
+    double result = 0.0;
+    for (const Real value : values) result = std::max(result, std::abs(static_cast<double>(value)));
+    return result;
+  }
+
+  M& mechanism_;
+  const Description& d_;
+  const Json& file_;
+  State<Real> state_;
+  Real origin_{0}, dt_{0};
+  std::optional<Trapezoidal<M>> integrator_;
+  std::vector<Real> residual_, rate_;
+  std::vector<double> measured_;
+  long evaluations_ = 0;
+  double position_ = 0.0, velocity_ = 0.0;
+};
+
+}  // namespace cutjoint

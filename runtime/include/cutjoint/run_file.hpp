@@ -1,0 +1,63 @@
+// What a run file says of roads, parameters and states.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/json.hpp"
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/road.hpp"
+
+namespace cutjoint {
+
+/// The number under a key.
+template <class Real>
+Real read_number(const Json& object, const char* key) {
+  return Real(object.at(key).get<double>());
+}
+
+template <class Real>
+std::vector<Piece<Real>> read_pieces(const Json& list) {
+  std::vector<Piece<Real>> pieces;
+  for (const Json& p : list) {
+    const std::string kind = p.at("kind");
+    pieces.push_back({kind == "arc" ? PieceKind::arc : kind == "cosine" ? PieceKind::cosine : PieceKind::line,
+                      read_number<Real>(p, "begin"), read_number<Real>(p, "a"), read_number<Real>(p, "b"), read_number<Real>(p, "c")});
+  }
+  return pieces;
+}
+
+/// The road of each tyre.
+template <class Real>
+std::vector<Road<Real>> read_roads(const std::vector<std::string_view>& names, const Json& file) {
+  std::vector<Road<Real>> roads;
+  for (const std::string_view name : names) {
+    const Json& road = file.at("roads").at(std::string(name));
+    roads.emplace_back(read_pieces<Real>(road.at("left")), read_pieces<Real>(road.at("right")), road.at("disc").get<bool>());
+  }
+  return roads;
+}
+
+/// The values of parameters.
+template <class Real>
+std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Json& file) {
+  std::vector<Real> values;
+  for (const Named& p : parameters) values.push_back(read_number<Real>(file.at("parameters"), std::string(p.name).c_str()));
+  return values;
+}
+
+/// Values by name into an array; true where one was given.
+template <class Real>
+std::vector<bool> read_given(const Json& by_name, const std::vector<std::string_view>& names, std::vector<Real>& values) {
+  std::vector<bool> given(names.size(), false);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto found = by_name.find(std::string(names[i]));
+    if (found == by_name.end()) continue;
+    values[i] = Real(found->template get<double>());
+    given[i] = true;
+  }
+  return given;
+}
+
+}  // namespace cutjoint

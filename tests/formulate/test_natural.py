@@ -1,0 +1,332 @@
+"""Natural coordinates against the recursive formulation, which shares no equation with them, and against differences.
+
+A state of the tree is placed in natural coordinates.  There all constraints hold, as many are independent as the degrees of freedom tell,
+and the motion that M qdd + Phi_q^T lambda = Q asks for is that of the recursive formulation, in every reported quantity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+
+from cutjoint.analysis.closing import design_coordinates, evaluate_closures, retract
+from cutjoint.analysis.natural import call, closed_states, constraint_jacobian, dependent_equations
+from cutjoint.analysis.poses import explore
+from cutjoint.formulate.natural.equations import formulate_lagrangian
+from cutjoint.formulate.natural.nodes import NodeKind
+from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.model.errors import ModelError
+from cutjoint.model.quantities import quantities
+from cutjoint.model.read import read_model
+from cutjoint.model.records import JointForce, JointKind, Model, Output, Scene, Tyre
+from cutjoint.pipeline import find_scene
+from cutjoint.sparse.pattern import Pattern, make_pattern
+from cutjoint.sparse.pattern import dense as full
+from cutjoint.sparse.tangent import places
+from cutjoint.topology.build import build_topology
+from tests.mechanisms import random_models
+from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE, NOWHERE, TIME, TREE_KINDS, K, scene, workshop
+from tests.oracles.dense import Instant, Numerics
+from tests.oracles.evaluation import BlockMechanism
+
+Array = np.ndarray
+MODELS = Path(__file__).parents[2] / "models"
+SCENE = scene({"drive": 0.1 + sympy.sin(2 * TIME) / 5})
+#: No stabilisation: what is solved is Phidd = 0.
+EXACT = Numerics(penalty=1e5, damping_ratio=0.0, frequency=0.0)
+TIME_NOW = 0.37
+
+
+class Hills:
+    """A road with height, slope and curvature."""
+
+    def height(self, x: float, y: float) -> float:
+        return 0.01 * np.sin(3 * x)
+
+    def slope(self, x: float, y: float) -> float:
+        return 0.03 * np.cos(3 * x)
+
+    height_dx = slope
+
+    def slope_dx(self, x: float, y: float) -> float:
+        return -0.09 * np.sin(3 * x)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Both formulations of a model."""
+
+    recursive: BlockMechanism
+    natural: LagrangianEquations
+    pattern: Pattern
+    roads: dict[str, Hills]
+
+    @property
+    def n(self) -> int:
+        return len(self.natural.coordinate_names)
+
+    @property
+    def m(self) -> int:
+        return len(self.natural.equation_names)
+
+    def call(self, function: str, **arrays: Array) -> dict[str, Array]:
+        now = {"t": np.array([TIME_NOW]), "motion": np.array([1.0]), "penalty": np.array([0.0])}
+        return call(self.natural, function, {**now, **arrays}, self.roads)
+
+    def tangent(self, q: Array, v: Array, vdot: Array, weights: tuple[float, float, float]) -> Array:
+        values = self.call("linearise", q=q, v=v, vdot=vdot, weights=np.array(weights))["tangent"]
+        return full(self.pattern, values)
+
+
+def make_pair(model: Model, chosen: Scene, outputs: tuple[Output, ...], method: str = "augmented") -> Pair:
+    topology = build_topology(model)
+    roads = {f.name: Hills() for f in model.forces if isinstance(f, Tyre)}
+    recursive = BlockMechanism(topology, chosen, outputs=outputs, roads=roads)
+    natural = formulate_lagrangian(recursive.equations, method, outputs)
+    size = len(natural.coordinate_names) + (len(natural.equation_names) if method == "classical" else 0)
+    entries = [name.removeprefix("tangent:").split(",") for name in natural.function("linearise").results if name.startswith("tangent:")]
+    pattern = make_pattern(size, [(int(i), int(j)) for i, j in entries], symmetric=method == "augmented")
+    return Pair(recursive, natural.with_tangent(places(pattern)), pattern, roads)
+
+
+def told(model: Model) -> tuple[Output, ...]:
+    """Every quantity that natural coordinates tell, but reactions."""
+    joints = {j.name: j for j in model.joints}
+    rods = {j.name for j in model.joints if j.kind is K.DISTANCE}
+    tree = [t.joint for t in build_topology(model).tree if t.joint.name not in rods]
+    forces = [f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)]
+    elements = (*model.bodies, *model.markers, *forces, *tree)
+    return tuple(Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e, joints))
+
+
+def without_rod_forces(model: Model) -> Model:
+    rods = {j.name for j in model.joints if j.kind is K.DISTANCE}
+    return replace(model, forces=tuple(f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)))
+
+
+def states(pair: Pair, seed: int) -> list[Instant]:
+    """Closed poses with consistent speeds; of a tree any."""
+    rng = np.random.default_rng(seed)
+    equations = pair.recursive.equations
+    found = []
+    poses = [p.q for p in explore(equations)[:3] if p.closed] if equations.closures else [design_coordinates(equations)]
+    for q in poses:
+        if not equations.closures:
+            q = retract(equations, q, 0.4 * rng.standard_normal(equations.speeds))
+        v = rng.standard_normal(equations.speeds)
+        if equations.closures:
+            at = Instant(q=q, v=v, t=0.0)
+            rate = pair.recursive.solve(at, np.zeros(len(equations.equation_names)), EXACT).rate
+            v = v - np.linalg.pinv(evaluate_closures(equations, q)[1], rcond=1e-9) @ rate
+        found.append(Instant(q=q, v=v, t=0.0))
+    return found
+
+
+def recursive_report(pair: Pair, at: Instant) -> dict[str, float]:
+    """All quantities, with the accelerations of the augmented iteration carried to its end."""
+    multipliers = np.zeros(len(pair.recursive.equations.equation_names))
+    for _ in range(60):
+        solution = pair.recursive.solve(at, multipliers, EXACT)
+        multipliers = multipliers + solution.correction
+    return pair.recursive.report(at, solution.vdot, multipliers, EXACT)
+
+
+def natural_report(pair: Pair, at: Instant) -> dict[str, float]:
+    """All quantities, with the accelerations of [M, Phi_q^T; Phi_q, 0]."""
+    now = {"t": np.array([at.t])}
+    placed = pair.call("place", relative_q=at.q, relative_v=at.v, **now)
+    q, v = placed["q"], placed["v"]
+    zero = np.zeros(pair.n)
+    closed = pair.call("close", q=q, v=v, vdot=zero, **now)
+    if pair.m:
+        assert np.abs(closed["residual"]).max() < 1e-9
+        assert np.abs(closed["rate"]).max() < 1e-8
+    M = pair.tangent(q, v, zero, (0.0, 0.0, 0.0))
+    J = constraint_jacobian(pair.natural, q)
+    force = pair.call("balance", q=q, v=v, vdot=zero, **now)["balance"]
+    scale = np.abs(M).max()
+    K = np.block([[M, scale * J.T], [scale * J, np.zeros((pair.m, pair.m))]])
+    bend = closed.get("curvature", np.zeros(0))
+    x = np.linalg.lstsq(K, np.concatenate([-force, -scale * bend]), rcond=1e-13)[0]
+    assert np.abs(K @ x - np.concatenate([-force, -scale * bend])).max() < 1e-7 * max(np.abs(force).max(), 1.0)
+    column = pair.call("report", q=q, v=v, vdot=x[: pair.n], **{"lambda": scale * x[pair.n :]}, **now)["column"]
+    return {c.name: float(value) for c, value in zip(pair.natural.columns, column, strict=True)}
+
+
+def compare(model: Model, seed: int, chosen: Scene = SCENE, tolerance: float = 1e-6) -> None:
+    model = without_rod_forces(model)
+    pair = make_pair(model, chosen, told(model))
+    compared = 0
+    for at in states(pair, seed):
+        expected, found = recursive_report(pair, at), natural_report(pair, at)
+        size = max(abs(x) for name, x in expected.items() if name.rpartition(".")[2] in ("ax", "ay", "az"))
+        for name, value in found.items():
+            if np.isnan(expected[name]):
+                continue
+            assert value == pytest.approx(expected[name], rel=tolerance, abs=tolerance * max(size, 1.0)), name
+            compared += 1
+    assert compared > 0
+
+
+@pytest.mark.parametrize("direction", ["normal", "reversed"])
+@pytest.mark.parametrize("kind", TREE_KINDS)
+def test_tree_joint(kind: JointKind, direction: str) -> None:
+    compare(random_models.tree_with(kind, direction == "reversed", 1), 1)
+
+
+@pytest.mark.parametrize("closing", ["branch", "roots", "parent"])
+@pytest.mark.parametrize("kind", CUT_KINDS)
+def test_cut_joint(kind: JointKind, closing: str) -> None:
+    compare(random_models.loop_with(kind, closing, CUT_KINDS.index(kind)), 2)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_random_tree(seed: int) -> None:
+    compare(random_models.random_tree(seed), seed)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_coupled_loops(seed: int) -> None:
+    compare(random_models.random_loops(seed), seed)
+
+
+@pytest.mark.parametrize("kind", GUIDABLE)
+def test_guided_joint(kind: JointKind) -> None:
+    w = workshop(0, f"guided {kind}")
+    w.grow(w.guided(w.guided(w.grow("ground"), kind), kind))
+    w.load_all()
+    compare(w.model(), 0)
+
+
+# Models of the repository
+
+SCENES = [("iltis", "simul3"), ("iltis", "simul1s"), ("four_bar", "swing"), ("andrews", None), ("flyball", None), ("slider_crank", None)]
+
+
+def from_file(name: str, chosen: str | None, method: str = "augmented") -> Pair:
+    model = read_model(MODELS / f"{name}.yaml")
+    found = find_scene(model, chosen)
+    return make_pair(model, found, found.outputs, method)
+
+
+@pytest.mark.parametrize(("name", "chosen"), SCENES)
+def test_model(name: str, chosen: str | None) -> None:
+    """The scene's own outputs, among them the leaf springs' reactions."""
+    pair = from_file(name, chosen)
+    for at in states(pair, 3):
+        expected, found = recursive_report(pair, at), natural_report(pair, at)
+        for column, value in found.items():
+            assert value == pytest.approx(expected[column], rel=1e-6, abs=1e-5), column
+
+
+@pytest.mark.parametrize(
+    ("name", "chosen", "coordinates", "equations", "freedom"),
+    [("iltis", "simul1", 75, 65, 10), ("four_bar", "swing", 13, 14, 1), ("andrews", None, 34, 36, 1), ("flyball", None, 24, 20, 4)],
+)
+def test_coordinates_and_equations(name: str, chosen: str | None, coordinates: int, equations: int, freedom: int) -> None:
+    pair = from_file(name, chosen)
+    assert (pair.n, pair.m) == (coordinates, equations)
+    for state in closed_states(pair.natural):
+        J = constraint_jacobian(pair.natural, state.q)
+        assert coordinates - np.linalg.matrix_rank(J, tol=1e-6) == freedom
+
+
+def test_equations_that_depend_on_others_are_found() -> None:
+    """A plane mechanism in space: three bodies of the squeezer, and both couplers of the four-bar, are held in their plane twice."""
+    for name, expected in (("four_bar", 2), ("andrews", 3), ("iltis", 0)):
+        pair = from_file(name, "simul1" if name == "iltis" else None, "classical")
+        found = dependent_equations(pair.natural, closed_states(pair.natural))
+        assert len(found) == expected
+        assert all("crank" in equation and "axis" in equation for equation in found)
+        kept = formulate_lagrangian(pair.recursive.equations, "classical", pair.natural.outputs, left_out=found)
+        assert len(kept.equation_names) == pair.m - expected
+        assert set(kept.equation_names) == set(pair.natural.equation_names) - set(found)
+        for state in closed_states(kept):
+            J = constraint_jacobian(kept, state.q)
+            assert np.linalg.matrix_rank(J, tol=1e-6) == len(J)
+
+
+def differences(pair: Pair, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array, Array]:
+    """M, C, K and Phi_q by central differences of balance and residual, multipliers nought."""
+    h = 1e-6
+
+    def column(name: str, i: int) -> tuple[Array, Array]:
+        step = h * np.eye(pair.n)[i]
+        values = []
+        for sign in (1, -1):
+            moved = {"q": q, "v": v, "vdot": vdot}
+            moved[name] = moved[name] + sign * step
+            values.append(pair.call("balance", **moved))
+        return (values[0]["balance"] - values[1]["balance"]) / (2 * h), (values[0]["residual"] - values[1]["residual"]) / (2 * h)
+
+    def matrix(name: str) -> tuple[Array, Array]:
+        columns = [column(name, i) for i in range(pair.n)]
+        return np.array([c[0] for c in columns]).T, np.array([c[1] for c in columns]).T
+
+    (K, J), (C, _), (M, _) = matrix("q"), matrix("v"), matrix("vdot")
+    return M, C, K, J
+
+
+def moving_state(pair: Pair, name: str) -> tuple[Array, Array, Array]:
+    """Off the constraints, and with a car at speed."""
+    rng = np.random.default_rng(5)
+    state = closed_states(pair.natural)[0]
+    q, v, vdot = state.q + 1e-2 * rng.standard_normal(pair.n), rng.standard_normal(pair.n), rng.standard_normal(pair.n)
+    if name == "iltis":
+        for i, coordinate in enumerate(pair.natural.coordinate_names):
+            kind = next(n.kind for n in pair.natural.layout.coordinates if coordinate.startswith(n.name))
+            v[i] = 0.1 * v[i] + (5.0 if coordinate.endswith(".x") and kind is NodeKind.POINT else 0.0)
+    return q, v, vdot
+
+
+@pytest.mark.parametrize(("name", "chosen"), SCENES)
+def test_tangents(name: str, chosen: str | None) -> None:
+    """The symmetric part of M + c C + k K and Phi_q^T Phi_q of the augmented method, the whole matrix of the classical one."""
+    damping, stiffness, constraint = 0.01, 0.003, 2.0
+    for method in ("augmented", "classical"):
+        pair = from_file(name, chosen, method)
+        q, v, vdot = moving_state(pair, name)
+        M, C, K, J = differences(pair, q, v, vdot)
+        A = M + damping * C + stiffness * K
+        expected = (A + A.T) / 2 + constraint * J.T @ J
+        if method == "classical":
+            expected = np.block([[A, constraint * J.T], [constraint * J, np.zeros((pair.m, pair.m))]])
+        found = pair.tangent(q, v, vdot, (damping, stiffness, constraint))
+        assert np.abs(found - expected).max() < 2e-8 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_tangents_of_random_models(seed: int) -> None:
+    pair = make_pair(without_rod_forces(random_models.random_loops(seed)), SCENE, (), "classical")
+    rng = np.random.default_rng(seed)
+    q, v, vdot = (rng.standard_normal(pair.n) for _ in range(3))
+    M, C, K, J = differences(pair, q, v, vdot)
+    A = M + 0.1 * C + 0.01 * K
+    expected = np.block([[A, J.T], [J, np.zeros((pair.m, pair.m))]])
+    found = pair.tangent(q, v, vdot, (0.1, 0.01, 1.0))
+    assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
+
+
+def test_an_open_parameter_moves_the_points() -> None:
+    """Natural coordinates follow a geometry that is known only when parameters are loaded."""
+    model = without_rod_forces(random_models.random_loops(1))
+    pair = make_pair(model, SCENE, ())
+    design = design_coordinates(pair.recursive.equations)
+    values = [pair.call("place", relative_q=design, parameters=np.array([size]))["q"] for size in (1.15, 1.4)]
+    assert np.abs(values[0] - values[1]).max() > 0.01
+    for q, size in zip(values, (1.15, 1.4), strict=True):
+        shapes = pair.call("close", q=q, parameters=np.array([size]))["residual"]
+        guided = [i for i, name in enumerate(pair.natural.equation_names) if "guide" in name]
+        assert np.abs(np.delete(shapes, guided)).max() < 1e-9
+
+
+def test_a_rod_has_no_angles() -> None:
+    model = random_models.tree_with(K.DISTANCE, False, 1)
+    rod = next(j for j in model.joints if j.kind is K.DISTANCE)
+    output = Output(element=rod.name, quantity="angle_1", span=NOWHERE)
+    with pytest.raises(ModelError, match="do not have the attitude of a distance joint's rod"):
+        make_pair(without_rod_forces(model), SCENE, (output,))

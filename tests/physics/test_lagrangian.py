@@ -1,0 +1,159 @@
+"""The Lagrangian methods on the vehicle and the verification problems: one motion by all, second order, projections, singular poses."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.model.read import read_model
+from cutjoint.pipeline import COMPARISON_SOLVERS, Artifact, compile_model
+from cutjoint.run.results import Trajectory
+from tests.conftest import MODELS
+from tests.mechanisms.four_bar import four_bar_text
+from tests.mechanisms.verification import PROBLEMS, Problem, measure_errors, observed_orders
+from tests.physics.simulation import completed, simulate
+
+LAGRANGIAN = ("augmented", "classical")
+BY_NAME = {p.name: p for p in PROBLEMS}
+each_method = pytest.mark.parametrize("method", LAGRANGIAN)
+
+
+@cache
+def compiled(model: str, scene: str | None, method: str, comparison: bool = False) -> Artifact:
+    return compile_model(MODELS / f"{model}.yaml", scene=scene, method=method, comparison=comparison)
+
+
+def apart(one: Trajectory, other: Trajectory, columns: tuple[str, ...]) -> float:
+    """The largest difference of columns at equal times."""
+    assert one.t == pytest.approx(other.t, abs=1e-9)
+    return max(float(np.abs(one[c] - other[c]).max()) for c in columns)
+
+
+PLACE = ("chassis.x", "chassis.y", "chassis.z")
+
+
+def test_all_methods_converge_to_one_motion_of_the_car() -> None:
+    """iavsd_inphase_5 at 1e-4 s: positions of the three methods differ by less than 1e-6 m, and by less than at 2e-4 s."""
+    runs = {
+        method: {dt: completed(simulate(compiled("iltis", "iavsd_inphase_5", method), dt=dt)) for dt in (2e-4, 1e-4)}
+        for method in ("recursive", *LAGRANGIAN)
+    }
+    for method in LAGRANGIAN:
+        fine = apart(runs[method][1e-4], runs["recursive"][1e-4], PLACE)
+        assert fine < 1e-6
+        coarse = apart(runs[method][2e-4], runs["recursive"][2e-4], PLACE)
+        assert fine < coarse / 2 or coarse < 1e-7
+
+
+@each_method
+@pytest.mark.parametrize("scene", sorted(read_model(MODELS / "iltis.yaml").scenes))
+def test_every_scene(scene: str, method: str) -> None:
+    """At the method's own step the car comes to the end, on the way that the recursive method finds with a fine step.
+
+    Roads with edges magnify small differences of the moment of contact: heights are compared in the mean.
+    """
+    run = completed(simulate(compiled("iltis", scene, method)))
+    fine = completed(simulate(compiled("iltis", scene, "recursive"), dt=5e-4))
+    height = np.interp(run.t, fine.t, fine["chassis.z"])
+    assert run.t[-1] == pytest.approx(fine.t[-1], abs=run.t[1] - run.t[0])
+    assert np.sqrt(np.mean((run["chassis.z"] - height) ** 2)) < 0.02
+    assert run.effort.residuals.position < 1e-4
+    assert run.effort.residuals.velocity < 1e-9
+
+
+@each_method
+def test_residuals_are_reported_for_each_step(method: str, tmp_path: Path) -> None:
+    """Position, velocity and acceleration residuals of every step, below 1e-9 on a smooth road at 1 ms."""
+    table = tmp_path / "steps.csv"
+    run = completed(simulate(compiled("iltis", "iavsd_inphase_5", method), dt=1e-3, end=1.0, steps=table))
+    header, *lines = table.read_text().splitlines()
+    assert header == "t,iterations,position,velocity,acceleration"
+    rows = np.array([[float(x) for x in line.split(",")] for line in lines])
+    assert len(rows) == run.steps == 1000
+    assert rows[:, 2:4].max() < 1e-9
+    assert rows[:, 4].max() < 1e-7
+    assert run.effort.residuals.position >= rows[:, 2].max() > 0.0
+    assert 1 <= rows[:, 1].mean() < 5
+
+
+#: Three steps over which the error's dt^2 term leads; those of the recursive method where nothing is said.
+STEPS = {"SC3D": (2.5e-4, 1.25e-4, 6.25e-5)}
+
+
+@each_method
+@pytest.mark.parametrize("name", sorted(BY_NAME))
+def test_second_order(name: str, method: str) -> None:
+    problem: Problem = BY_NAME[name]
+    artifact = compiled(problem.model, None, method)
+    steps = STEPS.get(name, problem.steps)
+    errors = [measure_errors(problem, completed(simulate(artifact, dt=dt, end=problem.smooth))) for dt in steps]
+    assert observed_orders(errors) == pytest.approx([2, 2], abs=0.15)
+
+
+#: Largest errors of the scenes as they stand: about one and a half times what was measured.
+BOUNDS = {"A01": 1.4e-4, "A02": 3e-4, "A03": 1.5e-3, "A05": 4.2e-7, "SC3D": 6e-5}
+
+
+@each_method
+@pytest.mark.parametrize("name", sorted(BY_NAME))
+def test_errors_of_the_scene_as_it_stands(name: str, method: str) -> None:
+    """A02 passes ten singular poses."""
+    problem = BY_NAME[name]
+    run = completed(simulate(compiled(problem.model, None, method)))
+    assert measure_errors(problem, run).largest < BOUNDS[name]
+
+
+@each_method
+def test_solvers_agree(method: str) -> None:
+    """Every library finds the motion that the emitted factorisation finds."""
+    artifact = compiled("iltis", "simul3", method, comparison=True)
+    runs = {
+        solver: completed(simulate(artifact, end=2.0, solver=solver))
+        for solver in ("emitted", "eigen-lu", *sorted(COMPARISON_SOLVERS), "eigen-ldlt")
+        if method == "augmented" or solver not in ("eigen-ldlt", "cholmod")
+    }
+    for solver, run in runs.items():
+        assert run.effort.solver == solver
+        assert apart(run, runs["emitted"], PLACE) < 1e-9
+
+
+def in_line(folder: Path, method: str) -> Artifact:
+    """A four-bar that starts where all its bars are in line."""
+    positions = "{crank_0.pin.angle: -pi/2, crank_1.pin.angle: -pi/2, coupler_1.pin.angle: pi/2}"
+    text = four_bar_text(1).replace("    rates:", f"    positions: {positions}\n    rates:")
+    path = folder / "in_line.yaml"
+    path.write_text(text, encoding="utf-8")
+    return compile_model(path, scene="swing", method=method)
+
+
+def test_augmented_starts_in_a_singular_pose(tmp_path: Path) -> None:
+    """It does not matter to it that one equation says what others say; on which branch it goes on is not determined."""
+    run = completed(simulate(in_line(tmp_path, "augmented"), end=0.3))
+    assert run.effort.residuals.position < 1e-9
+    assert np.hypot(run["tip.x"], run["tip.y"]) == pytest.approx(np.ones(run.t.size), abs=1e-8)
+
+
+def test_classical_reports_a_singular_pose_as_what_it_is(tmp_path: Path) -> None:
+    """Not as a step that is too long: the equations that depend on others are named, the results up to then are kept."""
+    run = simulate(in_line(tmp_path, "classical"), end=0.3)
+    assert run.failure is not None
+    assert "classical" in run.failure.message
+    assert "singular" in run.failure.message
+    assert "depend" in run.failure.message + run.failure.advice
+    assert "augmented" in run.failure.advice
+    assert run.failure.time == pytest.approx(0.0, abs=2e-3)
+
+
+def test_results_up_to_a_failure_are_kept() -> None:
+    """A step so long that Newton's iteration does not come to rest on the stairs."""
+    run = simulate(compiled("iltis", "simul1s", "classical"), dt=0.05)
+    assert run.failure is not None
+    assert run.failure.message.startswith("classical: ")
+    assert run.failure.element
+    assert run.failure.advice
+    assert 1.0 < run.failure.time < 10.0
+    assert run.t[-1] == pytest.approx(run.failure.time - 0.05, abs=1e-9)
+    assert np.isfinite(run["chassis.z"]).all()

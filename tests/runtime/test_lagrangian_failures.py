@@ -1,0 +1,135 @@
+"""How runs of the Lagrangian methods fail: with the place, the reason, and what was computed before."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.runtime.points import (
+    AUGMENTED,
+    CLASSICAL,
+    METHODS,
+    ORIGIN,
+    PENDULUM,
+    SOLVERS,
+    four_bar,
+    pivot,
+    plane,
+    point,
+    redundant,
+    run_file,
+    simulate,
+    simulator,
+    start,
+)
+
+pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+
+
+@pytest.mark.parametrize("solver", SOLVERS[CLASSICAL])
+def test_classical_names_the_equations_that_depend_on_others(solver: str, tmp_path: Path) -> None:
+    """Whether or not its solver noticed: the pivots of a singular matrix are rounding, hardly ever zero."""
+    failed = simulate(tmp_path, redundant(PENDULUM), CLASSICAL, solver=solver).summary
+    assert failed["message"] == "classical: the tangent is singular"
+    assert failed["advice"] == (
+        "equation 'e2' depends on 'e0' here; use augmented, which tolerates redundant and momentarily dependent equations"
+    )
+    assert (failed["element"], failed["step"], failed["steps"]) == ("e2", 0, 0)
+
+
+def test_classical_names_all_equations_of_a_singular_start(tmp_path: Path) -> None:
+    """Cranks that lie in line with their couplers: a dependence a loop."""
+    lying = four_bar(2, 0.0)
+    for i, p in enumerate(lying["points"]):
+        p["at"] = [i + 1, 0, 0]
+    failed = simulate(tmp_path, lying, CLASSICAL).summary
+    assert failed["message"] == "classical: the tangent is singular"
+    assert failed["advice"].startswith("the equations 'e")
+    assert failed["advice"].count("'e") == 5  # two of three cranks and two couplers depend on the rest
+
+
+def test_classical_names_a_coordinate_that_nothing_resists(tmp_path: Path) -> None:
+    loose = {**PENDULUM, "points": [*PENDULUM["points"], point(0.0, (5, 0, 0))]}
+    failed = simulate(tmp_path, loose, CLASSICAL).summary
+    assert failed["message"] == "classical: the tangent is singular"
+    assert failed["element"].startswith("p1.")
+    assert "without moving mass" in failed["advice"]
+
+
+@pytest.mark.parametrize("solver", ["emitted", "eigen-ldlt", "cholmod"])
+def test_augmented_names_the_coordinate_whose_pivot_is_not_positive(solver: str, tmp_path: Path) -> None:
+    """A spring that pushes by 1e9 N/m outweighs 2 kg over a step of 1 ms, by dt^2/4 1e9 N/m = 250 kg."""
+    system = {**PENDULUM, "points": [*PENDULUM["points"], point(2.0, (3, 0, 0))]}
+    system["springs"] = [{"a": 1, "b": ORIGIN, "stiffness": -1e9}]
+    failed = simulate(tmp_path, system, AUGMENTED, solver=solver).summary
+    assert failed["message"] == "augmented: a pivot of the tangent is not positive"
+    assert failed["element"].startswith("p1.")
+    assert failed["advice"].startswith("a negative stiffness")
+    assert failed["step"] == 1
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_was_computed_stays(method: str, tmp_path: Path) -> None:
+    """A law that takes the root of the height fails when the point falls below zero, at sqrt(2 z / g) = 0.45 s; rows come each 0.1 s."""
+    system: dict[str, Any] = {"points": [point(1.0, (0, 0, 1))], "equations": [], "springs": [{"a": 0, "b": ORIGIN, "root": True}]}
+    system["equations"] = [{"a": 0, "b": ORIGIN, "normal": [1, 0, 0]}]
+    run = simulate(tmp_path, system, method, output_step=0.1)
+    failed = run.summary
+    assert failed["status"] == "failed"
+    assert failed["message"].startswith(f"{method}: ")
+    assert failed["element"] == "p0.z"
+    assert failed["step"] == failed["steps"] + 1
+    assert failed["time"] == pytest.approx(failed["step"] * 1e-3)
+    assert len(run.steps["t"]) == failed["steps"]
+    assert run.t.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, failed["steps"] * 1e-3])
+    assert np.isfinite(run.vectors()).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_iteration_that_does_not_end(method: str, tmp_path: Path) -> None:
+    run = simulate(tmp_path, PENDULUM, method, iterations=1)
+    assert run.summary["message"] == f"{method}: Newton's iteration did not converge in 1 iterations"
+    assert run.summary["element"] in ("p0.x", "p0.z")
+    assert run.summary["advice"] == "it was still getting closer: allow more iterations, or take a smaller dt"
+    assert run.t.tolist() == [0.0]
+
+
+def test_an_iteration_that_gets_nowhere(tmp_path: Path) -> None:
+    """A tangent without the law's: the spring's stiffness of 1e9 N/m is felt, but not known, so that each iteration overshoots."""
+    stiff = {
+        "points": [point(2.0, (1, 0, 0))], "equations": [plane(0, (0, 1, 0), ORIGIN)],
+        "springs": [{"a": 0, "b": pivot(1, 0, 0), "stiffness": 1e9, "known": False}],
+    }  # fmt: skip
+    failed = simulate(tmp_path, stiff, AUGMENTED).summary
+    assert failed["message"].startswith("augmented: Newton's iteration diverges")
+    assert failed["advice"] == "take a smaller dt; look at the forces on this coordinate"
+    assert failed["step"] == 1
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_start_off_its_equations(method: str, tmp_path: Path) -> None:
+    off = {**PENDULUM, "points": [point(2.0, (1.1, 0, 0))]}
+    failed = simulate(tmp_path, off, method).summary
+    assert failed["message"] == f"{method}: the start does not satisfy an equation"
+    assert failed["element"] == "e0"
+
+
+def refusal(folder: Path, method: str, solver: str, *, comparison: bool) -> str:
+    done = start(folder, run_file({**PENDULUM, "method": method}, "simulate", solver=solver), simulator(comparison=comparison))
+    assert done.returncode == 2
+    return done.stderr.strip()
+
+
+def test_solvers_that_do_not_fit(tmp_path: Path) -> None:
+    assert refusal(tmp_path, CLASSICAL, "cholmod", comparison=True) == (
+        "error: solver 'cholmod' factors symmetric matrices, and that of the classical method is not; use emitted, eigen-lu, klu, umfpack"
+    )
+    assert refusal(tmp_path, AUGMENTED, "klu", comparison=False) == (
+        "error: no solver 'klu' in this simulator, which has emitted, eigen-ldlt, eigen-lu; "
+        "cholmod, klu and umfpack need a simulator built for comparison"
+    )
+    assert "no solver 'gauss'" in refusal(tmp_path, CLASSICAL, "gauss", comparison=True)
