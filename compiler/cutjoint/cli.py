@@ -107,7 +107,7 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
     """Generate and compile the C++ of MODEL for one scene."""
     with _progress(f"compiling {model.name}"):
         artifact = pipeline.compile_model(model, scene=scene, method=method, out=out)
-    _out.print(f"{artifact.program.operations('evaluate')} operations an evaluation; source and simulator in {out}", markup=False)
+    _out.print(f"{artifact.program.operations(artifact.iteration)} operations an evaluation; source and simulator in {out}", markup=False)
 
 
 @main.command()

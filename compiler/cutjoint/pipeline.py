@@ -33,7 +33,7 @@ from cutjoint.run.results import Equilibrium, FailureReport, Trajectory, read_ef
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.sparse.pattern import Pattern
-from cutjoint.sparse.pivoting import SingularError
+from cutjoint.sparse.pivoting import NoPivotError, SingularError
 from cutjoint.sparse.plan import Plan, plan_symmetric, plan_unsymmetric
 from cutjoint.sparse.tangent import places, settle_entries
 from cutjoint.toolchain.build import FLAGS, Binary, build, build_generic
@@ -66,6 +66,11 @@ class Artifact:
     implementation: str
     generate_seconds: float
     compile_seconds: float
+
+    @property
+    def iteration(self) -> str:
+        """The function that each iteration of a step calls."""
+        return "evaluate" if self.method == "recursive" else "linearise"
 
     @property
     def mechanism(self) -> RecursiveEquations:
@@ -167,6 +172,8 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
     dt = equations.scene.numerics.of_method("classical").dt
     try:
         return plan_unsymmetric(pattern, list(tangent_samples(equations, states, dt)))
+    except NoPivotError as error:
+        raise RunError(f"{equations.topology.model.span.file}: classical: {error}; use --method augmented or recursive") from error
     except SingularError as error:
         rows = equations.coordinate_names + equations.equation_names
         names = ", ".join(f"'{rows[row]}'" for row in error.rows)

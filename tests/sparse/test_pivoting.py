@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 import pytest
 
-from cutjoint.sparse.pattern import make_pattern
+from cutjoint.sparse.pattern import Pattern, make_pattern
 from cutjoint.sparse.pivoting import (
     LAST_RESORT,
+    LIKENESSES,
     THRESHOLD,
     NoPivotError,
+    PivotSequence,
     SingularError,
     pivot_by_columns,
     pivot_by_likeness,
     pivot_by_markowitz,
-    scale,
+    scale_samples,
 )
 from cutjoint.sparse.plan import plan_unsymmetric
 from tests.sparse.matrices import Array, kkt_matrix, nearby, pattern_of, values_of
@@ -31,14 +36,18 @@ def multipliers(matrix: Array, rows: tuple[int, ...], columns: tuple[int, ...]) 
     return np.concatenate(found)
 
 
-@pytest.mark.parametrize("choose", [pivot_by_markowitz, pivot_by_likeness])
-def test_pivots_hold_in_all_samples(choose) -> None:  # type: ignore[no-untyped-def]
+CHOICES = (pivot_by_markowitz, *(partial(pivot_by_likeness, number=number) for number in range(len(LIKENESSES))))
+
+
+@pytest.mark.parametrize("choose", CHOICES)
+def test_pivots_hold_in_all_samples(choose: Callable[[Pattern, Array], PivotSequence]) -> None:
     matrix, _ = kkt_matrix(1)
     pattern = pattern_of(matrix, symmetric=False)
     samples = nearby(matrix, 2, 4)
-    sequence = choose(pattern, [values_of(pattern, sample) for sample in samples])
+    scaled = scale_samples(pattern, [values_of(pattern, sample) for sample in samples])
+    sequence = choose(pattern, scaled)
     assert sorted(sequence.rows) == sorted(sequence.columns) == list(range(len(matrix)))
-    largest = max(multipliers(sample, sequence.rows, sequence.columns).max() for sample in scale(np.array(samples)))
+    largest = max(multipliers(sample, sequence.rows, sequence.columns).max() for sample in scaled)
     assert sequence.threshold >= THRESHOLD
     np.testing.assert_allclose(1 / largest, sequence.threshold, rtol=1e-6)  # another order of operations
 
@@ -48,19 +57,19 @@ def test_a_pivot_that_vanishes_in_one_sample_is_not_taken() -> None:
     pattern = make_pattern(3, [(0, 0), (0, 1), (1, 0), (1, 1), (2, 2), (1, 2), (2, 1)], symmetric=False)
     large = np.array([[1.0, 1, 0], [1, 1, 1], [0, 1, -1]])
     small = np.array([[1e-6, 1, 0], [1, 1, 1], [0, 1, -1]])
-    alone = pivot_by_markowitz(pattern, [values_of(pattern, large)])
-    both = pivot_by_markowitz(pattern, [values_of(pattern, m) for m in (large, small)])
+    alone = pivot_by_markowitz(pattern, scale_samples(pattern, [values_of(pattern, large)]))
+    both = pivot_by_markowitz(pattern, scale_samples(pattern, [values_of(pattern, m) for m in (large, small)]))
     assert (0, 0) in zip(alone.rows, alone.columns, strict=True)
     assert (0, 0) not in zip(both.rows, both.columns, strict=True)
 
 
 def test_units_of_rows_and_columns_do_not_matter() -> None:
-    """Powers of two scale without rounding, so the pivots are the same."""
+    """The samples are the same when they are scaled, but for rounding."""
     matrix, n = kkt_matrix(3, branches=2)
     units = np.where(np.arange(len(matrix)) < n, 2.0**-20, 2.0**10)
     pattern = pattern_of(matrix, symmetric=False)
-    plain = pivot_by_markowitz(pattern, [values_of(pattern, matrix)])
-    scaled = pivot_by_markowitz(pattern, [values_of(pattern, units[:, np.newaxis] * matrix * units)])
+    plain = pivot_by_markowitz(pattern, scale_samples(pattern, [values_of(pattern, matrix)]))
+    scaled = pivot_by_markowitz(pattern, scale_samples(pattern, [values_of(pattern, units[:, np.newaxis] * matrix * units)]))
     assert (plain.rows, plain.columns) == (scaled.rows, scaled.columns)
 
 
@@ -80,15 +89,27 @@ def test_the_singular_one_of_several_samples_is_named() -> None:
     singular = regular.copy()
     singular[2] = 2 * singular[0] - singular[1]
     with pytest.raises(SingularError) as raised:
-        pivot_by_markowitz(pattern, [values_of(pattern, m) for m in (regular, singular)])
+        pivot_by_markowitz(pattern, scale_samples(pattern, [values_of(pattern, m) for m in (regular, singular)]))
     assert raised.value.sample == 1
     assert len(raised.value.rows) == 1
+
+
+def test_rounding_is_no_pivot() -> None:
+    """What is left of a row that depends on others is rounding, and not zero."""
+    random = np.random.default_rng(6)
+    matrix = random.normal(size=(12, 12))
+    matrix[7] = random.normal(size=11) @ np.delete(matrix, 7, axis=0)
+    pattern = pattern_of(matrix, symmetric=False)
+    for choose in CHOICES:
+        with pytest.raises(SingularError) as raised:
+            choose(pattern, scale_samples(pattern, [values_of(pattern, matrix)]))
+        assert len(raised.value.rows) == 1
 
 
 def test_a_row_of_zeros_depends_on_the_others() -> None:
     pattern = make_pattern(3, [(k, k) for k in range(3)], symmetric=False)
     with pytest.raises(SingularError) as raised:
-        pivot_by_markowitz(pattern, [np.array([1.0, 0, 1])])
+        pivot_by_markowitz(pattern, scale_samples(pattern, [np.array([1.0, 0, 1])]))
     assert raised.value.rows == (1,)
 
 
@@ -97,14 +118,14 @@ def test_samples_that_need_different_pivots() -> None:
     pattern = make_pattern(2, [(i, j) for i in range(2) for j in range(2)], symmetric=False)
     samples = [np.array([1.0, 0, 0, 1]), np.array([0.0, 1, 1, 0])]
     with pytest.raises(NoPivotError, match="take samples that are less far apart"):
-        pivot_by_markowitz(pattern, samples)
+        pivot_by_markowitz(pattern, scale_samples(pattern, samples))
 
 
 def test_a_weak_pivot_is_the_last_resort() -> None:
     """In each column another entry dominates in another sample; the best compromise is taken and its share recorded."""
     pattern = make_pattern(2, [(i, j) for i in range(2) for j in range(2)], symmetric=False)
     samples = [values_of(pattern, np.array(m)) for m in ([[1.0, -0.02], [0.02, 1]], [[0.03, -1], [1.0, 0.03]])]
-    sequence = pivot_by_markowitz(pattern, samples)
+    sequence = pivot_by_markowitz(pattern, scale_samples(pattern, samples))
     assert LAST_RESORT < sequence.threshold < THRESHOLD
 
 
@@ -112,6 +133,6 @@ def test_columns_come_in_the_given_order() -> None:
     matrix, _ = kkt_matrix(5, branches=2)
     pattern = pattern_of(matrix, symmetric=False)
     order = np.random.default_rng(1).permutation(len(matrix)).tolist()
-    sequence = pivot_by_columns("mine", order, pattern, [values_of(pattern, matrix)])
+    sequence = pivot_by_columns("mine", order, pattern, scale_samples(pattern, [values_of(pattern, matrix)]))
     assert sequence.columns == tuple(order)
     assert sequence.threshold >= THRESHOLD

@@ -10,7 +10,7 @@ from cutjoint.analysis.conditioning import RatedChoice, RatedOption
 from cutjoint.analysis.mobility import Mobility
 from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
 from cutjoint.pipeline import Artifact
-from cutjoint.run.results import Equilibrium, Trajectory
+from cutjoint.run.results import Effort, Equilibrium, Trajectory
 from cutjoint.topology.records import Topology
 
 
@@ -121,18 +121,30 @@ def _figures(rated: RatedOption, base: int) -> str:
 
 def run_facts(artifact: Artifact, run: Trajectory) -> Table:
     """What compiling and running took."""
-    program = artifact.program
+    program, function = artifact.program, artifact.iteration
     compiled = f"{artifact.compile_seconds:.2f} s" if artifact.binary.fresh else "found in the cache"
     simulated = float(run.t[-1] - run.t[0]) if run.t.size else 0.0
     factor = f"{simulated / run.seconds:.0f} times real time" if run.seconds else "-"
-    return _facts(f"scene {artifact.scene.name}, method recursive", [
-        ("operations", f"{program.operations('evaluate')} an evaluation, {program.instructions('evaluate')} with lanes counted once"),
+    return _facts(f"scene {artifact.scene.name}, method {artifact.method}", [
+        ("operations", f"{program.operations(function)} an evaluation, {program.instructions(function)} with lanes counted once"),
         ("generate", f"{artifact.generate_seconds:.2f} s"),
         ("compile", f"{compiled} ({artifact.binary.compiler}, {' '.join(artifact.binary.flags)})"),
         ("run", f"{run.seconds:.4f} s for {simulated:g} s: {factor}"),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
+        *_effort_facts(run.effort),
         ("speeds not given", f"{len(run.undetermined)}, as small as the loops allow{_listed(run.undetermined)}"),
     ])  # fmt: skip
+
+
+def _effort_facts(effort: Effort) -> list[tuple[str, str]]:
+    """What a Lagrangian method reports besides."""
+    if not effort.solver:
+        return []
+    fallbacks = f", {effort.pivoting_fallbacks} with pivoting after all" if effort.pivoting_fallbacks else ""
+    r = effort.residuals
+    facts = [("solver", f"{effort.solver}, {effort.factorisations} factorisations{fallbacks}")]
+    facts += [("penalty", f"{effort.penalty:.3g}")] if effort.penalty == effort.penalty else []
+    return [*facts, ("largest residuals", f"Phi {r.position:.1e}, Phid {r.velocity:.1e}, Phidd {r.acceleration:.1e}")]
 
 
 def _listed(names: tuple[str, ...]) -> str:

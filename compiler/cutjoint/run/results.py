@@ -44,11 +44,12 @@ class Residuals:
 class Effort:
     """What the steps of a run took besides evaluations.
 
-    The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured.  ``pivoting_fallbacks`` counts the
-    matrices for which a fixed pivot order had to give way to pivoting.
+    The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured.  ``penalty`` is that of the
+    augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to pivoting.
     """
 
     solver: str = ""
+    penalty: float = nan
     iterations: int = 0
     factorisations: int = 0
     pivoting_fallbacks: int = 0
@@ -92,7 +93,8 @@ def read_effort(summary: Mapping[str, Any]) -> Effort:
     """The effort that a simulator's summary reports."""
     residuals = {name: nan if value is None else value for name, value in summary.get("residuals", {}).items()}
     return Effort(
-        solver=summary.get("solver", ""), iterations=summary.get("iterations", 0), factorisations=summary.get("factorisations", 0),
+        solver=summary.get("solver", ""), penalty=summary.get("penalty", nan), iterations=summary.get("iterations", 0),
+        factorisations=summary.get("factorisations", 0),
         pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), residuals=Residuals(**residuals),
     )  # fmt: skip
 

@@ -22,9 +22,8 @@ LAST_RESORT = 1e-4
 #: An entry of the scaled matrix, of which the largest entry of each column is about 1, is zero below this.
 ZERO = 1e-10
 
-#: A pivot has nearly the least product of other entries up to this multiple of it, and `_MORE`; an entry that its row or column has more or
-#: less than the last pivot's costs as much as `_UNLIKE` entries of fill.  Tried on constrained mechanisms of 120 to 220 unknowns.
-NEARLY, _MORE, _UNLIKE = 1.5, 6, 3
+#: What likeness weighs, see `pivot_by_likeness`: which of these suits a matrix is a matter of luck, so all are tried.
+LIKENESSES = ((1.5, 6, 3), (1.5, 6, 6), (2, 10, 3))
 
 #: Logarithms to base 2 below this count as rounding.
 _TINY = -30
@@ -57,31 +56,34 @@ class PivotSequence:
     threshold: float
 
 
-def pivot_by_markowitz(pattern: Pattern, samples: Sequence[Sequence[float] | Array]) -> PivotSequence:
+def pivot_by_markowitz(pattern: Pattern, scaled: Array) -> PivotSequence:
     """The pivot with the least product of other entries in its row and column, among those that hold in all samples.
 
     Args:
         pattern: an unsymmetric pattern.
-        samples: at least one vector of values of the pattern's entries.
+        scaled: the samples as `scale_samples` gives them.
 
     Raises:
         SingularError: a sample is numerically singular.
         NoPivotError: no pivot holds in all samples.
     """
-    return _choose("markowitz", pattern, samples, _Remainder.least_fill)
+    return _choose("markowitz", pattern, scaled, _Remainder.least_fill)
 
 
-def pivot_by_likeness(pattern: Pattern, samples: Sequence[Sequence[float] | Array]) -> PivotSequence:
+def pivot_by_likeness(pattern: Pattern, scaled: Array, number: int) -> PivotSequence:
     """The same, but of pivots with nearly the least product that whose structure is most like the last one's: they make larger tiles.
 
+    ``LIKENESSES[number]`` is how many times the least product counts as nearly that, and what may come on top; and how many entries of fill
+    outweigh an entry that the pivot's row or column has more or less than the last one's.
+
     Raises:
         SingularError: a sample is numerically singular.
         NoPivotError: no pivot holds in all samples.
     """
-    return _choose("likeness", pattern, samples, _Remainder.most_alike)
+    return _choose(f"likeness {number}", pattern, scaled, lambda remainder: remainder.most_alike(*LIKENESSES[number]))
 
 
-def pivot_by_columns(name: str, order: Sequence[int], pattern: Pattern, samples: Sequence[Sequence[float] | Array]) -> PivotSequence:
+def pivot_by_columns(name: str, order: Sequence[int], pattern: Pattern, scaled: Array) -> PivotSequence:
     """The columns in a given order, each with the row of the fewest entries among those that hold in all samples.
 
     Raises:
@@ -89,16 +91,17 @@ def pivot_by_columns(name: str, order: Sequence[int], pattern: Pattern, samples:
         NoPivotError: no pivot holds in all samples.
     """
     columns = iter(order)
-    return _choose(name, pattern, samples, lambda remainder: remainder.shortest_row(next(columns)))
+    return _choose(name, pattern, scaled, lambda remainder: remainder.shortest_row(next(columns)))
 
 
-def scale(matrices: Array) -> Array:
-    """Matrices (samples x n x n) with rows and columns multiplied by powers of two, so that units do not matter.
+def scale_samples(pattern: Pattern, samples: Sequence[Sequence[float] | Array]) -> Array:
+    """Samples, vectors of the pattern's values, as matrices (samples x n x n) with rows and columns scaled so that units do not matter.
 
     The logarithms of the magnitudes are as small as they can be in the mean square: Curtis, Reid, "On the automatic scaling of matrices for
-    Gaussian elimination" (1972).  Entries that are tiny even then, rounding instead of zeros, are left out of the mean.  One scaling counts
-    for all samples.
+    Gaussian elimination" (1972).  Entries that are tiny even then, rounding instead of zeros, are left out of the mean.  The largest
+    entries of rows and columns are about 1.  One scaling counts for all samples.
     """
+    matrices = np.array([dense(pattern, values) for values in samples])
     magnitude = np.abs(matrices).max(axis=0)
     exponents = np.log2(_positive(magnitude))
     counted = magnitude > 0
@@ -108,8 +111,8 @@ def scale(matrices: Array) -> Array:
         counted &= scaled > _TINY
     left -= _largest(scaled, counted)
     right -= _largest((exponents + left[:, np.newaxis] + right).T, counted.T)
-    scaled_matrices: Array = np.ldexp(matrices, np.round(left[:, np.newaxis]).astype(int) + np.round(right).astype(int))
-    return scaled_matrices
+    result: Array = matrices * np.exp2(left)[:, np.newaxis] * np.exp2(right)
+    return result
 
 
 def _largest(exponents: Array, counted: NDArray[np.bool_]) -> Array:
@@ -141,12 +144,9 @@ def dependent_rows(matrix: Array) -> tuple[int, ...]:
     return tuple(rows)
 
 
-def _choose(
-    name: str, pattern: Pattern, samples: Sequence[Sequence[float] | Array], choose: Callable[[_Remainder], tuple[int, int]]
-) -> PivotSequence:
-    if pattern.symmetric or not len(samples):
+def _choose(name: str, pattern: Pattern, scaled: Array, choose: Callable[[_Remainder], tuple[int, int]]) -> PivotSequence:
+    if pattern.symmetric or not len(scaled):
         raise ValueError("pivots are chosen for unsymmetric patterns and from samples")
-    scaled = scale(np.array([dense(pattern, values) for values in samples]))
     remainder = _Remainder(scaled.copy(), dense(pattern, np.ones(len(pattern.row))) != 0)
     for _ in range(pattern.size):
         row, column = choose(remainder)
@@ -164,7 +164,7 @@ class _Remainder:
         self._entries = entries  # rows x columns
         self._rows = np.arange(len(entries))
         self._columns = np.arange(len(entries))
-        self._shares = self._find_shares()
+        self._shares = self._find_shares(slice(None))
         self._changed_rows = np.zeros(len(entries), dtype=bool)  # by the last pivot
         self._changed_columns = self._changed_rows
         self.pivot_rows: list[int] = []
@@ -178,14 +178,13 @@ class _Remainder:
     def least_fill(self) -> tuple[int, int]:
         return self._best(self._counts())
 
-    def most_alike(self) -> tuple[int, int]:
-        """The structure counts as much as a few entries of fill; see `NEARLY`."""
+    def most_alike(self, nearly: float, more: float, unlike: float) -> tuple[int, int]:
         counts = self._counts()
         least = counts[self._shares >= THRESHOLD].min(initial=np.inf)
         by_row = (self._entries != self._changed_columns).sum(axis=1)
         by_column = (self._entries != self._changed_rows[:, np.newaxis]).sum(axis=0)
-        unlike = by_row[:, np.newaxis] + by_column if self.pivot_rows else np.zeros(counts.shape)
-        return self._best(np.where(counts <= NEARLY * least + _MORE, counts + _UNLIKE * unlike, np.inf))
+        differences = by_row[:, np.newaxis] + by_column if self.pivot_rows else np.zeros(counts.shape)
+        return self._best(np.where(counts <= nearly * least + more, counts + unlike * differences, np.inf))
 
     def shortest_row(self, column: int) -> tuple[int, int]:
         cost = np.full(self._entries.shape, np.inf)
@@ -207,15 +206,16 @@ class _Remainder:
         self._changed_columns = np.delete(self._entries[row], column)
         self._values = np.delete(np.delete(self._values, row, axis=1), column, axis=2)
         self._entries = np.delete(np.delete(self._entries, row, axis=0), column, axis=1)
+        self._shares = np.delete(np.delete(self._shares, row, axis=0), column, axis=1)
         self._rows, self._columns = np.delete(self._rows, row), np.delete(self._columns, column)
-        self._shares = self._find_shares()
+        self._shares[:, self._changed_columns] = self._find_shares(self._changed_columns)
 
-    def _find_shares(self) -> Array:
+    def _find_shares(self, columns: slice | NDArray[np.bool_]) -> Array:
         """Zero where an entry counts as none; rows x columns."""
-        magnitude = np.abs(self._values)
+        magnitude = np.abs(self._values[:, :, columns])
         largest = magnitude.max(axis=1, keepdims=True, initial=0)
         shares = (magnitude / _positive(largest)).min(axis=0)
-        return np.where(self._entries & (magnitude > ZERO).all(axis=0), shares, 0)
+        return np.where(self._entries[:, columns] & (magnitude > ZERO).all(axis=0), shares, 0)
 
     def _counts(self) -> Array:
         """Markowitz's products."""

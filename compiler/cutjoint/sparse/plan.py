@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from cutjoint.sparse.ordering import order_columns, order_symmetric
 from cutjoint.sparse.pattern import Array, Pattern
-from cutjoint.sparse.pivoting import NoPivotError, pivot_by_columns, pivot_by_likeness, pivot_by_markowitz
+from cutjoint.sparse.pivoting import LIKENESSES, NoPivotError, pivot_by_columns, pivot_by_likeness, pivot_by_markowitz, scale_samples
 from cutjoint.sparse.storage import Storage, store
 from cutjoint.sparse.symbolic import Elimination, eliminate, multiply_adds
 from cutjoint.sparse.tiles import Tiling, make_tiles, operations
@@ -63,10 +63,12 @@ def plan_unsymmetric(pattern: Pattern, samples: Sequence[Sequence[float] | Array
         SingularError: a sample is numerically singular.
         NoPivotError: no sequence of pivots holds in all samples.
     """
-    sequences = [choose(pattern, samples) for choose in (pivot_by_likeness, pivot_by_markowitz)]
+    scaled = scale_samples(pattern, samples)
+    sequences = [pivot_by_markowitz(pattern, scaled)]
+    sequences += [pivot_by_likeness(pattern, scaled, number) for number in range(len(LIKENESSES))]
     for ordering in order_columns(pattern):
         with suppress(NoPivotError):
-            sequences.append(pivot_by_columns(ordering.name, ordering.order, pattern, samples))
+            sequences.append(pivot_by_columns(ordering.name, ordering.order, pattern, scaled))
     return _cheapest(pattern, [(s.name, eliminate(pattern, s.rows, s.columns), s.threshold) for s in sequences])
 
 

@@ -82,6 +82,8 @@ class LagrangianMethod {
   /// What the run took, and the largest residuals that any of its states has.
   void summarise(Json& summary) const {
     summary["solver"] = solver_name_;
+    if (d_.method == Lagrangian::augmented)
+      summary["penalty"] = number_or_null(static_cast<double>(newton_->step_weights().constraint / newton_->step_weights().stiffness));
     summary["evaluations"] = newton_->evaluations();
     summary["iterations"] = newton_->iterations();
     summary["factorisations"] = newton_->factorisations();

@@ -57,8 +57,8 @@ class Road;
 /// - `close` is Phi, Phid = Phi_q v + Phi_t and Phidd = Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t),
 /// - `pull` is Phi_q^T w,
 /// - `report` is the columns,
-/// - `factor` is the emitted factorisation with its static pivot order: L D L^T (augmented) or L U (classical); it returns -1, or the row of
-///   the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
+/// - `factor` is the emitted factorisation with its static pivot order: L D L^T (augmented) or L U (classical); it returns -1, or the row
+///   of the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
 /// - `solve` replaces the right-hand side x by the solution.
 template <class Real>
 class AnySystem {
