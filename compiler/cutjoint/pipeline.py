@@ -15,6 +15,7 @@ from time import perf_counter
 from cutjoint.analysis.inertia import require_inertia
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
 from cutjoint.emit.generic import describe_generic
+from cutjoint.emit.generic_natural import describe_generic_natural
 from cutjoint.emit.source import Source, emit
 from cutjoint.emit.system import emit_system
 from cutjoint.formulate.natural.equations import formulate_lagrangian
@@ -234,7 +235,7 @@ def simulate(
         table = Path(folder) / "table.csv" if out is None else out
         run_file = make_run_file(
             artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
-            solver="" if artifact.method == "recursive" else solver, steps_out="" if steps is None else str(steps.resolve()),
+            solver=_solver(artifact, solver), steps_out="" if steps is None else str(steps.resolve()),
         )  # fmt: skip
         if artifact.implementation == "generic":
             run_file["model"] = str(_describe(artifact, Path(folder)))
@@ -251,6 +252,14 @@ def simulate(
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         effort=read_effort(summary),
     )  # fmt: skip
+
+
+def _solver(artifact: Artifact, solver: str) -> str:
+    """What a run file names as solver; the generic twin has no emitted factorisation and takes a library's in its place."""
+    if artifact.method == "recursive":
+        return ""
+    library = {"augmented": "eigen-ldlt", "classical": "klu"}[artifact.method]
+    return library if solver == "emitted" and artifact.implementation == "generic" else solver
 
 
 def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
@@ -273,7 +282,12 @@ def with_figures(scene: Scene, method: str, changes: Mapping[str, float]) -> Sce
 def _describe(artifact: Artifact, folder: Path) -> Path:
     """The model as the generic twin reads it."""
     path = folder / "model.json"
-    path.write_text(json.dumps(describe_generic(artifact.topology, artifact.scene, artifact.equations.outputs)), encoding="utf-8")
+    equations = artifact.equations
+    if isinstance(equations, LagrangianEquations):
+        description = describe_generic_natural(equations)
+    else:
+        description = describe_generic(artifact.topology, artifact.scene, equations.outputs)
+    path.write_text(json.dumps(description), encoding="utf-8")
     return path
 
 

@@ -6,6 +6,7 @@ and the motion that M qdd + Phi_q^T lambda = Q asks for is that of the recursive
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -200,6 +201,38 @@ def test_guided_joint(kind: JointKind) -> None:
     w.grow(w.guided(w.guided(w.grow("ground"), kind), kind))
     w.load_all()
     compare(w.model(), 0)
+
+
+def determined(pair: Pair, at: Instant) -> set[str]:
+    """The columns that multipliers which change no force on the coordinates do not change."""
+    placed = pair.call("place", relative_q=at.q, relative_v=at.v, t=np.array([at.t]))
+    J = constraint_jacobian(pair.natural, placed["q"])
+    idle = np.linalg.svd(J.T)[2][np.linalg.matrix_rank(J, tol=1e-8) :]
+    state = {"q": placed["q"], "v": placed["v"], "vdot": np.zeros(pair.n)}
+    columns = [pair.call("report", **state, **{"lambda": multipliers})["column"] for multipliers in (np.zeros(pair.m), *idle)]
+    return {c.name for i, c in enumerate(pair.natural.columns) if all(abs(x[i] - columns[0][i]) < 1e-8 for x in columns)}
+
+
+#: Where a loop is closed, and the seed of its model.
+LOOPS = (("branch", 3), ("roots", 0), ("roots", 5), ("parent", 2))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in CUT_KINDS if kind is not K.FIXED])
+def test_reaction_of_a_cut_joint(kind: JointKind) -> None:
+    """Where natural coordinates tell a reaction, and mechanics determines it, it is that of the recursive formulation."""
+    compared = 0
+    for closing, seed in LOOPS:
+        model = without_rod_forces(random_models.loop_with(kind, closing, seed))
+        outputs = tuple(Output(element=r.name, quantity="force", span=NOWHERE) for r in model.reactions)
+        with suppress(ModelError):
+            pair = make_pair(model, SCENE, outputs)
+            for at in states(pair, seed):
+                expected, found, known = recursive_report(pair, at), natural_report(pair, at), determined(pair, at)
+                for name in known:
+                    bound = 1e-5 * max(1.0, abs(expected[name]))
+                    assert found[name] == pytest.approx(expected[name], abs=bound), (closing, seed, name)
+                    compared += 1
+    assert compared > 0
 
 
 # Models of the repository

@@ -84,7 +84,7 @@ def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], road
 def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str, RoadTable]) -> Array:
     if table is not None:
         road = roads[table]
-        x, y = (float(np.ravel(a)[0]) for a in args)
+        x, y = (float(np.asarray(a).item()) for a in args)  # a road answers for one place, not for a batch
         return np.array([[getattr(road, function.removeprefix("road_"))(x, y)]])
     return np.asarray(FUNCTIONS[function](*args), dtype=float)
 

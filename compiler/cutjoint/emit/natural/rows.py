@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -17,7 +16,7 @@ import sympy
 from cutjoint.emit.natural.forms import FormTable, Use, Uses
 from cutjoint.emit.trees import Json, Trees
 from cutjoint.formulate.directions import tangents
-from cutjoint.formulate.natural.constraints import slide_axis, tangents_of
+from cutjoint.formulate.natural.constraints import held_across, kept_weight, slide_axis
 from cutjoint.formulate.natural.layout import Group, combination
 from cutjoint.formulate.natural.needs import ANGLES, angle_axes
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
@@ -71,16 +70,16 @@ class _Rows:
     def _kept(self, group: Group, name: str, u: Form, w: Form) -> Row:
         """A product that keeps its design value; of two ways between points over the longer one's length."""
         p, q = (_place(form) for form in (u, w))
-        lengths = [math.hypot(*map(self._layout.value, place)) for place, form in ((p, u), (q, w)) if len(form) == 2]
-        weight = (0.5 if u == w else 1.0) / (max(lengths) if len(lengths) == 2 else 1.0)
+        weight = kept_weight(self._layout, u, w)
         details = {"kind": "product", "weight": weight, "value": self._trees.one(weight * p.dot(q))}
         return Row(element=group.name, name=name, details=details, forms=((Use(1, group.name, u),), (Use(1, group.name, w),)))
 
     def _held(self, group: Group, node: Node) -> Iterator[Row]:
         """A shared node that the basis of a group does not have."""
         shared = Use(1, node.body, {node: 1})
-        if node.kind is NodeKind.VECTOR and len(group.basis) == 4:
-            for i, across in enumerate(tangents_of(tuple(self._layout.value(x) for x in node.place)), start=1):
+        directions = held_across(self._layout, group, node)
+        if directions is not None:
+            for i, across in enumerate(directions, start=1):
                 own = Use(1, group.name, combination(group, NodeKind.VECTOR, across))
                 yield self._product(group.name, f"{node.name}.{i}", (shared,), (own,))
         else:

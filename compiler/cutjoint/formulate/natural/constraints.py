@@ -9,24 +9,42 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 import sympy
 
 from cutjoint.formulate.directions import tangents
 from cutjoint.formulate.inputs import guide_rates
-from cutjoint.formulate.natural.layout import Group, combination
+from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.needs import ANGLES, angle_axes
-from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, difference
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, combine
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
 @dataclass(frozen=True, kw_only=True)
+class Use:
+    """A form as one body has it, with a sign."""
+
+    sign: int
+    body: str
+    form: Form
+
+
+#: A combination of what bodies have.
+Uses: TypeAlias = tuple[Use, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """Equations of one body or joint: columns (m, 1), and the gradient (m, size) by node."""
+    """Equations of one body or joint: columns (m, 1), and the gradient (m, size) by node.
+
+    ``by_use`` has the gradient (m, 3) by what each body has, ``by_way`` that by the way between a joint's points, None where an equation
+    of the joint does not hold that.
+    """
 
     element: str
     names: tuple[str, ...]
@@ -34,6 +52,8 @@ class Constraint:
     rate: Block
     drift: Block
     gradient: Mapping[Node, Block]
+    by_use: tuple[tuple[Use, Block], ...] = ()
+    by_way: Block | None = None
 
     def without(self, names: Collection[str], b: Builder) -> Constraint | None:
         """The constraint without the equations of these names; None when none is left."""
@@ -47,6 +67,8 @@ class Constraint:
         return Constraint(
             element=self.element, names=tuple(self.names[i] for i in rows), residual=kept(self.residual), rate=kept(self.rate),
             drift=kept(self.drift), gradient={node: kept(block) for node, block in self.gradient.items()},
+            by_use=tuple((use, kept(block)) for use, block in self.by_use),
+            by_way=None if self.by_way is None else kept(self.by_way),
         )  # fmt: skip
 
     @property
@@ -65,19 +87,23 @@ class _Row:
     rate: Block
     drift: Block
     gradient: dict[Node, Block] = field(default_factory=dict)
+    by_use: list[tuple[Use, Block]] = field(default_factory=list)
+    by_way: Block | None = None
 
-    def push(self, form: Form, row: Block) -> None:
-        """Add a gradient (1, 3) by a form."""
-        for node, coefficient in form.items():
-            if node.body == GROUND:
-                continue
-            term = self.motions.times(coefficient, row)
-            known = self.gradient.get(node)
-            self.gradient[node] = term if known is None else self.b.add(known, term)
+    def push(self, uses: Uses, row: Block) -> None:
+        """Add a gradient (1, size) by what bodies have."""
+        for use in uses:
+            signed = row if use.sign > 0 else self.b.neg(row)
+            self.by_use.append((use, signed))
+            for node, coefficient in use.form.items():
+                if node.body != GROUND:
+                    term = self.motions.times(coefficient, signed)
+                    known = self.gradient.get(node)
+                    self.gradient[node] = term if known is None else self.b.add(known, term)
 
-    def product(self, weight: Block, u: Form, w: Form) -> None:
+    def product(self, weight: Block, u: Uses, w: Uses) -> None:
         """Add weight (u . w), weight a constant."""
-        b, p, q = self.b, self.motions.of(u), self.motions.of(w)
+        b, p, q = self.b, self.motions.of(total(u)), self.motions.of(total(w))
         self.residual = b.add(self.residual, b.mul(weight, b.dot(p.x, q.x)))
         self.rate = b.add(self.rate, b.mul(weight, b.add(b.dot(p.x, q.v), b.dot(q.x, p.v))))
         self.drift = b.add(self.drift, b.mul(weight, b.mul(b.number(2.0), b.dot(p.v, q.v))))
@@ -100,7 +126,7 @@ class _Row:
         number = self.motions.translator.scalar(factor)
         self.residual = b.sub(self.residual, b.mul(number, motion.x))
         self.rate = b.sub(self.rate, b.mul(number, motion.v))
-        self.push({node: -1}, number)
+        self.push((Use(sign=-1, body=node.body, form={node: 1}),), number)
 
 
 def multipliers(b: Builder, constraint: Constraint) -> Block:
@@ -142,50 +168,64 @@ class ConstraintMaker:
             element=element, names=tuple(names), residual=b.column([r.residual for r in rows]), rate=b.column([r.rate for r in rows]),
             drift=b.column([r.drift for r in rows]),
             gradient={n: b.stack([[r.gradient.get(n, b.zero(1, n.size))] for r in rows]) for n in nodes},
+            by_use=tuple(
+                (use, b.stack([[block if row is r else b.zero(1, block.shape[1])] for r in rows]))
+                for row in rows for use, block in row.by_use
+            ),
+            by_way=_stacked_ways(b, [r.by_way for r in rows]),
         )  # fmt: skip
 
     def _body(self, group: Group) -> Iterator[Constraint]:
         """What keeps a group rigid, and holds it to shared nodes that its basis does not have."""
         for u, w in group.pairs:
             name = _way_name(u) if u == w else f"{_way_name(u)}*{_way_name(w)}"
-            yield self._stacked(group.name, [name], [self._kept(u, u if u == w else w)])
+            yield self._stacked(group.name, [name], [self._kept(group.name, u, w)])
         for node in group.surplus:
             yield from self._held(group, node)
 
-    def _kept(self, u: Form, w: Form) -> _Row:
+    def _kept(self, body: str, u: Form, w: Form) -> _Row:
         """The product of two ways keeps its design value."""
-        row, value = self._row(), self._layout.value
+        row = self._row()
         p, q = (sympy.Matrix(_design(form)) for form in (u, w))
-        lengths = [float(np.linalg.norm([value(x) for x in place])) for place, form in ((p, u), (q, w)) if len(form) == 2]
-        weight = self._b.number((0.5 if u is w else 1.0) / (max(lengths) if len(lengths) == 2 else 1.0))
-        row.product(weight, u, w)
+        weight = self._b.number(kept_weight(self._layout, u, w))
+        first = (Use(sign=1, body=body, form=u),)
+        row.product(weight, first, first if u == w else (Use(sign=1, body=body, form=w),))
         constant = self._b.mul(weight, self._m.translator.scalar(p.dot(q)))
         row.known(constant, self._b.zero(1), self._b.zero(1))
         return row
 
     def _held(self, group: Group, node: Node) -> Iterator[Constraint]:
-        """A group's own combination equals a shared node: three equations of a point, two of a direction if all directions are known."""
-        own = combination(group, node.kind, node.place)
-        if node.kind is NodeKind.VECTOR and len(group.basis) == 4:
-            across = tangents_of(tuple(self._layout.value(x) for x in node.place))
-            forms = [combination(group, NodeKind.VECTOR, t) for t in across]
-            rows = [self._perpendicular({node: 1}, form) for form in forms]
-            yield self._stacked(group.name, [f"{node.name}.{i}" for i in (1, 2)], rows)
+        """A group's own combination equals a shared node: three equations of a point, of a direction two, if the
+        body has all directions and their own are numbers."""
+        shared = (Use(sign=1, body=node.body, form={node: 1}),)
+        across = held_across(self._layout, group, node)
+        if across is None:
+            own = Use(sign=-1, body=group.name, form=combination(group, node.kind, node.place))
+            yield self._equal(group.name, node.name, (*shared, own))
         else:
-            yield self._equal(group.name, node.name, difference({node: 1}, own))
+            forms = [combination(group, NodeKind.VECTOR, t) for t in across]
+            rows = [self._perpendicular(shared, (Use(sign=1, body=group.name, form=form),)) for form in forms]
+            yield self._stacked(group.name, [f"{node.name}.{i}" for i in (1, 2)], rows)
 
-    def _equal(self, element: str, name: str, form: Form) -> Constraint:
+    def _equal(self, element: str, name: str, uses: Uses) -> Constraint:
         """A combination of nodes is zero."""
-        b, motion = self._b, self._m.of(form)
+        b, form = self._b, total(uses)
+        motion = self._m.of(form)
         gradient = {n: self._m.times(c, b.identity(3)) for n, c in form.items() if n.body != GROUND}
         return Constraint(
             element=element, names=tuple(f"{name}.{axis}" for axis in "xyz"), residual=motion.x, rate=motion.v, drift=b.zero(3),
-            gradient=gradient,
+            gradient=gradient, by_use=tuple((use, b.identity(3) if use.sign > 0 else b.neg(b.identity(3))) for use in uses),
         )  # fmt: skip
 
-    def _perpendicular(self, u: Form, w: Form) -> _Row:
+    def _perpendicular(self, u: Uses, w: Uses) -> _Row:
         row = self._row()
         row.product(self._b.number(1.0), u, w)
+        return row
+
+    def _along(self, way: Uses, direction: Uses) -> _Row:
+        """A component of the way between a joint's points."""
+        row = self._perpendicular(way, direction)
+        row.by_way = self._b.transpose(self._m.of(total(direction)).x)
         return row
 
     def _joint(self, joint: Joint) -> Iterator[Constraint]:
@@ -208,38 +248,37 @@ class ConstraintMaker:
             case JointKind.PRISMATIC | JointKind.CYLINDRICAL | JointKind.POINT_ON_LINE:
                 return ["across_1", "across_2"], self._across(joint)
             case JointKind.SCREW:
-                advance = self._perpendicular(self._way(joint), self._direction(joint.base, joint.axes[0]))
+                advance = self._along(self._way(joint), self._direction(joint.base, joint.axes[0]))
                 advance.angle(self._layout.angles[joint.name, "angle"], joint.pitch)
                 return ["across_1", "across_2", "advance"], [*self._across(joint), advance]
             case JointKind.PLANAR:
-                return ["height"], [self._perpendicular(self._way(joint), self._direction(joint.base, joint.axes[0]))]
+                return ["height"], [self._along(self._way(joint), self._direction(joint.base, joint.axes[0]))]
             case JointKind.DISTANCE:
-                assert joint.to is not None
-                rod = difference(self._point(joint.follower, joint.to), self._point(joint.base, joint.at))
-                return ["length"], [self._kept_length(rod, joint)]
+                return ["length"], [self._kept_length(joint)]
         return [], []
 
-    def _kept_length(self, rod: Form, joint: Joint) -> _Row:
-        row, b = self._row(), self._b
+    def _kept_length(self, joint: Joint) -> _Row:
+        row, b, rod = self._row(), self._b, self._way(joint)
         assert joint.to is not None
         length = (sympy.Matrix(joint.to) - sympy.Matrix(joint.at)).norm()
         weight = self._m.translator.scalar(1 / (2 * length))
         row.product(weight, rod, rod)
+        row.by_way = b.transpose(b.scale(b.mul(b.number(2.0), weight), self._m.of(total(rod)).x))
         row.known(self._m.translator.scalar(length / 2), b.zero(1), b.zero(1))
         return row
 
-    def _point(self, body: str, place: Vector) -> Form:
-        return self._layout.point(body, place)
+    def _direction(self, body: str, place: Vector) -> Uses:
+        return (Use(sign=1, body=body, form=self._layout.direction(body, place)),)
 
-    def _direction(self, body: str, place: Vector) -> Form:
-        return self._layout.direction(body, place)
-
-    def _way(self, joint: Joint) -> Form:
-        return difference(self._point(joint.follower, joint.at), self._point(joint.base, joint.at))
+    def _way(self, joint: Joint) -> Uses:
+        """From a joint's point of the base to that of the follower."""
+        end = self._layout.point(joint.follower, joint.to or joint.at)
+        start = self._layout.point(joint.base, joint.at)
+        return Use(sign=1, body=joint.follower, form=end), Use(sign=-1, body=joint.base, form=start)
 
     def _across(self, joint: Joint) -> list[_Row]:
         """The follower's point stays on the base's axis."""
-        return [self._perpendicular(self._way(joint), self._direction(joint.base, tuple(t))) for t in tangents(joint, joint.axes[0])]
+        return [self._along(self._way(joint), self._direction(joint.base, tuple(t))) for t in tangents(joint, joint.axes[0])]
 
     def _measured(self, joint: Joint, coordinate: str, node: Node) -> _Row:
         """f . (b_2 cos angle - b_1 sin angle) = 0 for an angle that is a coordinate."""
@@ -247,7 +286,7 @@ class ConstraintMaker:
         row = self._turned(joint, coordinate, motion.x, motion.v, b.zero(1))
         first, second = self._products(joint, coordinate)
         reach = b.add(b.mul(b.call("cos", motion.x), first), b.mul(b.call("sin", motion.x), second))
-        row.push({node: -1}, reach)
+        row.push((Use(sign=-1, body=node.body, form={node: 1}),), reach)
         return row
 
     def _products(self, joint: Joint, coordinate: str) -> tuple[Block, Block]:
@@ -262,7 +301,7 @@ class ConstraintMaker:
         row, F = self._row(), self._direction(other, f)
         for weight, turned, axis in ((cos, b.neg(sin), b_2), (b.neg(sin), b.neg(cos), b_1)):
             base = self._direction(body, axis)
-            u, w = self._m.of(F), self._m.of(base)
+            u, w = self._m.of(total(F)), self._m.of(total(base))
             row.product(weight, F, base)
             product = b.dot(u.x, w.x)
             change = b.add(b.dot(u.x, w.v), b.dot(w.x, u.v))
@@ -285,7 +324,7 @@ class ConstraintMaker:
             elif coordinate in ANGLES.get(joint.kind, ()):
                 row = self._turned(joint, coordinate, *course)
             else:
-                row = self._perpendicular(*self.slide(joint, coordinate))
+                row = self._along(self._way(joint), self._direction(joint.base, slide_axis(joint, coordinate)))
                 row.known(*course)
             rows[coordinate] = row
         return rows
@@ -296,9 +335,30 @@ class ConstraintMaker:
         place, rate, acceleration = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model, self._scene))
         return place, b.mul(motion, rate), b.mul(motion, acceleration)
 
-    def slide(self, joint: Joint, coordinate: str) -> tuple[Form, Form]:
-        """A displacement as the product of the way between the joint's points and a direction of the base."""
-        return self._way(joint), self._direction(joint.base, slide_axis(joint, coordinate))
+
+def _stacked_ways(b: Builder, ways: Sequence[Block | None]) -> Block | None:
+    """The gradients by a way of all rows; None if no row has one."""
+    if all(way is None for way in ways):
+        return None
+    return b.stack([[b.zero(1, 3) if way is None else way] for way in ways])
+
+
+def total(uses: Uses) -> Form:
+    """What uses add up to."""
+    return combine(*((use.sign, use.form) for use in uses)) if len(uses) > 1 else uses[0].form
+
+
+def held_across(layout: Layout, group: Group, node: Node) -> tuple[Vector, Vector] | None:
+    """The directions of a group across a shared one that it holds; None where it holds all three components instead."""
+    if node.kind is not NodeKind.VECTOR or len(group.basis) < 4 or any(sympy.sympify(x).free_symbols for x in node.place):
+        return None
+    return tangents_of(tuple(layout.value(x) for x in node.place))
+
+
+def kept_weight(layout: Layout, u: Form, w: Form) -> float:
+    """What a product of two ways is multiplied by: one over the longer of two ways between points, half of it for a length."""
+    lengths = [float(np.linalg.norm([layout.value(x) for x in _design(form)])) for form in (u, w) if len(form) == 2]
+    return (0.5 if u == w else 1.0) / (max(lengths) if len(lengths) == 2 else 1.0)
 
 
 def slide_axis(joint: Joint, coordinate: str) -> Vector:

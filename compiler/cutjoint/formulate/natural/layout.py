@@ -59,7 +59,7 @@ class Layout:
     angles: dict[tuple[str, str], Node] = field(default_factory=dict)
     idle: frozenset[str] = frozenset()
     outwards: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    _places: dict[tuple[str, NodeKind, tuple[float, ...]], Node] = field(default_factory=dict, repr=False)
+    _places: dict[tuple[str, NodeKind, tuple[Scalar, ...]], Node] = field(default_factory=dict, repr=False)
     value: Callable[[Scalar], float] = float
 
     @property
@@ -83,8 +83,10 @@ class Layout:
             return {self.node(body, kind, place, f"ground.{kind}_{len(self.nodes)}"): 1}
         return combination(self.groups[self.group_of[body]], kind, place)
 
-    def _key(self, body: str, kind: NodeKind, place: Vector) -> tuple[str, NodeKind, tuple[float, ...]]:
-        return self.group_of[body], kind, tuple(round(self.value(x), 11) + 0.0 for x in place)
+    def _key(self, body: str, kind: NodeKind, place: Vector) -> tuple[str, NodeKind, tuple[Scalar, ...]]:
+        """What makes nodes of a body the same; places that depend on an open parameter must do so alike."""
+        exact = (sympy.sympify(x) for x in place)
+        return self.group_of[body], kind, tuple(round(float(x), 11) + 0.0 if x.is_number else x for x in exact)
 
     def find(self, body: str, kind: NodeKind, place: Vector) -> Node | None:
         """The node that a body carries there."""

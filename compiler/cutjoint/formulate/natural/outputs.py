@@ -11,7 +11,7 @@ from cutjoint.formulate.natural.constraints import Constraint, slide_axis
 from cutjoint.formulate.natural.forces import Element
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
-from cutjoint.formulate.natural.reactions import pull_on_follower
+from cutjoint.formulate.natural.reactions import ReactionMaker
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import COORDINATES, SPEEDS, Joint, Model, Output, Reaction, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block
@@ -66,10 +66,8 @@ class NaturalReporter:
         return b.element({"": motion.x, "v": motion.v, "a": motion.a}[kind], axis)
 
     def _reaction(self, reaction: Reaction) -> Block:
-        b = self.motions.builder
-        joint = next(j for j in self.model.joints if j.name == reaction.joint)
-        pull = pull_on_follower(self.motions, self.model, joint, self.constraints, self.elements, reaction)
-        return b.dot(self.motions.direction(reaction.body, reaction.direction).x, pull)
+        maker = ReactionMaker(motions=self.motions, model=self.model, constraints=self.constraints, elements=self.elements)
+        return self.motions.builder.dot(self.motions.direction(reaction.body, reaction.direction).x, maker.pull(reaction))
 
     def _joint(self, joint: Joint, quantity: str) -> Block:
         """A joint's coordinate or speed."""
