@@ -105,7 +105,7 @@ def main(repetitions: int, out: Path | None) -> None:
         limits = measure_limits(bar, task)
         parts = list(measure_parts(bar, task))
         twins = list(measure_twins(bar, task, repetitions))
-    console = Console(highlight=False, width=150)
+    console = Console(highlight=False, width=190)
     artifact = compile_model(MODEL, scene="simul1", method="augmented")
     console.print(f"{machine()}; {artifact.binary.compiler}, {' '.join(artifact.binary.flags)}", markup=False)
     for title, table in (
