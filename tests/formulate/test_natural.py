@@ -67,6 +67,10 @@ class Pair:
     roads: dict[str, Hills]
 
     @property
+    def parameters(self) -> Array:
+        return self.recursive.parameters
+
+    @property
     def n(self) -> int:
         return len(self.natural.coordinate_names)
 
@@ -75,18 +79,23 @@ class Pair:
         return len(self.natural.equation_names)
 
     def call(self, function: str, **arrays: Array) -> dict[str, Array]:
-        now = {"t": np.array([TIME_NOW]), "motion": np.array([1.0]), "penalty": np.array([0.0])}
+        now = {"t": np.array([TIME_NOW]), "motion": np.array([1.0]), "penalty": np.array([0.0]), "parameters": self.parameters}
         return call(self.natural, function, {**now, **arrays}, self.roads)
+
+    def jacobian(self, q: Array) -> Array:
+        return np.broadcast_to(self.call("pull", q=q, w=np.eye(self.m))["force"], (self.m, self.n)) if self.m else np.zeros((0, self.n))
 
     def tangent(self, q: Array, v: Array, vdot: Array, weights: tuple[float, float, float]) -> Array:
         values = self.call("linearise", q=q, v=v, vdot=vdot, weights=np.array(weights))["tangent"]
         return full(self.pattern, values)
 
 
-def make_pair(model: Model, chosen: Scene, outputs: tuple[Output, ...], method: str = "augmented") -> Pair:
+def make_pair(
+    model: Model, chosen: Scene, outputs: tuple[Output, ...], method: str = "augmented", parameters: dict[str, float] | None = None
+) -> Pair:
     topology = build_topology(model)
     roads = {f.name: Hills() for f in model.forces if isinstance(f, Tyre)}
-    recursive = BlockMechanism(topology, chosen, outputs=outputs, roads=roads)
+    recursive = BlockMechanism(topology, chosen, outputs=outputs, roads=roads, parameters=parameters)
     natural = formulate_lagrangian(recursive.equations, method, outputs)
     size = len(natural.coordinate_names) + (len(natural.equation_names) if method == "classical" else 0)
     entries = [name.removeprefix("tangent:").split(",") for name in natural.function("linearise").results if name.startswith("tangent:")]
@@ -147,7 +156,7 @@ def natural_report(pair: Pair, at: Instant) -> dict[str, float]:
         assert np.abs(closed["residual"]).max() < 1e-9
         assert np.abs(closed["rate"]).max() < 1e-8
     M = pair.tangent(q, v, zero, (0.0, 0.0, 0.0))
-    J = constraint_jacobian(pair.natural, q)
+    J = pair.jacobian(q)
     force = pair.call("balance", q=q, v=v, vdot=zero, **now)["balance"]
     scale = np.abs(M).max()
     K = np.block([[M, scale * J.T], [scale * J, np.zeros((pair.m, pair.m))]])
@@ -355,6 +364,34 @@ def test_an_open_parameter_moves_the_points() -> None:
         shapes = pair.call("close", q=q, parameters=np.array([size]))["residual"]
         guided = [i for i, name in enumerate(pair.natural.equation_names) if "guide" in name]
         assert np.abs(np.delete(shapes, guided)).max() < 1e-9
+
+
+COINCIDENT = """
+cutjoint: 1
+name: coincident
+gravity: [0, 0, -9.81]
+parameters: {reach: {value: 0.3, unit: m, binding: param}}
+bodies:
+  arm: {mass: 2, centre_of_mass: [0.1, 0.1, 0], inertia: [0.1, 0.2, 0.3]}
+joints:
+  ball: {kind: spherical, bodies: [ground, arm], at: [0.3, 0, 0]}
+forces:
+  spring: {kind: point_spring, bodies: [ground, arm], from: [1, 1, 1], to: [reach, 0, 0], law: "50*length"}
+scenes: {swing: {end: 1}}
+"""
+
+
+@pytest.mark.parametrize("reach", [0.3, 0.36])
+def test_points_that_coincide_by_a_default_alone_stay_apart(reach: float, tmp_path: Path) -> None:
+    """A spring's end that an open parameter puts into the joint, or beside it."""
+    path = tmp_path / "coincident.yaml"
+    path.write_text(COINCIDENT, encoding="utf-8")
+    model = read_model(path)
+    pair = make_pair(model, model.scenes["swing"], told(model), parameters={"reach": reach})
+    (at,) = states(pair, 1)
+    expected, found = recursive_report(pair, at), natural_report(pair, at)
+    for name, value in found.items():
+        assert value == pytest.approx(expected[name], rel=1e-9, abs=1e-9), name
 
 
 def test_a_rod_has_no_angles() -> None:

@@ -60,7 +60,7 @@ def test_every_scene(scene: str, method: str) -> None:
     height = np.interp(run.t, fine.t, fine["chassis.z"])
     assert run.t[-1] == pytest.approx(fine.t[-1], abs=run.t[1] - run.t[0])
     assert np.sqrt(np.mean((run["chassis.z"] - height) ** 2)) < 0.02
-    assert run.effort.residuals.position < 1e-4
+    assert run.effort.residuals.position < 2e-8
     assert run.effort.residuals.velocity < 1e-9
 
 

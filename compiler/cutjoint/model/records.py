@@ -341,8 +341,8 @@ class Numerics:
 
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
-    first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty of its own,
-    by default one that follows from masses and step.  ``methods`` has what a method changes, by the names of these figures.
+    first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
+    ``multiplier_updates`` of its own.  ``methods`` has what a method changes, by the names of these figures.
     """
 
     dt: float = 1e-3

@@ -68,11 +68,19 @@ def make_run_file(
     }
 
 
+#: Iterations of a step in which the augmented method corrects its multipliers, unless it is given: it ends with what is left of them.
+AUGMENTED_UPDATES = 20
+
+
 def _figures(numerics: Numerics, method: str) -> dict[str, float | None]:
-    """The figures of a method; the augmented one has no penalty but its own."""
-    own = numerics.of_method(method)
-    figures: dict[str, float | None] = {name: getattr(own, name) for name in ("dt", "tolerance", "iterations", "multiplier_updates")}
-    figures["penalty"] = None if method == "augmented" and "penalty" not in numerics.methods.get(method, {}) else own.penalty
+    """The figures of a method; the augmented one has no penalty and no number of corrections but its own."""
+    own, given = numerics.of_method(method), numerics.methods.get(method, {})
+    figures: dict[str, float | None] = {
+        name: getattr(own, name) for name in ("dt", "penalty", "tolerance", "iterations", "multiplier_updates")
+    }
+    if method == "augmented":
+        figures["penalty"] = given.get("penalty")
+        figures["multiplier_updates"] = given.get("multiplier_updates", AUGMENTED_UPDATES)
     return figures
 
 
