@@ -82,8 +82,11 @@ class Pair:
         now = {"t": np.array([TIME_NOW]), "motion": np.array([1.0]), "penalty": np.array([0.0]), "parameters": self.parameters}
         return call(self.natural, function, {**now, **arrays}, self.roads)
 
-    def jacobian(self, q: Array) -> Array:
-        return np.broadcast_to(self.call("pull", q=q, w=np.eye(self.m))["force"], (self.m, self.n)) if self.m else np.zeros((0, self.n))
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Phi_q, (m, n)."""
+        if self.m == 0:
+            return np.zeros((0, self.n))
+        return np.broadcast_to(self.call("pull", q=q, w=np.eye(self.m), t=np.array([t]))["force"], (self.m, self.n))
 
     def tangent(self, q: Array, v: Array, vdot: Array, weights: tuple[float, float, float]) -> Array:
         values = self.call("linearise", q=q, v=v, vdot=vdot, weights=np.array(weights))["tangent"]
@@ -156,7 +159,7 @@ def natural_report(pair: Pair, at: Instant) -> dict[str, float]:
         assert np.abs(closed["residual"]).max() < 1e-9
         assert np.abs(closed["rate"]).max() < 1e-8
     M = pair.tangent(q, v, zero, (0.0, 0.0, 0.0))
-    J = pair.jacobian(q)
+    J = pair.jacobian(q, at.t)
     force = pair.call("balance", q=q, v=v, vdot=zero, **now)["balance"]
     scale = np.abs(M).max()
     K = np.block([[M, scale * J.T], [scale * J, np.zeros((pair.m, pair.m))]])
