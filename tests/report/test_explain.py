@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +24,7 @@ from cutjoint.report.explain.operations import derive, parameter_costs
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.elimination import eliminate
 from tests.conftest import MODELS, ROOT
+from tests.hash_seeds import outputs
 from tests.mechanisms import random_models
 from tests.model.pendulum import PENDULUM, varied
 
@@ -296,13 +294,7 @@ print(hashlib.sha256(explain(model, random_models.scene()).encode()).hexdigest()
 
 
 def test_the_same_bytes_under_any_hash_seed() -> None:
-    runs = [
-        subprocess.Popen([sys.executable, "-c", _DIGESTS], cwd=ROOT, env={**os.environ, "PYTHONHASHSEED": seed},
-                         stdout=subprocess.PIPE, text=True)
-        for seed in ("1", "2")
-    ]  # fmt: skip
-    first, second = (run.communicate()[0] for run in runs)
-    assert [run.returncode for run in runs] == [0, 0]
+    first, second = outputs(_DIGESTS, "1", "2")
     assert first == second
     assert len(set(first.split())) == 3
 
