@@ -18,7 +18,7 @@ from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.generic_natural import describe_generic_natural
 from cutjoint.emit.source import Source, emit
 from cutjoint.emit.system import emit_system
-from cutjoint.formulate.natural.equations import formulate_lagrangian
+from cutjoint.formulate.natural.equations import formulate_lagrangian, without
 from cutjoint.formulate.natural.families import find_natural_families
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations, RecursiveEquations
@@ -148,20 +148,33 @@ def generate_lagrangian(
     # Topology -> Equations
     equations = formulate_lagrangian(start, method, outputs)
     states = closed_states(equations) if method == "classical" else []
-    if method == "classical" and (dependent := dependent_equations(equations, states)):
-        equations = formulate_lagrangian(start, method, outputs, left_out=dependent)
-    # Equations -> Program
+    if method == "classical":
+        equations = without(equations, dependent_equations(equations, states))
+    # Equations -> Program -> Plan
+    equations, program, plan = plan_lagrangian(equations, states, lanes=lanes)
+    # Program, Plan -> Source
+    return equations, program, emit_system(schedule_recursive(start, lanes=lanes), program, equations, plan)
+
+
+def plan_lagrangian(
+    equations: LagrangianEquations, states: Sequence[NaturalState], *, lanes: bool
+) -> tuple[LagrangianEquations, Program, Plan]:
+    """The program of a system and the plan of its factorisation; ``states`` are where the pivots of ``classical`` are tried.
+
+    The equations returned know where the entries of their tangent stand.
+
+    Raises:
+        RunError: the equations depend on each other in one of the states.
+        MissingLibraryError: a library that orders matrices is not installed.
+    """
     families = find_natural_families(equations.correspondence, equations.topology) if lanes else []
     functions = [(f.name, fold(equations.builder, families, f.results)) for f in equations.functions]
-    program = schedule(equations.builder, functions)
-    starting = schedule_recursive(start, lanes=lanes)
-    # Program -> Plan
-    unknowns = len(equations.coordinate_names) + (len(equations.equation_names) if method == "classical" else 0)
-    program, pattern = settle_entries(program, unknowns, symmetric=method == "augmented")
+    program, pattern = settle_entries(
+        schedule(equations.builder, functions), len(equations.row_names), symmetric=equations.method == "augmented"
+    )  # fmt: skip
     equations = equations.with_tangent(places(pattern))
     plan = plan_symmetric(pattern) if pattern.symmetric else _plan_with_pivots(equations, pattern, states)
-    # Program, Plan -> Source
-    return equations, program, emit_system(starting, program, equations, plan)
+    return equations, program, plan
 
 
 def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:
@@ -176,11 +189,19 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
     except NoPivotError as error:
         raise RunError(f"{equations.topology.model.span.file}: classical: {error}; use --method augmented or recursive") from error
     except SingularError as error:
-        rows = equations.coordinate_names + equations.equation_names
-        names = ", ".join(f"'{rows[row]}'" for row in error.rows)
-        file = equations.topology.model.span.file
-        message = f"{file}: the classical method finds {names} without an equation of their own near the design position"
-        raise RunError(f"{message}; use --method augmented or recursive") from error
+        raise RunError(_singular(equations, [equations.row_names[row] for row in error.rows])) from error
+
+
+def _singular(equations: LagrangianEquations, names: Sequence[str]) -> str:
+    """What to say of coordinates and equations that have no equation of their own near the design position."""
+    model = equations.topology.model
+    spans = {body.name: body.span for body in model.bodies} | {joint.name: joint.span for joint in model.joints}
+    lines = []
+    for name in names:
+        element = max((e for e in spans if name.startswith(f"{e}.")), key=len, default="")
+        place = spans[element] if element else model.span.file
+        lines.append(f"{place}: '{name}': the classical method finds no equation of its own for it near the design position")
+    return "\n".join([*lines, "hint: use --method augmented or recursive"])
 
 
 def compile_model(
@@ -233,6 +254,8 @@ def simulate(
         out.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as folder:
         table = Path(folder) / "table.csv" if out is None else out
+        if steps is not None:
+            steps.parent.mkdir(parents=True, exist_ok=True)
         run_file = make_run_file(
             artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
             solver=_solver(artifact, solver), steps_out="" if steps is None else str(steps.resolve()),

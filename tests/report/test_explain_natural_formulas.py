@@ -186,7 +186,7 @@ def test_printed_combinations_stand_where_the_nodes_stand() -> None:
     iltis = explained("iltis", "augmented")
     design = design_places(iltis.derivation.full)
     rows = iltis.table("node | kind")
-    assert len(rows) == 17
+    assert len(rows) == 16
     for name, _, _, combination, *_ in rows:
         assert evaluate(combination, design) == pytest.approx(design[name], abs=1e-6), name
 

@@ -54,14 +54,9 @@ def _system_files(page: Page, program: Program, equations: LagrangianEquations, 
     lists = [("coordinates", equations.coordinate_names), ("equations", equations.equation_names)]
     files["system_description.cpp"] = page.render(
         "system_description.cpp.jinja", header=header, method=equations.method,
-        pattern=_pattern(plan.pattern, row_names(equations)), **description(equations, lists),
+        pattern=_pattern(plan.pattern, equations.row_names), **description(equations, lists),
     )  # fmt: skip
-    return files | emit_factorisation(plan, row_names(equations), page)
-
-
-def row_names(equations: LagrangianEquations) -> tuple[str, ...]:
-    """A name for each row of the tangent."""
-    return equations.coordinate_names + (equations.equation_names if equations.method == "classical" else ())
+    return files | emit_factorisation(plan, equations.row_names, page)
 
 
 def _pattern(pattern: Pattern, names: tuple[str, ...]) -> dict[str, object]:

@@ -16,11 +16,12 @@ from typing import Any
 
 import sympy
 
-from cutjoint.emit.natural.forms import FormTable, Uses
+from cutjoint.emit.natural.forms import FormTable
 from cutjoint.emit.trees import Json, Trees, quantity_names
 from cutjoint.formulate.forces import PLACE, is_active
 from cutjoint.formulate.natural.constraints import slide_axis
 from cutjoint.formulate.natural.needs import ANGLES
+from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
     COORDINATES,

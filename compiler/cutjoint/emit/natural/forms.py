@@ -4,27 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any
 
 import sympy
 
 from cutjoint.emit.trees import Trees
 from cutjoint.formulate.natural.layout import Layout
-from cutjoint.formulate.natural.nodes import Form, Node, combine
-from cutjoint.model.records import GROUND, Scalar, Vector
-
-
-@dataclass(frozen=True)
-class Use:
-    """A form with a sign, as the bodies of one rigid group use it: what they share with others stands for them there."""
-
-    sign: int
-    group: str
-    form: Form
-
-
-#: A sum of forms, each used by a group.
-Uses: TypeAlias = tuple[Use, ...]
+from cutjoint.formulate.natural.nodes import Form, Use, Uses, total
+from cutjoint.model.records import GROUND, Vector
 
 
 @dataclass(kw_only=True)
@@ -37,11 +24,11 @@ class FormTable:
 
     def point(self, body: str, place: Vector) -> Uses:
         """A point of a body."""
-        return (Use(1, self.layout.group_of[body], self.layout.point(body, place)),)
+        return (self.layout.use(body, self.layout.point(body, place)),)
 
     def direction(self, body: str, place: Vector) -> Uses:
         """A direction of a body."""
-        return (Use(1, self.layout.group_of[body], self.layout.direction(body, place)),)
+        return (self.layout.use(body, self.layout.direction(body, place)),)
 
     def way(self, end: tuple[str, Vector], start: tuple[str, Vector]) -> Uses:
         """The way from one point to another."""
@@ -49,7 +36,7 @@ class FormTable:
 
     def number(self, uses: Uses) -> int:
         """The number of a sum."""
-        return self.number_of(combine(*((u.sign, u.form) for u in uses)))
+        return self.number_of(total(uses))
 
     def numbers(self, several: tuple[Uses, ...]) -> list[int]:
         """The numbers of several sums."""
@@ -71,24 +58,6 @@ class FormTable:
 def described_form(layout: Layout, trees: Trees, form: Form) -> list[Any]:
     """A form as pairs of node and coefficient."""
     return [[layout.nodes.index(node), trees.one(c)] for node, c in form.items()]
-
-
-def share(uses: Uses, node: Node, group: str) -> Scalar:
-    """How much a sum moves when a group moves a node of its basis alone, without others that have this node in common with it.
-
-    What is laid out after the group on nodes of its own, combinations of the basis, moves along.
-    """
-    return sum((u.sign * _share(u.group, u.form, node, group) for u in uses), sympy.Integer(0))
-
-
-def _share(user: str, form: Form, node: Node, group: str) -> Scalar:
-    total: Scalar = sympy.Integer(0)
-    for n, coefficient in form.items():
-        if n is node and user == group:
-            total += coefficient
-        elif n.parts is not None:
-            total += coefficient * _share(n.body, n.parts, node, group)
-    return total
 
 
 def is_ground(layout: Layout, body: str) -> bool:

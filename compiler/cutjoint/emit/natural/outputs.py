@@ -10,20 +10,18 @@ import sympy
 
 from cutjoint.emit.generic import reported_element
 from cutjoint.emit.natural.forces import ForceElement
-from cutjoint.emit.natural.forms import FormTable, Use, Uses, is_ground, share
+from cutjoint.emit.natural.forms import FormTable, is_ground
 from cutjoint.emit.natural.masses import masses_of
 from cutjoint.emit.natural.rows import Row
 from cutjoint.emit.trees import Json, Trees
 from cutjoint.formulate.attitude import ATTITUDE
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.constraints import slide_axis
-from cutjoint.formulate.natural.nodes import Node, NodeKind
+from cutjoint.formulate.natural.nodes import Node, Use, Uses
+from cutjoint.formulate.natural.parting import Bearer, find_bearer, share
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import unit_of
-from cutjoint.model.records import COORDINATES, GROUND, SPEEDS, Body, Joint, JointKind, Marker, Output, Reaction, Scalar, Vector
-
-#: The joints whose bodies have a point in common.
-_SHARING = (JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.UNIVERSAL)
+from cutjoint.model.records import COORDINATES, SPEEDS, Body, Joint, Marker, Output, Reaction, Scalar, Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,8 +94,7 @@ class Reports:
     def _reaction(self, reaction: Reaction) -> Json:
         """The force of a joint on its follower along a direction.
 
-        A joint whose equations hold the way between its points pulls with their multipliers.  Else what its point has in common with a
-        body's basis is parted in thought: what is left over of the balance when the body's share of it moves alone is the force.
+        A joint whose equations hold the way between its points pulls with their multipliers; else see formulate/natural/parting.py.
         """
         model, layout = self.trees.model, self.table.layout
         joint = next(j for j in model.joints if j.name == reaction.joint)
@@ -106,41 +103,39 @@ class Reports:
         if held:
             rows = [[i, [int(uses is row.forms[0]) for uses in row.forms]] for i, row in held]
             return {**direction, "sign": -1, "rows": rows, "masses": [], "forces": [], "weight": 0}
-        for body, sign in ((joint.follower, 1), (joint.base, -1)) if joint.kind in _SHARING else ():
-            group, node = layout.group_of[body], layout.find(body, NodeKind.POINT, joint.at)
-            if node is not None and group != GROUND and node in layout.groups[group].basis and self._meets_alone(joint, group):
-                return {**direction, "sign": sign, **self._parted(node, group)}
-        raise ValueError(f"the force of joint '{joint.name}' does not follow from natural coordinates")
+        bearer = find_bearer(layout, model, reaction, joint)
+        if not bearer.held:
+            return {**direction, "sign": bearer.sign, **self._parted(bearer)}
+        rows = [
+            [i, [1]] for i, row in enumerate(self.rows)
+            if row.element == bearer.group and row.name in [f"{bearer.node.name}.{axis}" for axis in "xyz"]
+        ]  # fmt: skip
+        return {**direction, "sign": bearer.sign, "rows": rows, "masses": [], "forces": [], "weight": 0}
 
-    def _meets_alone(self, joint: Joint, group: str) -> bool:
-        group_of = self.table.layout.group_of
-        others = (j for j in self.trees.model.joints if j is not joint and group in (group_of[j.base], group_of[j.follower]))
-        return all(sympy.Matrix(j.at) != sympy.Matrix(joint.at) for j in others)
-
-    def _parted(self, node: Node, group: str) -> Json:
+    def _parted(self, bearer: Bearer) -> Json:
         """How all equations, masses and forces share in the displacement of a node that one group moves alone."""
-        shares = [(i, self._shares(row.forms, node, group)) for i, row in enumerate(self.rows)]
-        pushes = [(i, self._shares(force.forms, node, group)) for i, force in enumerate(self.forces)]
+        shares = [(i, self._shares(row.forms, bearer)) for i, row in enumerate(self.rows)]
+        pushes = [(i, self._shares(force.forms, bearer)) for i, force in enumerate(self.forces)]
         return {
             "rows": [[i, by_form] for i, by_form in shares if any(by_form)],
             "forces": [[i, by_form] for i, by_form in pushes if any(by_form)],
-            "masses": self._inertia(node, group),
-            "weight": self.trees.one(self._weight(node, group)),
+            "masses": self._inertia(bearer),
+            "weight": self.trees.one(self._weight(bearer)),
         }
 
-    def _shares(self, forms: tuple[Uses, ...], node: Node, group: str) -> list[Any]:
-        return self.trees.all(share(uses, node, group) for uses in forms)
+    def _shares(self, forms: tuple[Uses, ...], bearer: Bearer) -> list[Any]:
+        return self.trees.all(share(uses, bearer) for uses in forms)
 
-    def _inertia(self, node: Node, group: str) -> list[Any]:
+    def _inertia(self, bearer: Bearer) -> list[Any]:
         """Accelerations of nodes, each with the mass that it moves there."""
         terms: dict[Node, Scalar] = {}
         for owner, i, j, mass in masses_of(self.table.layout, self.trees.model):
-            part = share((Use(1, owner.name, {i: 1}),), node, group)
+            part = share((Use(1, owner.name, {i: 1}),), bearer)
             if part != 0:
                 terms[j] = terms.get(j, 0) + part * mass
         return [[self.table.number_of({j: 1}), self.trees.one(mass)] for j, mass in terms.items()]
 
-    def _weight(self, node: Node, group: str) -> Scalar:
+    def _weight(self, bearer: Bearer) -> Scalar:
         """The mass whose weight rests there."""
         centres = ((body.mass, self.table.point(body.name, body.centre_of_mass)) for body in self.trees.model.bodies if body.mass != 0)
-        return sum((mass * share(uses, node, group) for mass, uses in centres), sympy.Integer(0))
+        return sum((mass * share(uses, bearer) for mass, uses in centres), sympy.Integer(0))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
 import numpy as np
 import sympy
@@ -19,31 +18,18 @@ from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.needs import ANGLES, angle_axes
-from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, combine
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses, total
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
 @dataclass(frozen=True, kw_only=True)
-class Use:
-    """A form as one body has it, with a sign."""
-
-    sign: int
-    body: str
-    form: Form
-
-
-#: A combination of what bodies have.
-Uses: TypeAlias = tuple[Use, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Constraint:
     """Equations of one body or joint: columns (m, 1), and the gradient (m, size) by node.
 
-    ``by_use`` has the gradient (m, 3) by what each body has, ``by_way`` that by the way between a joint's points, None where an equation
-    of the joint does not hold that.
+    ``by_use`` has the gradient (m, 3) by what each body has with its sign, ``by_way`` that by the way between a joint's points, None
+    where an equation of the joint does not hold that.
     """
 
     element: str
@@ -94,7 +80,7 @@ class _Row:
         """Add a gradient (1, size) by what bodies have."""
         for use in uses:
             signed = row if use.sign > 0 else self.b.neg(row)
-            self.by_use.append((use, signed))
+            self.by_use.append((use, row))
             for node, coefficient in use.form.items():
                 if node.body != GROUND:
                     term = self.motions.times(coefficient, signed)
@@ -126,7 +112,7 @@ class _Row:
         number = self.motions.translator.scalar(factor)
         self.residual = b.sub(self.residual, b.mul(number, motion.x))
         self.rate = b.sub(self.rate, b.mul(number, motion.v))
-        self.push((Use(sign=-1, body=node.body, form={node: 1}),), number)
+        self.push((Use(-1, node.body, {node: 1}),), number)
 
 
 def multipliers(b: Builder, constraint: Constraint) -> Block:
@@ -183,13 +169,13 @@ class ConstraintMaker:
         for node in group.surplus:
             yield from self._held(group, node)
 
-    def _kept(self, body: str, u: Form, w: Form) -> _Row:
+    def _kept(self, group: str, u: Form, w: Form) -> _Row:
         """The product of two ways keeps its design value."""
         row = self._row()
         p, q = (sympy.Matrix(_design(form)) for form in (u, w))
         weight = self._b.number(kept_weight(self._layout, u, w))
-        first = (Use(sign=1, body=body, form=u),)
-        row.product(weight, first, first if u == w else (Use(sign=1, body=body, form=w),))
+        first = (Use(1, group, u),)
+        row.product(weight, first, first if u == w else (Use(1, group, w),))
         constant = self._b.mul(weight, self._m.translator.scalar(p.dot(q)))
         row.known(constant, self._b.zero(1), self._b.zero(1))
         return row
@@ -197,14 +183,14 @@ class ConstraintMaker:
     def _held(self, group: Group, node: Node) -> Iterator[Constraint]:
         """A group's own combination equals a shared node: three equations of a point, of a direction two, if the
         body has all directions and their own are numbers."""
-        shared = (Use(sign=1, body=node.body, form={node: 1}),)
+        shared = (Use(1, node.body, {node: 1}),)
         across = held_across(self._layout, group, node)
         if across is None:
-            own = Use(sign=-1, body=group.name, form=combination(group, node.kind, node.place))
+            own = Use(-1, group.name, combination(group, node.kind, node.place))
             yield self._equal(group.name, node.name, (*shared, own))
         else:
             forms = [combination(group, NodeKind.VECTOR, t) for t in across]
-            rows = [self._perpendicular(shared, (Use(sign=1, body=group.name, form=form),)) for form in forms]
+            rows = [self._perpendicular(shared, (Use(1, group.name, form),)) for form in forms]
             yield self._stacked(group.name, [f"{node.name}.{i}" for i in (1, 2)], rows)
 
     def _equal(self, element: str, name: str, uses: Uses) -> Constraint:
@@ -214,7 +200,7 @@ class ConstraintMaker:
         gradient = {n: self._m.times(c, b.identity(3)) for n, c in form.items() if n.body != GROUND}
         return Constraint(
             element=element, names=tuple(f"{name}.{axis}" for axis in "xyz"), residual=motion.x, rate=motion.v, drift=b.zero(3),
-            gradient=gradient, by_use=tuple((use, b.identity(3) if use.sign > 0 else b.neg(b.identity(3))) for use in uses),
+            gradient=gradient, by_use=tuple((use, b.identity(3)) for use in uses),
         )  # fmt: skip
 
     def _perpendicular(self, u: Uses, w: Uses) -> _Row:
@@ -268,13 +254,13 @@ class ConstraintMaker:
         return row
 
     def _direction(self, body: str, place: Vector) -> Uses:
-        return (Use(sign=1, body=body, form=self._layout.direction(body, place)),)
+        return (self._layout.use(body, self._layout.direction(body, place)),)
 
     def _way(self, joint: Joint) -> Uses:
         """From a joint's point of the base to that of the follower."""
         end = self._layout.point(joint.follower, joint.to or joint.at)
         start = self._layout.point(joint.base, joint.at)
-        return Use(sign=1, body=joint.follower, form=end), Use(sign=-1, body=joint.base, form=start)
+        return self._layout.use(joint.follower, end), self._layout.use(joint.base, start, -1)
 
     def _across(self, joint: Joint) -> list[_Row]:
         """The follower's point stays on the base's axis."""
@@ -286,7 +272,7 @@ class ConstraintMaker:
         row = self._turned(joint, coordinate, motion.x, motion.v, b.zero(1))
         first, second = self._products(joint, coordinate)
         reach = b.add(b.mul(b.call("cos", motion.x), first), b.mul(b.call("sin", motion.x), second))
-        row.push((Use(sign=-1, body=node.body, form={node: 1}),), reach)
+        row.push((Use(-1, node.body, {node: 1}),), reach)
         return row
 
     def _products(self, joint: Joint, coordinate: str) -> tuple[Block, Block]:
@@ -341,11 +327,6 @@ def _stacked_ways(b: Builder, ways: Sequence[Block | None]) -> Block | None:
     if all(way is None for way in ways):
         return None
     return b.stack([[b.zero(1, 3) if way is None else way] for way in ways])
-
-
-def total(uses: Uses) -> Form:
-    """What uses add up to."""
-    return combine(*((use.sign, use.form) for use in uses)) if len(uses) > 1 else uses[0].form
 
 
 def held_across(layout: Layout, group: Group, node: Node) -> tuple[Vector, Vector] | None:

@@ -89,6 +89,11 @@ def formulate_lagrangian(
     )  # fmt: skip
 
 
+def without(equations: LagrangianEquations, left_out: Collection[str]) -> LagrangianEquations:
+    """The same system, some of its equations not held."""
+    return formulate_lagrangian(equations.start, equations.method, equations.outputs, left_out) if left_out else equations
+
+
 def _kept(b: Builder, constraints: Iterable[Constraint], left_out: Collection[str]) -> Iterator[Constraint]:
     for c in constraints:
         kept = c.without([name for name in c.names if f"{c.element}.{name}" in left_out], b)

@@ -8,8 +8,10 @@ Joints that leave the attitude alone (fixed, prismatic) share all directions; bo
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, count
 
 import numpy as np
 import sympy
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angles
-from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, is_nought
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, is_nought
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Joint, JointKind, Model, Output, Scalar, Scene, Vector
 from cutjoint.topology.records import Topology
@@ -60,6 +62,7 @@ class Layout:
     idle: frozenset[str] = frozenset()
     outwards: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     _places: dict[tuple[str, NodeKind, tuple[Scalar, ...]], Node] = field(default_factory=dict, repr=False)
+    _names: set[str] = field(default_factory=set, repr=False)
     value: Callable[[Scalar], float] = float
 
     @property
@@ -101,23 +104,33 @@ class Layout:
         parts = None if group == GROUND else combination(self.groups[group], kind, place)
         return self.add(Node(name=self.free_name(name, group), kind=kind, body=group, place=place, parts=parts))
 
+    def shared(self, body: str, need: Need) -> Node:
+        """The node of a body that another is to have as well; of a direction the opposite one is as good."""
+        x, y, z = need.place
+        opposite = self.find(body, need.kind, (-x, -y, -z)) if need.kind is NodeKind.VECTOR else None
+        return opposite or self.node(body, need.kind, need.place, need.name)
+
     def add(self, node: Node) -> Node:
         """A new node, whose name no other must have: two bodies may meet a joint at points of their own."""
-        assert all(n.name != node.name for n in self.nodes), node
+        assert node.name not in self._names, node
+        self._names.add(node.name)
         self.nodes.append(node)
         self.carry(node.body, node)
         return node
 
     def free_name(self, name: str, group: str) -> str:
         """A name that no node has."""
-        taken = {n.name for n in self.nodes}
-        candidates = (name, f"{group}.{name}", *(f"{group}.{name}_{i}" for i in range(2, 1000)))
-        return next(c for c in candidates if c not in taken)
+        candidates = chain((name, f"{group}.{name}"), (f"{group}.{name}_{i}" for i in count(2)))
+        return next(c for c in candidates if c not in self._names)
 
     def carry(self, body: str, node: Node) -> None:
         """A further body carries the node."""
         self.carriers.setdefault(node, set()).add(self.group_of[body])
         self._places.setdefault(self._key(body, node.kind, node.place), node)
+
+    def use(self, body: str, form: Form, sign: int = 1) -> Use:
+        """A form as a body has it."""
+        return Use(sign, self.group_of[body], form)
 
     def slide_ends(self, joint: Joint) -> tuple[str, str]:
         """The bodies from and to which a displacement counts: base and follower, of a free joint inner and outer body."""
@@ -189,7 +202,15 @@ class _Builder:
         order = {body: i for i, body in enumerate(_outwards(topology))}
         self.group_of = _join(model.joints, {JointKind.FIXED}, order)
         self._attitude_of = _join(model.joints, {JointKind.FIXED, JointKind.PRISMATIC}, order)
-        self._done: list[str] = []
+        self._done: set[str] = set()
+        self._first_of_attitude: dict[str, str] = {}
+        self._bodies_of: dict[str, list[str]] = defaultdict(list)
+        for body, group in self.group_of.items():
+            self._bodies_of[group].append(body)
+        self._joints_at: dict[str, list[Joint]] = defaultdict(list)
+        for joint in model.joints:
+            for group in dict.fromkeys((self.group_of[joint.base], self.group_of[joint.follower])):
+                self._joints_at[group].append(joint)
         outwards = {t.joint.name: (t.parent, t.child) for t in topology.tree}
         self.layout = Layout(group_of=self.group_of, value=value, outwards=outwards)
         self._needs: dict[str, Needs] = {}
@@ -231,7 +252,7 @@ class _Builder:
     def lay_out(self, group: str) -> None:
         """Choose the basis of a group and give it what it shares."""
         if group != GROUND:
-            bodies = tuple(b for b, g in self.group_of.items() if g == group)
+            bodies = tuple(self._bodies_of[group])
             given = self._given(group)
             basis, surplus = self._choose(group, given, self._needs[group])
             pairs = [
@@ -247,30 +268,29 @@ class _Builder:
             for node in basis:
                 if node not in given:
                     self.layout.add(node)
-        self._done.append(group)
+        self._done.add(group)
+        self._first_of_attitude.setdefault(self._attitude_of[group], group)
 
     def _given(self, group: str) -> list[Node]:
         """The nodes that joints share with groups laid out before, points first."""
         given: dict[Node, None] = {}
-        mates = [g for g in self._done if self._attitude_of[g] == self._attitude_of[group]]
-        for i, axis in enumerate(GLOBAL_AXES if mates else ()):
-            given.setdefault(self.layout.node(mates[0], NodeKind.VECTOR, axis, f"{mates[0]}.{'xyz'[i]}"))
-        for joint in self._model.joints:
-            for mine, other, place in self._ends(joint):
-                if mine == group and other in self._done and mine != other:
-                    for need in self._shared(joint, place):
-                        given.setdefault(self.layout.node(other, need.kind, need.place, need.name))
+        mate = self._first_of_attitude.get(self._attitude_of[group])
+        if mate is not None:
+            needs = [Need(kind=NodeKind.VECTOR, place=axis, name=f"{mate}.{'xyz'[i]}") for i, axis in enumerate(GLOBAL_AXES)]
+            given |= dict.fromkeys(self.layout.shared(mate, need) for need in needs)
+        for joint in self._joints_at[group]:
+            base, follower = self.group_of[joint.base], self.group_of[joint.follower]
+            other = follower if base == group else base
+            if other in self._done and other != group:
+                for need in self._shared(joint):
+                    given.setdefault(self.layout.shared(other, need))
         return sorted(given, key=lambda n: n.kind is not NodeKind.POINT)
 
-    def _ends(self, joint: Joint) -> list[tuple[str, str, Vector]]:
-        base, follower = self.group_of[joint.base], self.group_of[joint.follower]
-        return [(base, follower, joint.at), (follower, base, joint.at)]
-
-    def _shared(self, joint: Joint, place: Vector) -> list[Need]:
+    def _shared(self, joint: Joint) -> list[Need]:
         """What a joint's two bodies have in common."""
         shared = []
         if joint.kind in (JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.UNIVERSAL):
-            shared.append(Need(kind=NodeKind.POINT, place=place, name=joint.name))
+            shared.append(Need(kind=NodeKind.POINT, place=joint.at, name=joint.name))
         if joint.kind in (JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.SCREW, JointKind.PLANAR):
             shared.append(Need(kind=NodeKind.VECTOR, place=joint.axes[0], name=f"{joint.name}.axis"))
         return shared

@@ -49,6 +49,19 @@ class Node:
 #: A linear combination of nodes with scalar coefficients.
 Form: TypeAlias = Mapping[Node, Scalar]
 
+@dataclass(frozen=True)
+class Use:
+    """A form with a sign, as the bodies of one rigid group have it: what they share with others stands for them there."""
+
+    sign: int
+    group: str
+    form: Form
+
+
+#: A sum of forms, each as one group has it.
+Uses: TypeAlias = tuple[Use, ...]
+
+
 #: A coefficient smaller than this against the others is rounding.
 _ROUNDING = 1e-13
 
@@ -60,6 +73,11 @@ def combine(*terms: tuple[Scalar, Form]) -> dict[Node, Scalar]:
         for node, coefficient in form.items():
             result[node] = result.get(node, 0) + factor * coefficient
     return {node: c for node, c in result.items() if not is_nought(c)}
+
+
+def total(uses: Uses) -> Form:
+    """What uses add up to."""
+    return combine(*((use.sign, use.form) for use in uses)) if len(uses) > 1 else uses[0].form
 
 
 def is_nought(value: Scalar) -> bool:

@@ -39,6 +39,11 @@ class LagrangianEquations(Equations):
         """A name for each constraint equation."""
         return tuple(f"{c.element}.{name}" for c in self.constraints for name in c.names)
 
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        """A name for each row of the tangent."""
+        return self.coordinate_names + (self.equation_names if self.method == "classical" else ())
+
     def with_tangent(self, places: Mapping[str, int]) -> LagrangianEquations:
         """The equations with a slot for each entry of the tangent that is not always zero."""
         slots = {name: Slot(array="tangent", offset=place, names=(name,)) for name, place in places.items()}

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cutjoint.analysis.natural import closed_states, dependent_equations
-from cutjoint.formulate.natural.equations import formulate_lagrangian
+from cutjoint.formulate.natural.equations import formulate_lagrangian, without
 from cutjoint.formulate.natural.layout import Group
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Body, Model, Scene
+from cutjoint.pipeline import plan_lagrangian
 from cutjoint.program.records import Program
-from cutjoint.program.schedule import schedule
-from cutjoint.sparse.pattern import Pattern
-from cutjoint.sparse.tangent import settle_entries
+from cutjoint.sparse.plan import Plan
 from cutjoint.topology.build import build_topology
 
 
@@ -29,7 +28,7 @@ class Derivation:
     equations: LagrangianEquations
     dependent: tuple[str, ...]
     program: Program
-    pattern: Pattern
+    plan: Plan
 
     @property
     def model(self) -> Model:
@@ -56,15 +55,12 @@ def derive_natural(model: Model, scene: Scene, method: str) -> Derivation:
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
         ModelError: an output or a force that natural coordinates do not tell.
+        RunError, MissingLibraryError: as for plan_lagrangian.
     """
     # Model -> Equations
-    start = formulate_recursive(build_topology(model), scene, ())
-    full = formulate_lagrangian(start, method, scene.outputs)
-    dependent = dependent_equations(full, closed_states(full))
-    left_out = dependent if method == "classical" else ()
-    equations = formulate_lagrangian(start, method, scene.outputs, left_out=left_out) if left_out else full
-    # Equations -> Program
-    program = schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
-    unknowns = len(equations.coordinate_names) + (len(equations.equation_names) if method == "classical" else 0)
-    program, pattern = settle_entries(program, unknowns, symmetric=method == "augmented")
-    return Derivation(full=full, equations=equations, dependent=dependent, program=program, pattern=pattern)
+    full = formulate_lagrangian(formulate_recursive(build_topology(model), scene, ()), method, scene.outputs)
+    states = closed_states(full)
+    dependent = dependent_equations(full, states)
+    # Equations -> Program -> Plan
+    equations, program, plan = plan_lagrangian(without(full, dependent if method == "classical" else ()), states, lanes=False)
+    return Derivation(full=full, equations=equations, dependent=dependent, program=program, plan=plan)

@@ -21,7 +21,8 @@ def summarise_natural(d: Derivation) -> Table:
         ("coordinates", f"{coordinates}, of {kinds(layout.coordinates)}"),
         ("constraint equations", f"{len(d.full.equation_names)}, {d.rank} of them independent{_left_out(d)}"),
         ("degrees of freedom", str(coordinates - d.rank)),
-        ("entries of the tangent", tangent_entries(d.pattern)),
+        ("entries of the tangent", tangent_entries(d.plan.pattern)),
+        *factorisation_rows(d.plan),
         *operation_rows(d.program),
     ])  # fmt: skip
 
