@@ -66,7 +66,8 @@ class Starter {
     for (std::size_t i = 0; i < state.vdot.size(); ++i)
       if (!std::isfinite(static_cast<double>(state.vdot[i])))
         throw Failure("an acceleration has no finite value at the start", static_cast<double>(state.t), 0, std::string(d_.speeds[i]),
-                      static_cast<double>(state.vdot[i]), "look for a law that divides by zero or takes the root of a negative number in this pose");
+                      static_cast<double>(state.vdot[i]),
+                      "look for a law that divides by zero or takes the root of a negative number in this pose");
   }
 
   /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay.

@@ -41,7 +41,7 @@ class Trapezoidal {
   ///
   /// Throws Failure when the iteration diverges or does not end; `state` is then the last one that converged.
   void step(State<Real>& state, long number) {
-        before_ = state;
+    before_ = state;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
       v_hat_[i] = state.v[i] + dt_ / 2 * state.vdot[i];
       z_hat_[i] = dt_ * state.v[i] + dt_ * dt_ / 4 * state.vdot[i];
