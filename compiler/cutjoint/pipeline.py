@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
+from typing import Any
 
 from cutjoint.analysis.inertia import require_inertia
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
+from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.generic_natural import describe_generic_natural
 from cutjoint.emit.source import Source, emit
@@ -37,7 +39,7 @@ from cutjoint.sparse.pattern import Pattern
 from cutjoint.sparse.pivoting import NoPivotError, SingularError
 from cutjoint.sparse.plan import Plan, plan_symmetric, plan_unsymmetric
 from cutjoint.sparse.tangent import places, settle_entries
-from cutjoint.toolchain.build import FLAGS, Binary, build, build_generic
+from cutjoint.toolchain.build import FLAGS, PRECISIONS, Binary, Kind, build, build_generic
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
 
@@ -49,8 +51,18 @@ SOLVERS = ("emitted", "eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack")
 #: Those of SuiteSparse, some of them under the GPL: simulators that have them are for comparison.
 COMPARISON_SOLVERS = frozenset({"cholmod", "klu", "umfpack"})
 
+#: The trapezoidal rule of the methods, and accurate solutions to measure it by: extrapolation in relative coordinates (recursive) and
+#: a Runge-Kutta method of order 8 in natural coordinates (classical).
+INTEGRATORS = ("trapezoidal", "reference")
+
 #: Code made for the model, or the generic twin that interprets the model at run time.
 IMPLEMENTATIONS = ("generated", "generic")
+
+#: Number types of which several fit a register.
+_SIDE_BY_SIDE = frozenset({"single", "double"})
+
+#: How code of the others is optimised: with more, GCC takes minutes for a long function on the 80-bit registers' stack.
+_SCALAR_FLAGS = ("-O1",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +77,7 @@ class Artifact:
     binary: Binary
     method: str
     implementation: str
+    precision: str
     generate_seconds: float
     compile_seconds: float
 
@@ -111,9 +124,12 @@ def _empty_scene(model: Model) -> Scene:
 
 
 def generate(
-    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = "recursive", lanes: bool = True
+    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = "recursive", lanes: bool = True,
+    straight_line: int = STRAIGHT_LINE,
 ) -> tuple[Equations, Program, Source]:
     """The symbolic half of the pipeline; with ``lanes``, isomorphic subtrees are evaluated side by side.
+
+    A factorisation of more multiply-adds than ``straight_line`` is emitted as index data and a loop.
 
     Raises:
         TopologyError: the cuts that the model gives cannot be honoured.
@@ -126,7 +142,7 @@ def generate(
     recursive = formulate_recursive(topology, scene, tuple(outputs) if method == "recursive" else ())
     require_inertia(recursive)
     if method != "recursive":
-        return generate_lagrangian(recursive, method, tuple(outputs), lanes=lanes)
+        return generate_lagrangian(recursive, method, tuple(outputs), lanes=lanes, straight_line=straight_line)
     # Equations -> Program
     program = schedule_recursive(recursive, lanes=lanes)
     # Program -> Source
@@ -142,7 +158,7 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
 
 
 def generate_lagrangian(
-    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool, straight_line: int = STRAIGHT_LINE
 ) -> tuple[LagrangianEquations, Program, Source]:
     """The same for the Lagrangian methods; ``start`` finds where a run begins."""
     # Topology -> Equations
@@ -153,7 +169,7 @@ def generate_lagrangian(
     # Equations -> Program -> Plan
     equations, program, plan = plan_lagrangian(equations, states, lanes=lanes)
     # Program, Plan -> Source
-    return equations, program, emit_system(schedule_recursive(start, lanes=lanes), program, equations, plan)
+    return equations, program, emit_system(schedule_recursive(start, lanes=lanes), program, equations, plan, straight_line=straight_line)
 
 
 def plan_lagrangian(
@@ -204,51 +220,74 @@ def _singular(equations: LagrangianEquations, names: Sequence[str]) -> str:
     return "\n".join([*lines, "hint: use --method augmented or recursive"])
 
 
-def compile_model(
-    path: Path, *, scene: str | None = None, method: str = "recursive", out: Path | None = None, flags: Sequence[str] = FLAGS,
-    outputs: Sequence[Output] | None = None, implementation: str = "generated", lanes: bool = True, comparison: bool = False,
-) -> Artifact:  # fmt: skip
-    """Compile a model file for one scene; ``out`` receives the generated source and the simulator.
-
-    ``comparison`` links the solvers of SuiteSparse too, see COMPARISON_SOLVERS.
+def compile_model(path: Path, *, scene: str | None = None, **how: Any) -> Artifact:
+    """Compile a model file for one scene; ``how`` as in `compile_scene`.
 
     Raises:
         ModelError, TopologyError: the file is wrong.
         RunError: there is no such scene or method.
         ToolchainError: the C++ side failed.
     """
+    # model.yaml -> Model
+    model = read_model(path)
+    return compile_scene(model, find_scene(model, scene), **how)
+
+
+def compile_scene(
+    model: Model, scene: Scene, *, method: str = "recursive", out: Path | None = None, flags: Sequence[str] = FLAGS,
+    outputs: Sequence[Output] | None = None, implementation: str = "generated", lanes: bool = True, comparison: bool = False,
+    precision: str = "double",
+) -> Artifact:  # fmt: skip
+    """Compile a model for a scene; ``out`` receives the generated source and the simulator.
+
+    ``outputs`` are instead of the scene's.  ``comparison`` links the solvers of SuiteSparse too, see COMPARISON_SOLVERS.  ``precision``
+    is one of PRECISIONS, the number type of the run; the start is found in double.
+
+    Raises:
+        ModelError, TopologyError: the model is wrong.
+        RunError: there is no such method or precision.
+        ToolchainError: the C++ side failed.
+    """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
-    # model.yaml -> Model
-    begin = perf_counter()
-    model = read_model(path)
-    chosen = find_scene(model, scene)
+    if precision not in PRECISIONS or (precision != "double" and (comparison or implementation == "generic")):
+        raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")
     # Model -> Source
-    equations, program, source = generate(model, chosen, chosen.outputs if outputs is None else outputs, method=method, lanes=lanes)
+    begin, packed = perf_counter(), precision in _SIDE_BY_SIDE
+    equations, program, source = generate(
+        model, scene, scene.outputs if outputs is None else outputs, method=method, lanes=lanes and packed,
+        straight_line=STRAIGHT_LINE if packed else 0,
+    )  # fmt: skip
     generated = perf_counter()
     # Source -> Binary
-    binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out, comparison=comparison)
+    kind = Kind(comparison=comparison, precision=precision)
+    flags = flags if packed else (*flags, *_SCALAR_FLAGS)
+    binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out, kind=kind)
     return Artifact(
-        topology=equations.topology, scene=chosen, equations=equations, program=program, source=source, binary=binary, method=method,
-        implementation=implementation, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
+        topology=equations.topology, scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
+        implementation=implementation, precision=precision, generate_seconds=generated - begin,
+        compile_seconds=perf_counter() - generated,
     )  # fmt: skip
 
 
 def simulate(
     artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
-    parameters: Mapping[str, float] | None = None, solver: str = "emitted", steps: Path | None = None, progress: Progress | None = None,
+    tolerance: float | None = None, parameters: Mapping[str, float] | None = None, solver: str = "emitted",
+    integrator: str = "trapezoidal", steps: Path | None = None, progress: Progress | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
 
-    ``dt`` and ``penalty`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``steps`` a CSV file that receives
-    iterations and residuals of each step.  A run that fails numerically is returned as far as it came, with its failure.
+    ``dt``, ``penalty`` and ``tolerance`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``integrator`` one of
+    INTEGRATORS, ``steps`` a CSV file that receives iterations and residuals of each step.  A run that fails numerically is returned as far
+    as it came, with its failure.
 
     Raises:
         RunError: a parameter that cannot be set.
         SimulatorError: the simulator could not begin.
     """
-    changes = {name: value for name, value in (("dt", dt), ("penalty", penalty)) if value is not None}
+    changes = {name: value for name, value in (("dt", dt), ("penalty", penalty), ("tolerance", tolerance)) if value is not None}
     scene = with_figures(artifact.scene, artifact.method, changes)
+    _check_integrator(artifact, integrator)
     scene = replace(scene, end=scene.end if end is None else end)
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -258,7 +297,8 @@ def simulate(
             steps.parent.mkdir(parents=True, exist_ok=True)
         run_file = make_run_file(
             artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
-            solver=_solver(artifact, solver), steps_out="" if steps is None else str(steps.resolve()),
+            solver=_solver(artifact, solver) if integrator == "trapezoidal" else "", integrator=integrator,
+            steps_out="" if steps is None else str(steps.resolve()),
         )  # fmt: skip
         if artifact.implementation == "generic":
             run_file["model"] = str(_describe(artifact, Path(folder)))
@@ -275,6 +315,13 @@ def simulate(
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         effort=read_effort(summary),
     )  # fmt: skip
+
+
+def _check_integrator(artifact: Artifact, integrator: str) -> None:
+    if integrator not in INTEGRATORS:
+        raise RunError(f"no integrator '{integrator}'; there is {', '.join(INTEGRATORS)}")
+    if integrator == "reference" and (artifact.method == "augmented" or artifact.implementation == "generic"):
+        raise RunError("the reference integrator takes generated code of the method recursive or classical")
 
 
 def _solver(artifact: Artifact, solver: str) -> str:

@@ -12,6 +12,6 @@ void FourBar<Real>::begin_step(Real t, Real motion) {
 
 }
 
-template void FourBar<double>::begin_step(double t, double motion);
+template void FourBar<Precision>::begin_step(Precision t, Precision motion);
 
 }  // namespace cutjoint::generated

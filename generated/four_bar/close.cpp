@@ -106,6 +106,6 @@ void FourBar<Real>::close(const Real* q, const Real* v, Real* residual, Real* ra
   rate[11] = Real(0.0);
 }
 
-template void FourBar<double>::close(const double* q, const double* v, double* residual, double* rate) const;
+template void FourBar<Precision>::close(const Precision* q, const Precision* v, Precision* residual, Precision* rate) const;
 
 }  // namespace cutjoint::generated

@@ -66,6 +66,6 @@ const Description& FourBar<Real>::description() const {
   return description;
 }
 
-template const Description& FourBar<double>::description() const;
+template const Description& FourBar<Precision>::description() const;
 
 }  // namespace cutjoint::generated

@@ -357,6 +357,6 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   correction[11] = Real(0.0);
 }
 
-template void FourBar<double>::evaluate(const double* q, const double* v, const double* lambda, double* vdot, double* correction) const;
+template void FourBar<Precision>::evaluate(const Precision* q, const Precision* v, const Precision* lambda, Precision* vdot, Precision* correction) const;
 
 }  // namespace cutjoint::generated

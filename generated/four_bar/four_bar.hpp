@@ -9,7 +9,7 @@
 
 namespace cutjoint::generated {
 
-/// Model four_bar, formulation recursive.  Each member is instantiated for double in the file of its name.
+/// Model four_bar, formulation recursive.  Each member is instantiated for the build's precision in the file of its name.
 template <class Real>
 class FourBar final : public AnyMechanism<Real> {
  public:

@@ -21,6 +21,6 @@ void FourBar<Real>::load(const Real* parameters, const Stabilisation<Real>& stab
   roads_ = roads;
 }
 
-template void FourBar<double>::load(const double* parameters, const Stabilisation<double>& stabilisation, const Road<double>* roads);
+template void FourBar<Precision>::load(const Precision* parameters, const Stabilisation<Precision>& stabilisation, const Road<Precision>* roads);
 
 }  // namespace cutjoint::generated

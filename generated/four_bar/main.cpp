@@ -4,6 +4,7 @@
 #include "four_bar.hpp"
 
 int main(int argc, char** argv) {
-  cutjoint::generated::FourBar<double> mechanism;
-  return cutjoint::run_main(argc, argv, mechanism);
+  cutjoint::generated::FourBar<double> start;
+  cutjoint::generated::FourBar<cutjoint::Precision> mechanism;
+  return cutjoint::run_main(argc, argv, start, mechanism);
 }

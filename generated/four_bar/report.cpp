@@ -28,6 +28,6 @@ void FourBar<Real>::report(const Real* q, const Real* v, const Real* vdot, const
   column[5] = v_crank_0_pin_angle_rate;
 }
 
-template void FourBar<double>::report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const;
+template void FourBar<Precision>::report(const Precision* q, const Precision* v, const Precision* vdot, const Precision* lambda, Precision* column) const;
 
 }  // namespace cutjoint::generated

@@ -6,14 +6,17 @@ namespace {
 
 using cutjoint::make_solver;
 
-constexpr cutjoint::SolverKind kinds[] = {
-    {"eigen-ldlt", true, make_solver<cutjoint::EigenLdlt<double>>},
-    {"eigen-lu", false, make_solver<cutjoint::EigenLu<double>>},
-    {"cholmod", true, make_solver<cutjoint::Cholmod>},
-    {"klu", false, make_solver<cutjoint::Klu>},
-    {"umfpack", false, make_solver<cutjoint::Umfpack>},
+constexpr cutjoint::SolverKind<double> kinds[] = {
+    {"eigen-ldlt", true, make_solver<cutjoint::EigenLdlt<double>, double>},
+    {"eigen-lu", false, make_solver<cutjoint::EigenLu<double>, double>},
+    {"cholmod", true, make_solver<cutjoint::Cholmod, double>},
+    {"klu", false, make_solver<cutjoint::Klu, double>},
+    {"umfpack", false, make_solver<cutjoint::Umfpack, double>},
 };
 
 }  // namespace
 
-std::span<const cutjoint::SolverKind> cutjoint::library_solvers() { return kinds; }
+template <>
+std::span<const cutjoint::SolverKind<double>> cutjoint::library_solvers<double>() {
+  return kinds;
+}

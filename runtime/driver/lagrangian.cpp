@@ -2,11 +2,16 @@
 #include "cutjoint/driver.hpp"
 #include "cutjoint/lagrangian/method.hpp"
 #include "cutjoint/program.hpp"
+#include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
 
-int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<double>& system) {
+int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system) {
   return run_program(argc, argv, "simulator", [&](const Json& file) {
-    LagrangianMethod<AnySystem<double>> method(system, file);
+    if (reference::is_reference(file)) {
+      reference::NaturalReference<AnySystem<Precision>> method(system, file);
+      return Run(start, method, file).perform();
+    }
+    LagrangianMethod<AnySystem<Precision>> method(system, file);
     return Run(start, method, file).perform();
   });
 }

@@ -18,8 +18,8 @@ int main(int argc, char** argv) {
   return cutjoint::run_program(argc, argv, "generic", [](const Json& file) {
     const Json model = cutjoint::read_json(file.at("model"));
     if (model.contains("method")) return run_natural(model, file);
-    Mechanism mechanism(model);
+    Mechanism start(model), mechanism(model);
     cutjoint::Recursive<Mechanism> method(mechanism, file);
-    return cutjoint::Run(mechanism, method, file).perform();
+    return cutjoint::Run(start, method, file).perform();
   });
 }

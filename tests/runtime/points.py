@@ -17,7 +17,7 @@ import numpy as np
 from cutjoint.emit.source import Source
 from cutjoint.locations import templates_folder
 from cutjoint.run.results import read_table
-from cutjoint.toolchain.build import build
+from cutjoint.toolchain.build import Kind, build
 
 SOURCES = Path(__file__).with_name("lagrangian")
 FILES = ("main.cpp", "nothing.hpp", "point_system.cpp", "point_system.hpp")
@@ -47,14 +47,14 @@ def points_source() -> Source:
     """The simulator of all systems, as the compiler would hand it on."""
     files = {name: (SOURCES / name).read_text(encoding="utf-8") for name in FILES}
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(templates_folder()), undefined=jinja2.StrictUndefined, trim_blocks=True)
-    view = {"banner_hash": "# points", "stem": "points", "sources": ["point_system.cpp"]}
+    view = {"banner_hash": "# points", "stem": "points", "start_sources": ["point_system.cpp"], "sources": []}
     files["CMakeLists.txt"] = environment.get_template("CMakeLists.txt.jinja").render(view)
     return Source(stem="points", files=files, digest=hashlib.sha256("\0".join(files.values()).encode()).hexdigest())
 
 
 def simulator(*, comparison: bool = True) -> Path:
     """The simulator with the solvers for comparison, or without."""
-    return build(points_source(), comparison=comparison).path
+    return build(points_source(), kind=Kind(comparison=comparison)).path
 
 
 @dataclass(frozen=True)

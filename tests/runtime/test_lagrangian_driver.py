@@ -15,7 +15,7 @@ from cutjoint.pipeline import compile_model
 from cutjoint.run.results import read_effort, read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator
-from cutjoint.toolchain.build import build
+from cutjoint.toolchain.build import Kind, build
 from tests.conftest import MODELS
 from tests.runtime.points import (
     AUGMENTED,
@@ -122,7 +122,7 @@ def test_compiles_with_clang(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     """Without warnings, and with the same motion."""
     expected = completed(tmp_path, DOUBLE_PENDULUM, CLASSICAL, end=0.1)
     monkeypatch.setenv("CXX", "clang++")
-    binary = build(points_source(), comparison=True)
+    binary = build(points_source(), kind=Kind(comparison=True))
     assert "clang" in binary.compiler
     out = tmp_path / "clang.csv"
     done = start(tmp_path, run_file({**DOUBLE_PENDULUM, "method": CLASSICAL}, "simulate", end=0.1, out=str(out)), binary.path)

@@ -17,10 +17,13 @@ STRAIGHT_LINE = 30_000
 #: Statements of a generated function.
 _STATEMENTS = 400
 
-#: The functions that straight-line code is made of: arguments, and the same for double.
+#: The functions that straight-line code is made of: arguments, and the same for a build's precision.
 _ARGUMENTS = {
-    "factor": ("[[maybe_unused]] const Real* __restrict tangent, Real* __restrict factors", "const double*, double*"),
-    "solve": ("const Real* __restrict factors, [[maybe_unused]] Real* __restrict x, Real* __restrict y", "const double*, double*, double*"),
+    "factor": ("[[maybe_unused]] const Real* __restrict tangent, Real* __restrict factors", "const Precision*, Precision*"),
+    "solve": (
+        "const Real* __restrict factors, [[maybe_unused]] Real* __restrict x, Real* __restrict y",
+        "const Precision*, Precision*, Precision*",
+    ),
 }
 
 

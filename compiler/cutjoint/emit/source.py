@@ -40,7 +40,7 @@ def emit(program: Program, equations: Equations) -> Source:
     page = Page.of(equations, "recursive")
     files = mechanism_files(page, program, equations)
     files["main.cpp"] = page.render("main.cpp.jinja")
-    return page.source({**files, "CMakeLists.txt": page.render("CMakeLists.txt.jinja", sources=sources(files))})
+    return page.source({**files, "CMakeLists.txt": page.render("CMakeLists.txt.jinja", start_sources=sources(files), sources=())})
 
 
 @dataclass(frozen=True, kw_only=True)

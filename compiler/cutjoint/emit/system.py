@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cutjoint.emit.factorisation import emit_factorisation
+from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.source import Page, Source, description, mechanism_files, members, sources
 from cutjoint.emit.view import Viewer
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -22,16 +22,21 @@ _ABOUT = {
 }
 
 
-def emit_system(start: Program, program: Program, equations: LagrangianEquations, plan: Plan) -> Source:
-    """The C++ of a system: class, factorisation, starting mechanism, main program and CMake project."""
+def emit_system(
+    start: Program, program: Program, equations: LagrangianEquations, plan: Plan, *, straight_line: int = STRAIGHT_LINE
+) -> Source:
+    """The C++ of a system: class, factorisation, starting mechanism, main program and CMake project.
+
+    A factorisation of more multiply-adds than ``straight_line`` is index data and a loop.
+    """
     page = Page.of(equations.start, "recursive, for the start")
     mechanism = mechanism_files(page, start, equations.start)
     own = replace(page, class_name=f"{page.class_name}System", formulation=equations.method)
-    files = _system_files(own, program, equations, plan)
+    files = _system_files(own, program, equations, plan) | emit_factorisation(plan, equations.row_names, own, straight_line=straight_line)
     main = own.render(
         "lagrangian_main.cpp.jinja", start_header=f"{page.stem}.hpp", start_class_name=page.class_name, header=f"{_header(own)}.hpp"
     )
-    project = own.render("CMakeLists.txt.jinja", sources=sources({**mechanism, **files}))
+    project = own.render("CMakeLists.txt.jinja", start_sources=sources(mechanism), sources=sources(files))
     return own.source({**mechanism, **files, "main.cpp": main, "CMakeLists.txt": project})
 
 
@@ -56,7 +61,7 @@ def _system_files(page: Page, program: Program, equations: LagrangianEquations, 
         "system_description.cpp.jinja", header=header, method=equations.method,
         pattern=_pattern(plan.pattern, equations.row_names), **description(equations, lists),
     )  # fmt: skip
-    return files | emit_factorisation(plan, equations.row_names, page)
+    return files
 
 
 def _pattern(pattern: Pattern, names: tuple[str, ...]) -> dict[str, object]:

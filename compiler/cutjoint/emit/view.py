@@ -26,7 +26,7 @@ class SectionView:
 
 @dataclass(frozen=True, kw_only=True)
 class FunctionView:
-    """A generated function.  ``signature`` names all arguments, ``instance`` is the same for double."""
+    """A generated function.  ``signature`` names all arguments, ``instance`` is the same for a build's precision."""
 
     signature: str
     instance: str
@@ -172,7 +172,7 @@ class Viewer:
         const = "" if name in ("load", "begin_step") else " const"
         return FunctionView(
             signature=f"{name}({', '.join(arguments)}){const}",
-            instance=f"{name}({', '.join(a.replace('Real', 'double') for a in arguments)}){const}",
+            instance=f"{name}({', '.join(a.replace('Real', 'Precision') for a in arguments)}){const}",
             unused=tuple(n for n in names if not _mentions(text, n)),
             sections=tuple(self._sections(statements)), results=tuple(results),
         )  # fmt: skip

@@ -38,6 +38,26 @@ class Binary:
     flags: tuple[str, ...]
 
 
+#: Number types that a simulator can be built for: 24, 53, 64 (80-bit registers, x86) and 113 bits.
+PRECISIONS = ("single", "double", "extended", "quad")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What of a simulator is chosen besides its source and flags."""
+
+    comparison: bool = False
+    precision: str = "double"
+
+    @property
+    def definitions(self) -> tuple[str, ...]:
+        """Of CMake."""
+        return f"-DCUTJOINT_COMPARISON={'ON' if self.comparison else 'OFF'}", f"-DCUTJOINT_PRECISION={self.precision}"
+
+
+_PLAIN = Kind()
+
+
 def write_source(source: Source, folder: Path) -> None:
     """Put the generated files into a folder."""
     for name, text in source.files.items():
@@ -45,21 +65,21 @@ def write_source(source: Source, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None = None, comparison: bool = False) -> Binary:
+def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None = None, kind: Kind = _PLAIN) -> Binary:
     """Build the simulator of a source, or find it in the cache.
 
     The cache key covers the generated files, the runtime headers, compiler and flags.  ``folder`` keeps source and binary there as well.
-    ``comparison`` adds the solvers of SuiteSparse, some of which are under the GPL: such a simulator is not for handing on.
+    A ``kind`` for comparison has the solvers of SuiteSparse, some of which are under the GPL: such a simulator is not for handing on.
 
     Raises:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = _digest([source.digest, runtime_digest(), compiler_version(compiler), *flags, *_kind(comparison)])
+    key = _digest([source.digest, runtime_digest(), compiler_version(compiler), *flags, *kind.definitions])
     kept = cache_folder() / key / "simulator"
     fresh = not kept.exists()
     if fresh:
-        _build_into(kept.parent, source, flags, comparison)
+        _build_into(kept.parent, source, flags, kind)
     if folder is not None:
         write_source(source, folder)
         shutil.copy2(kept, folder / "simulator")
@@ -82,11 +102,11 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
     return Binary(path=kept, fresh=fresh, compiler=compiler_version(compiler), flags=tuple(flags))
 
 
-def _build_into(target: Path, source: Source, flags: Sequence[str], comparison: bool) -> None:
+def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) -> None:
     """Configure and build in a temporary folder, then move the simulator into place at once."""
-    driver = _driver(flags, comparison)
+    driver = _driver(flags, kind)
     known = [f"-DCUTJOINT_DRIVER={driver}"] if driver.exists() else []
-    definitions = [f"-DCUTJOINT_RUNTIME={runtime_folder()}", f"-DCUTJOINT_COMPARISON={'ON' if comparison else 'OFF'}", *known]
+    definitions = [f"-DCUTJOINT_RUNTIME={runtime_folder()}", *kind.definitions, *known]
     with _workplace() as folder:
         write_source(source, folder / "source")
         _cmake(folder / "source", folder / "out", flags, *definitions)
@@ -95,14 +115,10 @@ def _build_into(target: Path, source: Source, flags: Sequence[str], comparison: 
             _keep(folder / "out" / "libdriver.a", driver)
 
 
-def _driver(flags: Sequence[str], comparison: bool) -> Path:
+def _driver(flags: Sequence[str], kind: Kind) -> Path:
     """The driver's place in the cache; that for comparisons is compiled with the flags of generated code, the plain one with its own."""
-    key = _digest([runtime_digest(), compiler_version(find_compiler()), *_kind(comparison), *(flags if comparison else ())])
+    key = _digest([runtime_digest(), compiler_version(find_compiler()), *kind.definitions, *(flags if kind.comparison else ())])
     return cache_folder() / f"driver-{key}" / "libdriver.a"
-
-
-def _kind(comparison: bool) -> tuple[str, ...]:
-    return ("comparison",) if comparison else ()
 
 
 @contextmanager

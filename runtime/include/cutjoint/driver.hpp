@@ -8,9 +8,11 @@ namespace cutjoint {
 
 /// The program of a simulator: `simulator RUN.json` reads the run file, does its task and prints a summary.
 /// Exit status 0 when done, 1 when the run failed numerically, 2 when it could not begin.
-int run_main(int argc, char** argv, AnyMechanism<double>& mechanism);
+///
+/// `start` finds where a run begins, in relative coordinates (what it reports is not asked for), and `mechanism` goes on.
+int run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism);
 
-/// The same of a Lagrangian method: `start` finds the start in relative coordinates (what it reports is not asked for), `system` goes on.
-int run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<double>& system);
+/// The same of a Lagrangian method, where a system in natural coordinates goes on.
+int run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system);
 
 }  // namespace cutjoint

@@ -19,14 +19,8 @@ class Launch {
   using Real = typename M::real_type;
 
   Launch(M& mechanism, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), roads_(read_roads<Real>(d_.roads, file)),
-        parameters_(read_parameters<Real>(d_.parameters, file)) {
-    const Json& figures = file_.at("stabilisation");
-    mechanism_.load(parameters_.data(),
-                    {.penalty = read_number<Real>(figures, "penalty"),
-                     .damping_ratio = read_number<Real>(figures, "damping_ratio"),
-                     .frequency = read_number<Real>(figures, "frequency")},
-                    roads_.data());
+      : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), inputs_(d_, file) {
+    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"));
   }
 
   Launch(const Launch&) = delete;
@@ -76,8 +70,7 @@ class Launch {
   const Description& d_;
   const Json& file_;
   State<Real> state_;
-  std::vector<Road<Real>> roads_;
-  std::vector<Real> parameters_;
+  Inputs<Real> inputs_;
   std::vector<std::string> undetermined_;
 };
 

@@ -6,6 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/precision.hpp"
+
 namespace cutjoint {
 
 /// How one joint's coordinates follow its speeds: `scalars` coordinates from `q` on, their rates from `v` on; a ball adds a unit

@@ -24,17 +24,19 @@ class Recursive {
   using Real = typename M::real_type;
 
   Recursive(M& mechanism, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), residual_(d_.equations.size()),
+      : mechanism_(mechanism), d_(mechanism.description()), file_(file), inputs_(d_, file), state_(d_), residual_(d_.equations.size()),
         rate_(d_.equations.size()) {
     if (file.contains("solver")) throw std::runtime_error("the recursive method has no linear solver to choose; leave 'solver' away");
+    inputs_.load_mechanism(mechanism_, file.at("stabilisation"));
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
 
   /// Take over a start; `motion` is 0 of a mechanism at rest.
-  void begin(const State<Real>& start, Real) {
-    state_ = start;
-    origin_ = start.t;
+  void begin(const State<double>& start, double motion) {
+    state_ = State<Real>(start);
+    origin_ = state_.t;
+    mechanism_.begin_step(origin_, Real(motion));
   }
 
   /// Get ready for steps.
@@ -103,6 +105,7 @@ class Recursive {
   M& mechanism_;
   const Description& d_;
   const Json& file_;
+  Inputs<Real> inputs_;
   State<Real> state_;
   Real origin_{0}, dt_{0};
   std::optional<Trapezoidal<M>> integrator_;

@@ -32,7 +32,7 @@ namespace cutjoint {
 template <Mechanism M, class Method>
 class Run {
  public:
-  using Real = typename M::real_type;
+  using Real = typename Method::Real;
 
   Run(M& mechanism, Method& method, const Json& file) : launch_(mechanism, file), method_(method), file_(file) {}
 
@@ -57,12 +57,13 @@ class Run {
 
  private:
   Json do_task(const std::string& task) {
-    if (task == "evaluate") return Json{{"results", method_.evaluate()}};
+    if constexpr (requires { method_.evaluate(); })
+      if (task == "evaluate") return Json{{"results", method_.evaluate()}};
     if (task == "equilibrium") {
-      method_.begin(launch_.at_rest(), Real(0));
+      method_.begin(launch_.at_rest(), 0.0);
       return columns();
     }
-    method_.begin(launch_.in_motion(), Real(1));
+    method_.begin(launch_.in_motion(), 1.0);
     if constexpr (requires { method_.time_solver(); })
       if (task == "factor") return method_.time_solver();
     return simulate();

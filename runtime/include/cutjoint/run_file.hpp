@@ -47,6 +47,36 @@ std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Js
   return values;
 }
 
+/// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads.
+template <class Real>
+class Inputs {
+ public:
+  template <class Described>
+  Inputs(const Described& d, const Json& file)
+      : roads_(read_roads<Real>(d.roads, file)), parameters_(read_parameters<Real>(d.parameters, file)) {}
+
+  Inputs(const Inputs&) = delete;
+  Inputs& operator=(const Inputs&) = delete;
+
+  template <class M>
+  void load_mechanism(M& mechanism, const Json& figures) const {
+    mechanism.load(parameters_.data(),
+                   {.penalty = read_number<Real>(figures, "penalty"),
+                    .damping_ratio = read_number<Real>(figures, "damping_ratio"),
+                    .frequency = read_number<Real>(figures, "frequency")},
+                   roads_.data());
+  }
+
+  template <class S>
+  void load_system(S& system) const {
+    system.load(parameters_.data(), roads_.data());
+  }
+
+ private:
+  std::vector<Road<Real>> roads_;
+  std::vector<Real> parameters_;
+};
+
 /// Values by name into an array; true where one was given.
 template <class Real>
 std::vector<bool> read_given(const Json& by_name, const std::vector<std::string_view>& names, std::vector<Real>& values) {

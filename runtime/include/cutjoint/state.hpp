@@ -9,6 +9,15 @@
 
 namespace cutjoint {
 
+/// The numbers of an array in another type.
+template <class Real, class Other>
+std::vector<Real> converted(const std::vector<Other>& values) {
+  std::vector<Real> result;
+  result.reserve(values.size());
+  for (const Other value : values) result.push_back(static_cast<Real>(value));
+  return result;
+}
+
 /// Time, coordinates, speeds, accelerations and multipliers; SI units, lengths as in the description of the mechanism or system.
 template <class Real>
 struct State {
@@ -17,6 +26,12 @@ struct State {
 
   State(std::size_t coordinates, std::size_t speeds, std::size_t equations)
       : q(coordinates), v(speeds), vdot(speeds), lambda(equations) {}
+
+  /// The same numbers in another type.
+  template <class Other>
+  explicit State(const State<Other>& other)
+      : t(static_cast<Real>(other.t)), q(converted<Real>(other.q)), v(converted<Real>(other.v)), vdot(converted<Real>(other.vdot)),
+        lambda(converted<Real>(other.lambda)) {}
 
   explicit State(const Description& d) : State(d.coordinates.size(), d.speeds.size(), d.equations.size()) {
     for (const Chart& chart : d.charts)

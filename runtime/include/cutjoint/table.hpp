@@ -32,8 +32,8 @@ class Table {
     end();
   }
 
-  template <class Real>
-  void row(Real t, const std::vector<Real>& values) {
+  template <class Time, class Real>
+  void row(Time t, const std::vector<Real>& values) {
     append(static_cast<double>(t));
     for (const Real value : values) {
       line_ += ',';

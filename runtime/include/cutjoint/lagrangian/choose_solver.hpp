@@ -30,31 +30,33 @@ std::unique_ptr<LinearSolver<typename S::real_type>> emitted_solver(const S& sys
 }
 
 /// The names of the solvers that fit a matrix, as a sentence has them.
-inline std::string solver_names(bool emitted, bool symmetric) {
+template <class Real>
+std::string solver_names(bool emitted, bool symmetric) {
   std::string names = emitted ? "emitted" : "";
-  for (const SolverKind& kind : library_solvers())
+  for (const SolverKind<Real>& kind : library_solvers<Real>())
     if (symmetric || !kind.symmetric) names.append(names.empty() ? "" : ", ").append(kind.name);
   return names;
 }
 
 /// The solver of that name, with the system's pattern analysed.  Throws runtime_error for a name that is not built in or does not fit.
 template <class S>
-std::unique_ptr<LinearSolver<double>> choose_solver(const S& system, std::string_view name) {
+std::unique_ptr<LinearSolver<typename S::real_type>> choose_solver(const S& system, std::string_view name) {
+  using Real = typename S::real_type;
   const Pattern& pattern = system.description().pattern;
-  std::unique_ptr<LinearSolver<double>> solver;
+  std::unique_ptr<LinearSolver<Real>> solver;
   if constexpr (Factored<S>)
     if (name == "emitted") solver = emitted_solver(system);
-  for (const SolverKind& kind : library_solvers()) {
+  for (const SolverKind<Real>& kind : library_solvers<Real>()) {
     if (kind.name != name) continue;
     if (kind.symmetric && !pattern.symmetric)
       throw std::runtime_error("solver '" + std::string(name) +
                                "' factors symmetric matrices, and that of the classical method is not; use " +
-                               solver_names(Factored<S>, false));
+                               solver_names<Real>(Factored<S>, false));
     solver = kind.make();
   }
   if (!solver)
     throw std::runtime_error("no solver '" + std::string(name) + "' in this simulator, which has " +
-                             solver_names(Factored<S>, pattern.symmetric) +
+                             solver_names<Real>(Factored<S>, pattern.symmetric) +
                              "; cholmod, klu and umfpack need a simulator built for comparison");
   solver->analyse(pattern);
   return solver;

@@ -40,20 +40,20 @@ class LagrangianMethod {
 
   LagrangianMethod(S& system, const Json& file)
       : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.coordinates.size(), d_.equations.size()),
-        roads_(read_roads<Real>(d_.roads, file)), parameters_(read_parameters<Real>(d_.parameters, file)),
-        figures_(read_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
+        inputs_(d_, file), figures_(read_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
         solver_(choose_solver(system, solver_name_)), newton_(make_newton(system, *solver_, figures_)) {
-    system_.load(parameters_.data(), roads_.data());
+    inputs_.load_system(system_);
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
 
   /// Take over a start in relative coordinates; `motion` is 0 of a mechanism at rest.  Throws Failure.
-  void begin(const State<Real>& start, Real motion) {
-    state_.t = origin_ = start.t;
-    system_.begin_step(start.t, motion);
-    system_.place(start.q.data(), start.v.data(), state_.q.data(), state_.v.data());
-    newton_->begin(state_, motion);
+  void begin(const State<double>& start, double motion) {
+    const State<Real> relative(start);
+    state_.t = origin_ = relative.t;
+    system_.begin_step(origin_, Real(motion));
+    system_.place(relative.q.data(), relative.v.data(), state_.q.data(), state_.v.data());
+    newton_->begin(state_, Real(motion));
     note_residuals();
   }
 
@@ -119,8 +119,7 @@ class LagrangianMethod {
   const SystemDescription& d_;
   const Json& file_;
   State<Real> state_;
-  std::vector<Road<Real>> roads_;
-  std::vector<Real> parameters_;
+  Inputs<Real> inputs_;
   NewtonFigures figures_;
   std::string solver_name_;
   std::unique_ptr<LinearSolver<Real>> solver_;

@@ -104,7 +104,7 @@ class Newton : public Workspace<S> {
  protected:
   using Workspace<S>::d_, Workspace<S>::lambda_, Workspace<S>::m_, Workspace<S>::n_, Workspace<S>::phi_, Workspace<S>::phid_,
       Workspace<S>::phidd_, Workspace<S>::system_, Workspace<S>::tangent_, Workspace<S>::time_, Workspace<S>::x_;
-  using Workspace<S>::fail, Workspace<S>::finite, Workspace<S>::largest;
+  using Workspace<S>::fail, Workspace<S>::finite, Workspace<S>::largest, Workspace<S>::rounding_like;
 
   // What the two methods differ in.
 
@@ -127,7 +127,7 @@ class Newton : public Workspace<S> {
 
   /// Passes of a projection, and the gap beside a quantity of this size that is only rounding.
   static constexpr int passes = 10;
-  static Real rounding(const std::vector<Real>& values) { return Real(1e-11) * (Real(1) + largest(values)); }
+  static Real rounding(const std::vector<Real>& values) { return rounding_like(1e-11) * (Real(1) + largest(values)); }
 
   NewtonFigures figures_;
   Real dt_, k_;  ///< step and dt^2/4
@@ -209,7 +209,7 @@ class Newton : public Workspace<S> {
     const Real last = change_;
     change_ = largest_move();
     const Real size = Real(1) + largest(state.vdot);
-    return iteration > 0 && (change_ <= Real(1e-12) * size || (change_ <= Real(1e-8) * size && change_ >= last / 2));
+    return iteration > 0 && (change_ <= rounding_like(1e-12) * size || (change_ <= rounding_like(1e-8) * size && change_ >= last / 2));
   }
 
   /// Rates and accelerations satisfy the equations at the smallest cost in the norm of the tangent: by increments that vanish with the
@@ -233,7 +233,7 @@ class Newton : public Workspace<S> {
     this->close(state);
     for (std::size_t i = 0; i < m_; ++i) {
       const Real gap = std::max(abs(phi_[i]) / (Real(1) + largest(state.q)), abs(phid_[i]) / (Real(1) + largest(state.v)));
-      if (!(gap <= Real(1e-6))) fail("the start does not satisfy an equation", d_.equations[i], gap, "please report this");
+      if (!(gap <= std::max(Real(1e-6), rounding_like(1e-14)))) fail("the start does not satisfy an equation", d_.equations[i], gap, "please report this");
     }
   }
 

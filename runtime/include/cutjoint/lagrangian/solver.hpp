@@ -44,19 +44,22 @@ class LinearSolver {
 };
 
 /// A solver that a program was built with: its name, whether it needs a symmetric matrix, and how to make one.
+template <class Real>
 struct SolverKind {
   std::string_view name;
   bool symmetric;
-  std::unique_ptr<LinearSolver<double>> (*make)();
+  std::unique_ptr<LinearSolver<Real>> (*make)();
 };
 
-template <class Solver>
-std::unique_ptr<LinearSolver<double>> make_solver() {
+template <class Solver, class Real>
+std::unique_ptr<LinearSolver<Real>> make_solver() {
   return std::make_unique<Solver>();
 }
 
-/// The library solvers of this program.  Each driver library defines it: the plain one those of Eigen, the one for comparisons more.
-std::span<const SolverKind> library_solvers();
+/// The library solvers of this program.  Each driver library defines it for its number type: the plain one those of Eigen, the one for
+/// comparisons more.
+template <class Real>
+std::span<const SolverKind<Real>> library_solvers();
 
 /// The factorisation that was emitted with the system, with its static pivot order.
 template <class S>

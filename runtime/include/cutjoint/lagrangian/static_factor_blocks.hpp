@@ -8,15 +8,36 @@
 // - a block of L has the rows of the tile below it in a column,
 // - a block of U is transposed: it has the columns of the tile right of it in a column.
 //
-// Source: Davis, Direct Methods for Sparse Linear Systems (2006), chapters 4 and 6.  Nothing is included, since each part of a generated
-// factorisation is compiled by itself.
+// Source: Davis, Direct Methods for Sparse Linear Systems (2006), chapters 4 and 6.  Next to nothing is included, since each part of a
+// generated factorisation is compiled by itself.
 #pragma once
+
+#include "cutjoint/precision.hpp"
 
 namespace cutjoint::static_factor {
 
+/// Four reals side by side: what takes the place of a register where a type has none.
+template <class Real>
+struct FourPlain {
+  Real value[4];
+
+  Real& operator[](int i) { return value[i]; }
+  const Real& operator[](int i) const { return value[i]; }
+  friend FourPlain operator+(const FourPlain& a, const FourPlain& b) { return {{a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]}}; }
+  friend FourPlain operator-(const FourPlain& a, const FourPlain& b) { return {{a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]}}; }
+  friend FourPlain operator*(const FourPlain& a, const FourPlain& b) { return {{a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]}}; }
+  friend FourPlain operator*(const FourPlain& a, const Real& b) { return {{a[0] * b, a[1] * b, a[2] * b, a[3] * b}}; }
+  FourPlain& operator+=(const FourPlain& b) { return *this = *this + b; }
+  FourPlain& operator-=(const FourPlain& b) { return *this = *this - b; }
+  FourPlain& operator*=(const Real& b) { return *this = *this * b; }
+};
+
 /// Four reals in one register, and the same anywhere in an array.  One specialisation a type, since GCC takes no dependent element type.
 template <class Real>
-struct FourReals;
+struct FourReals {
+  using type = FourPlain<Real>;
+  using loose = FourPlain<Real>;
+};
 
 template <>
 struct FourReals<double> {

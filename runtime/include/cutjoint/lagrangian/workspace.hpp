@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -80,6 +81,11 @@ class Workspace {
 
   static const char* advice_finite() {
     return "look for a law that divides by zero or takes the root of a negative number in this pose; or take a smaller dt";
+  }
+
+  /// What a share of a quantity that is rounding in double is in this type.
+  static Real rounding_like(double in_double) {
+    return Real(in_double / std::numeric_limits<double>::epsilon()) * std::numeric_limits<Real>::epsilon();
   }
 
   static bool finite(Real value) { return std::isfinite(static_cast<double>(value)); }

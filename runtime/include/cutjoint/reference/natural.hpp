@@ -1,0 +1,108 @@
+// A system in natural coordinates as an ordinary differential equation.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cutjoint/lagrangian/workspace.hpp"
+
+namespace cutjoint::reference {
+
+/// y = (q, v).  Accelerations solve [M, Phi_q^T; Phi_q, 0]; after each step coordinates and rates are brought back to the equations by
+/// the shortest way in the norm of the masses.  The system is one of the classical method, whose equations do not depend on each other.
+template <class S>
+class Natural : public Workspace<S> {
+ public:
+  using typename Workspace<S>::Real;
+
+  Natural(S& system, LinearSolver<Real>& solver) : Workspace<S>(system, solver), state_(n_, n_, m_) {}
+
+  std::size_t size() const { return 2 * n_; }
+  std::string name(std::size_t i) const { return (i < n_ ? "" : "rate of ") + std::string(d_.coordinates[i % n_]); }
+
+  /// Take over a start.
+  std::vector<Real> begin(const State<Real>& start) {
+    std::vector<Real> y(start.q);
+    y.insert(y.end(), start.v.begin(), start.v.end());
+    settle(start.t, y);
+    return y;
+  }
+
+  void derive(Real t, const std::vector<Real>& y, std::vector<Real>& slope) {
+    take(t, y);
+    accelerate();
+    std::copy(state_.v.begin(), state_.v.end(), slope.begin());
+    std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + static_cast<std::ptrdiff_t>(n_));
+  }
+
+  /// Back to Phi = 0 and Phid = 0.
+  void settle(Real t, std::vector<Real>& y) {
+    if (m_ == 0) return;
+    for (int pass = 0; pass < 3; ++pass) {
+      take(t, y);
+      factor_masses();
+      this->close(state_);
+      correct(phi_, y.data());
+    }
+    take(t, y);
+    this->close(state_);
+    correct(phid_, y.data() + n_);
+  }
+
+  /// The state with its accelerations and multipliers.
+  const State<Real>& complete(Real t, const std::vector<Real>& y) {
+    take(t, y);
+    accelerate();
+    state_.lambda = lambda_;
+    return state_;
+  }
+
+ protected:
+  const char* name() const override { return "reference"; }
+
+  [[noreturn]] void report_breakdown(Breakdown broken) override {
+    const auto row = static_cast<std::size_t>(std::max(broken.row, 0));
+    this->fail("masses and equations do not determine the accelerations", row < n_ ? d_.coordinates[row] : d_.equations[row - n_], Real(0),
+               "look for a singular pose");
+  }
+
+ private:
+  using Workspace<S>::d_, Workspace<S>::f_, Workspace<S>::lambda_, Workspace<S>::m_, Workspace<S>::n_, Workspace<S>::phi_,
+      Workspace<S>::phid_, Workspace<S>::phidd_, Workspace<S>::system_, Workspace<S>::time_, Workspace<S>::x_;
+
+  void take(Real t, const std::vector<Real>& y) {
+    state_.t = time_ = t;
+    std::copy_n(y.begin(), n_, state_.q.begin());
+    std::copy_n(y.begin() + static_cast<std::ptrdiff_t>(n_), n_, state_.v.begin());
+    std::fill(state_.vdot.begin(), state_.vdot.end(), Real(0));
+    std::fill(lambda_.begin(), lambda_.end(), Real(0));
+    system_.begin_step(t, Real(1));
+  }
+
+  void factor_masses() {
+    this->linearise(state_, Real(0), {.damping = Real(0), .stiffness = Real(0), .constraint = Real(1)});
+    this->factor();
+  }
+
+  void accelerate() {
+    factor_masses();
+    this->close(state_);
+    for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i];
+    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -phidd_[i];
+    this->solve();
+    std::copy_n(x_.begin(), n_, state_.vdot.begin());
+    std::copy_n(x_.begin() + static_cast<std::ptrdiff_t>(n_), m_, lambda_.begin());
+  }
+
+  /// Change n values by the shortest way that closes a gap of the equations.
+  void correct(const std::vector<Real>& gap, Real* values) {
+    std::fill_n(x_.begin(), n_, Real(0));
+    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -gap[i];
+    this->solve();
+    for (std::size_t i = 0; i < n_; ++i) values[i] += x_[i];
+  }
+
+  State<Real> state_;
+};
+
+}  // namespace cutjoint::reference
