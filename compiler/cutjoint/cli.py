@@ -18,16 +18,21 @@ from cutjoint.analysis.inertia import NoInertiaError, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import find_redundancy
+from cutjoint.bench.command import bench_options, run_bench
+from cutjoint.export.columns import known_outputs
+from cutjoint.export.peers import PEERS, write_export
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.document import json_schema
 from cutjoint.model.errors import ModelError
+from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
+from cutjoint.model.records import Model, Output
 from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.sparse.ordering import MissingLibraryError
-from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.build import PRECISIONS, ToolchainError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
 from cutjoint.topology.spanning_tree import TopologyError
@@ -43,6 +48,8 @@ _model = click.argument("model", type=click.Path(exists=True, dir_okay=False, pa
 _scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
 _method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
 _set = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
+_links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
+                      help="Make a massless body a slender rod; * in BODY stands for any text.")  # fmt: skip
 
 
 def _reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -118,6 +125,7 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
               help="Code made for the model, or a generic program that interprets it.")
 @click.option("--solver", type=click.Choice(pipeline.SOLVERS), default="emitted", show_default=True,
               help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
+@click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
 @click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
 @click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
 @_set
@@ -126,7 +134,7 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @_reports_errors
 def simulate(
-    model: Path, scene: str | None, method: str, implementation: str, solver: str, dt: float | None, end: float | None,
+    model: Path, scene: str | None, method: str, implementation: str, solver: str, precision: str, dt: float | None, end: float | None,
     changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
@@ -137,7 +145,9 @@ def simulate(
         raise RunError(f"--solver {solver}: the recursive method has no linear solver; use --method augmented or classical")
     with _progress(f"compiling {model.name}"):
         comparison = solver in pipeline.COMPARISON_SOLVERS
-        artifact = pipeline.compile_model(model, scene=scene, method=method, implementation=implementation, comparison=comparison)
+        artifact = pipeline.compile_model(
+            model, scene=scene, method=method, implementation=implementation, comparison=comparison, precision=precision
+        )
     with _progress(f"running {artifact.scene.name}") as progress:
         run = pipeline.simulate(
             artifact, out=out, dt=dt, end=end, parameters=parameters, solver=solver, steps=steps, progress=progress
@@ -166,14 +176,14 @@ def _plot(artifact: Artifact, run: Trajectory, folder: Path) -> None:
     _out.print(f"plots: {', '.join(str(p) for p in plot_run(run, title, folder))}", markup=False)
 
 
-def _parameters(changes: tuple[str, ...]) -> dict[str, float]:
+def _parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str, float]:
     parameters = {}
     for change in changes:
         name, _, value = change.partition("=")
         try:
             parameters[name] = float(value)
         except ValueError:
-            raise RunError(f"--set {change}: write NAME=NUMBER") from None
+            raise RunError(f"{option} {change}: write NAME=NUMBER") from None
     return parameters
 
 
@@ -212,6 +222,49 @@ def explain(model: Path, scene: str | None, method: str, out: Path | None) -> No
         click.echo(text, nl=False)
     else:
         out.write_text(text, encoding="utf-8", newline="\n")
+
+
+@main.command()
+@bench_options
+@_set
+@_links
+@_reports_errors
+def bench(changes: tuple[str, ...], links: tuple[str, ...], **how: Any) -> None:
+    """Measure speed and accuracy of all methods on MODELS against a reference, and write a report."""
+    for path in run_bench(parameters=_parameters(changes), link_masses=_parameters(links, "--link-mass"), **how):
+        _out.print(str(path), markup=False)
+
+
+@main.command()
+@_model
+@_scene
+@click.option("--to", "peer", type=click.Choice(list(PEERS)), required=True, help="The other simulator.")
+@_set
+@_links
+@click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True,
+              help="A column of the table; by default those of the scene that are motions of bodies and markers.")
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the program.")
+@_reports_errors
+def export(
+    model: Path, scene: str | None, peer: str, changes: tuple[str, ...], links: tuple[str, ...], asked: tuple[str, ...], out: Path
+) -> None:  # fmt: skip
+    """Write MODEL as a program for another simulator, which runs one scene there."""
+    checked = with_link_masses(read_model(model), _parameters(links, "--link-mass"))
+    chosen = pipeline.find_scene(checked, scene)
+    outputs = [_output(checked, name) for name in asked] or known_outputs(checked, chosen.outputs)
+    with _progress(f"exporting {model.name}"):
+        exported = PEERS[peer].export(checked, chosen, _parameters(changes), outputs)
+    write_export(exported, out)
+    for sentence in exported.differences:
+        _out.print(sentence, markup=False)
+    if left_out := [o.column for o in chosen.outputs if not asked and o not in outputs]:
+        _out.print(f"outputs left out: {', '.join(left_out)}", markup=False)
+    _out.print(f"{', '.join(exported.files)} in {out}; the first of them tells how to run it", markup=False)
+
+
+def _output(model: Model, name: str) -> Output:
+    element, _, quantity = name.rpartition(".")
+    return Output(element=element, quantity=quantity, span=model.span)
 
 
 @main.command()

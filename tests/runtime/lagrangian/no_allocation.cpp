@@ -22,7 +22,10 @@ const char* const figures = R"({"numerics": {"dt": 1e-3, "penalty": 1e9}, "param
 
 }  // namespace
 
-std::span<const cutjoint::SolverKind> cutjoint::library_solvers() { return {}; }
+template <>
+std::span<const cutjoint::SolverKind<double>> cutjoint::library_solvers<double>() {
+  return {};
+}
 
 extern "C" void* malloc(std::size_t size) {
   ++allocations;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -55,7 +56,10 @@ class GuardedSolver final : public LinearSolver<Real> {
   long fallbacks() const override { return fallbacks_; }
 
  private:
-  bool solves(const Real* x) { return scaled_->backward_error(values_, x, right_.data()) <= Real(1e-8); }
+  bool solves(const Real* x) {
+    const Real limit = std::max(Real(1e-8), 128 * std::numeric_limits<Real>::epsilon());
+    return scaled_->backward_error(values_, x, right_.data()) <= limit;
+  }
 
   Breakdown fall_back() {
     if (fallbacks_++ == 0) pivoting_->analyse(*pattern_);

@@ -1,0 +1,112 @@
+"""`cutjoint bench`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from cutjoint.bench.cases import make_case
+from cutjoint.bench.contenders import choose, groups
+from cutjoint.bench.records import Case
+from cutjoint.bench.reference import TOLERANCES
+from cutjoint.bench.store import Store
+from cutjoint.bench.study import Plan, Say, perform
+from cutjoint.model.read import read_model
+from cutjoint.run.run_file import RunError
+
+
+def run_bench(
+    *, models: Sequence[Path], scenes: Sequence[str], methods: Sequence[str], out: Path, end: float | None, row: float | None,
+    steps: Sequence[float], repetitions: int, reference: str, limits: bool, drift: bool, atlas: bool, vary: str,
+    parameters: Mapping[str, float], link_masses: Mapping[str, float],
+) -> list[Path]:  # fmt: skip
+    """Bench models and write ``bench.json`` and ``bench.html`` into a folder; what was measured there before is not measured again.
+
+    Raises:
+        ModelError, RunError: a file is wrong, or has no such scene; no contender has a name.
+    """
+    from cutjoint.report.bench.page import render_page
+
+    plan = Plan(
+        cases=list(_cases(models, scenes, end=end, row=row, parameters=parameters, link_masses=link_masses)),
+        contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
+        drift=drift, atlas=atlas, vary=vary,
+    )  # fmt: skip
+    with _spinner() as say:
+        data = perform(plan, Store(out / "measurements.jsonl"), say)
+        say("drawing")
+        page = render_page(data)
+    return [_write(out / "bench.json", json.dumps(data, indent=1) + "\n"), _write(out / "bench.html", page)]
+
+
+def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterator[Case]:
+    """The scenes named, or all of each model; a scene need not be in every model."""
+    known = {path: list(read_model(path).scenes) for path in models}
+    for name in scenes:
+        if not any(name in found for found in known.values()):
+            raise RunError(f"no scene '{name}'; there is {', '.join(s for found in known.values() for s in found) or 'none'}")
+    for path, found in known.items():
+        for scene in [s for s in found if not scenes or s in scenes] if found else [None]:
+            yield make_case(path, scene, **how)
+
+
+@contextmanager
+def _spinner() -> Iterator[Say]:
+    """What is being done, on standard error."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=None)
+        yield lambda text: progress.update(task, description=text)
+
+
+def _write(path: Path, text: str) -> Path:
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(text, encoding="utf-8", newline="\n")
+    part.replace(path)
+    return path
+
+
+def _listed(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def _seconds(text: str) -> list[float]:
+    try:
+        steps = [float(part) for part in _listed(text)]
+    except ValueError:
+        raise click.BadParameter(f"'{text}': write seconds with commas between, such as 0.01,0.005") from None
+    if any(step <= 0 for step in steps):
+        raise click.BadParameter(f"'{text}': a step is above zero")
+    return steps
+
+
+def bench_options(command: Any) -> Any:
+    """The options of the command."""
+    options = (
+        click.argument("models", type=click.Path(exists=True, dir_okay=False, path_type=Path), nargs=-1, required=True),
+        click.option("--scenes", default="", callback=lambda *x: _listed(x[2]), metavar="A,B", help="Scenes; all of each model otherwise."),
+        click.option("--methods", default="generated,peer", show_default=True, callback=lambda *x: _listed(x[2]), metavar="A,B",
+                     help=f"Contenders, or groups of them: {', '.join(groups())}."),
+        click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scenes' otherwise."),
+        click.option("--row", type=click.FloatRange(min=0, min_open=True), help="Seconds between rows that are compared."),
+        click.option("--steps", default="", callback=lambda *x: _seconds(x[2]), metavar="S,S", help="Steps in s to try."),
+        click.option("--repetitions", type=click.IntRange(min=1), default=5, show_default=True, help="Timed runs of each point."),
+        click.option("--reference", type=click.Choice([*TOLERANCES, "none"]), default="quad", show_default=True,
+                     help="Number type in which references are integrated; extended is faster, and enough where roads have kinks."),
+        click.option("--limits/--no-limits", default=True, help="Look for the largest step of each method."),
+        click.option("--drift", is_flag=True, help="Energy and momentum of mechanisms that keep them."),
+        click.option("--atlas", is_flag=True, help="Where each method fails, over step, penalty and number type."),
+        click.option("--vary", default="", metavar="NAME", help="A parameter that the atlas varies in place of the penalty."),
+        click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("results/bench"), show_default=True,
+                     help="Folder of the report; an interrupted bench goes on there."),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command

@@ -1,0 +1,68 @@
+"""What the measurements say: orders of convergence, time at an accuracy, who is best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from math import exp, log
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from cutjoint.bench.study import timed
+
+Line = Mapping[str, Any]
+
+#: Errors of position (m) at which contenders are compared.
+TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+
+#: Points of a line, from its smallest step on, by which its order is found.
+_FINEST = 5
+
+
+def order(line: Line, name: str = "position") -> float:
+    """The slope of error over step by least squares, of the smallest steps whose error still falls with them; nan of fewer than three."""
+    points = [(log(p["dt"]), log(p["errors"][name])) for p in timed(line) if p["errors"][name]]
+    points.sort()
+    while len(points) > 1 and points[0][1] > points[1][1] - (points[1][0] - points[0][0]) / 2:  # rounding
+        del points[0]
+    if len(points) < 3:
+        return float("nan")
+    x, y = np.array(points[:_FINEST]).T
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def time_at(line: Line, error: float) -> float | None:
+    """Seconds of CPU time at which a line reaches an error of position: between two of its points on the logarithmic chart, else None.
+
+    Of several crossings the fastest counts; a line whose coarsest point is accurate enough takes that point's time.
+    """
+    points = [(p["errors"]["position"], median(p["seconds"])) for p in timed(line) if p["errors"]["position"]]
+    times = [_crossing(a, b, error) for a, b in pairwise(points) if (a[0] - error) * (b[0] - error) <= 0]
+    if points and points[0][0] <= error:
+        times.append(points[0][1])
+    return min(times) if times else None
+
+
+def _crossing(a: tuple[float, float], b: tuple[float, float], error: float) -> float:
+    if a[0] == b[0]:
+        return min(a[1], b[1])
+    share = (log(error) - log(a[0])) / (log(b[0]) - log(a[0]))
+    return exp(log(a[1]) + share * (log(b[1]) - log(a[1])))
+
+
+def best(lines: Sequence[Line], error: float, suits: Callable[[Line], bool]) -> tuple[str, float] | None:
+    """The label and time of the fastest line that reaches an error, among those that suit."""
+    found = [(line["label"], time) for line in lines if suits(line) and (time := time_at(line, error)) is not None]
+    return min(found, key=lambda pair: pair[1]) if found else None
+
+
+def fastest_ours(lines: Sequence[Line], error: float) -> tuple[str, float] | None:
+    """The fastest generated code at an error."""
+    return best(lines, error, lambda line: line["group"] == "generated")
+
+
+def fastest_peer(lines: Sequence[Line], error: float) -> tuple[str, float] | None:
+    """The fastest other tool at an error."""
+    return best(lines, error, lambda line: line["group"] == "peer")

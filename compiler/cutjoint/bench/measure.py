@@ -1,0 +1,103 @@
+"""Timing: warm-up, repetitions in turns, so that what disturbs the machine disturbs all contenders alike."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from statistics import median, quantiles
+
+import numpy as np
+
+from cutjoint.bench.errors import measure_errors
+from cutjoint.bench.records import Case, Point, Runner
+from cutjoint.bench.reference import Reference
+from cutjoint.run.simulator import SimulatorError
+
+
+def measure_point(
+    case: Case, name: str, runner: Runner, dt: float, reference: Reference | None, repetitions: int, *, patience: float = 60.0
+) -> Point:
+    """A contender at one step.  The first run warms up and is measured against the reference; only others are timed, of slow ones fewer.
+
+    ``patience`` (s) is how long all repetitions together may take.
+    """
+    try:
+        first = runner(dt, measured=True)
+    except SimulatorError as error:
+        return Point(contender=name, dt=dt, failure=str(error), reached=0.0)
+    point = Point(contender=name, dt=dt, steps=first.steps, iterations=first.effort.iterations)
+    if reference is not None:
+        point = replace(point, errors=measure_errors(case, first, reference))
+    if first.failure is not None:
+        return replace(point, failure=str(first.failure), reached=first.failure.time)
+    seconds: list[float] = []
+    while len(seconds) < repetitions and sum(seconds) < patience:
+        seconds.append(runner(dt).seconds)
+    return replace(point, seconds=tuple(seconds), reached=case.scene.end)
+
+
+#: A run is wrong whose error of position is above this share of the extent of the motion.
+WRONG = 0.1
+
+
+def largest_step(case: Case, runner: Runner, reference: Reference | None, *, low: float, high: float, share: float = 0.02) -> float:
+    """The largest step (s) up to which a contender converges, by bisection between two steps to a share of it.
+
+    It converges when every step of a run does and the error of position stays below ``WRONG`` of the motion's extent.  Returns 0 where
+    not even ``low`` does, ``high`` where that still does.
+    """
+    if not _converges(case, runner, reference, low):
+        return 0.0
+    if _converges(case, runner, reference, high):
+        return high
+    while high / low > 1 + share:
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if _converges(case, runner, reference, middle) else (low, middle)
+    return low
+
+
+def _converges(case: Case, runner: Runner, reference: Reference | None, dt: float) -> bool:
+    try:
+        run = runner(dt)
+    except SimulatorError:
+        return False
+    if run.failure is not None or reference is None:
+        return run.failure is None
+    return bool(measure_errors(case, run, reference).position <= WRONG * extent(reference))
+
+
+def extent(reference: Reference) -> float:
+    """The largest distance in m of any body from where it starts."""
+    bodies = {c.rpartition(".")[0] for c in reference.columns}
+    ways = (sum((reference.columns[f"{b}.{x}"] - reference.columns[f"{b}.{x}"][0]) ** 2 for x in "xyz") for b in sorted(bodies))
+    return float(max(np.sqrt(way).max() for way in ways))
+
+
+def spread(seconds: Sequence[float]) -> tuple[float, float]:
+    """The median and half the distance between the quartiles."""
+    if len(seconds) < 2:
+        return median(seconds), 0.0
+    low, _, high = quantiles(seconds, n=4)
+    return median(seconds), (high - low) / 2
+
+
+def machine() -> Mapping[str, str]:
+    """Where this runs: processor, its cores, system."""
+    return {"processor": _processor(), "system": f"{platform.system()} {platform.release()}", "python": platform.python_version()}
+
+
+def _processor() -> str:
+    cores = 0
+    name = platform.processor() or platform.machine()
+    for line in _lines(Path("/proc/cpuinfo")):
+        key, _, value = line.partition(":")
+        cores += key.strip() == "processor"
+        name = value.strip() if key.strip() == "model name" else name
+    return f"{name}, {cores} cores" if cores else name
+
+
+def _lines(path: Path) -> Iterator[str]:
+    if path.exists():
+        yield from path.read_text(encoding="utf-8").splitlines()

@@ -1,0 +1,92 @@
+"""What is compared, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import inf, nan
+from typing import Protocol
+
+from cutjoint.model.records import Model, Output, Scene
+from cutjoint.run.results import Array, Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A scene of a model with what is looked at in it: the places and velocities of its heavy bodies.
+
+    The scene's ``output_step`` is the distance in s of the times at which runs are compared; ``parameters`` are changed ones, SI units.
+    ``motion`` gives the exact columns over times (s), where they are known.
+    """
+
+    model: Model
+    scene: Scene
+    outputs: tuple[Output, ...]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    motion: Callable[[Array], Mapping[str, Array]] | None = None
+
+    @property
+    def name(self) -> str:
+        """Model and scene."""
+        return f"{self.model.name}/{self.scene.name}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """The distance from a reference over all bodies and rows: the largest and the root mean square, in m and m/s; nan where unknown.
+
+    ``residual`` is the largest of the constraint equations in m (or rad), ``energy`` the largest difference in kinetic energy of
+    translation and in potential energy of weight, relative to the largest value that the kinetic energy has in the reference.
+    """
+
+    position: float = nan
+    velocity: float = nan
+    mean_position: float = nan
+    mean_velocity: float = nan
+    energy: float = nan
+    residual: float = nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A contender at one step: ``seconds`` of each repetition, its errors, or why it failed.
+
+    ``reached`` is the time in s up to which it ran.
+    """
+
+    contender: str
+    dt: float
+    seconds: tuple[float, ...] = ()
+    steps: int = 0
+    iterations: int = 0
+    errors: Errors = Errors()
+    failure: str = ""
+    reached: float = inf
+
+
+class Runner(Protocol):
+    """A contender made ready for a case."""
+
+    @property
+    def configuration(self) -> Mapping[str, str]:
+        """What to state of it: compiler, flags, digest of generated code, versions."""
+        ...
+
+    def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
+        """A run whose rows are some of the case's; ``measured`` asks for the residuals of each step, which costs time."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contender:
+    """A way to run a case.  ``prepare`` compiles it and raises an error of the user's making where the case does not suit it.
+
+    ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "solvers", "generic",
+    "precision", "peer".
+    """
+
+    name: str
+    label: str
+    group: str
+    prepare: Callable[[Case], Runner]
+    available: Callable[[], bool] = lambda: True

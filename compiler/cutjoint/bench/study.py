@@ -1,0 +1,165 @@
+"""A bench from end to end: cases, contenders, points, limits, drift; resumable, with progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from math import isnan
+from typing import Any
+
+from cutjoint.bench.atlas import map_case, suggest_grid
+from cutjoint.bench.cases import falling_steps
+from cutjoint.bench.drift import measure_drift
+from cutjoint.bench.measure import extent, largest_step, machine, measure_point
+from cutjoint.bench.paper import PAPER_STEPS
+from cutjoint.bench.records import Case, Contender, Runner
+from cutjoint.bench.reference import Reference, find_reference
+from cutjoint.bench.store import Record, Store
+from cutjoint.model.errors import ModelError
+from cutjoint.pipeline import METHODS
+from cutjoint.run.run_file import RunError
+from cutjoint.toolchain.build import ToolchainError, runtime_digest
+
+Say = Callable[[str], None]
+
+#: Steps are tried from this share of a scene's own step up to the other; a run of more steps than ``MOST_STEPS`` is not begun.
+SHORTEST, LONGEST = 0.02, 16.0
+MOST_STEPS = 400_000
+
+#: Nor is one that would take longer than this, in s.
+MOST_SECONDS = 20.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a bench is to do.
+
+    ``steps`` (s) are tried instead of those that suit a scene; ``reference`` is the number type in which references are integrated,
+    "quad" or "extended", or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty; ``title`` stands
+    beside the cases' names.
+    """
+
+    cases: Sequence[Case]
+    contenders: Sequence[Contender]
+    repetitions: int = 5
+    steps: Sequence[float] = ()
+    reference: str = "quad"
+    limits: bool = True
+    drift: bool = False
+    atlas: bool = False
+    vary: str = ""
+    title: str = ""
+
+
+def perform(plan: Plan, store: Store, say: Say = lambda _: None) -> dict[str, Any]:
+    """Measure what the store does not have, and return everything as plain data for JSON."""
+    return {
+        "machine": dict(machine()), "cases": [_case(plan, case, store, say) for case in plan.cases],
+        "drifts": [d for case in plan.cases if (d := _drift(case, store, say))] if plan.drift else [],
+        "atlases": [_atlas(plan, case, store, say) for case in plan.cases] if plan.atlas else [],
+    }  # fmt: skip
+
+
+def _atlas(plan: Plan, case: Case, store: Store, say: Say) -> Record:
+    refer = partial(find_reference, precision="quad" if plan.reference == "none" else plan.reference, say=say)
+    return map_case(case, suggest_grid(case, parameter=plan.vary), store, say, refer=refer)
+
+
+def _drift(case: Case, store: Store, say: Say) -> Record | None:
+    """What the methods lose of what a mechanism keeps; at a step that all of them can take."""
+    say(f"{case.name}: energy and momentum")
+    dt = min(case.scene.numerics.of_method(method).dt for method in METHODS)
+    of = {"drift": case.name, "dt": dt, "end": case.scene.end, "row": case.scene.output_step, "runtime": runtime_digest()}
+    found: Record | None = store.get(of, lambda: {"drift": plain(measure_drift(case, dt))})["drift"]
+    return found
+
+
+def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:
+    reference = None if plan.reference == "none" else find_reference(case, precision=plan.reference, say=say)
+    lines = []
+    for contender in plan.contenders:
+        say(f"{case.name}: compiling {contender.label}")
+        try:
+            runner = contender.prepare(case)
+        except (RunError, ModelError, ToolchainError) as error:
+            lines.append({"contender": contender.name, "label": contender.label, "group": contender.group, "refused": str(error)})
+            continue
+        lines.append(_line(plan, case, contender, runner, reference, store, say))
+    return {
+        "name": case.name, "title": plan.title, "model": case.model.name, "scene": case.scene.name, "end": case.scene.end,
+        "row": case.scene.output_step, "extent": extent(reference) if reference else 1.0, "reference": _about(reference), "lines": lines,
+    }  # fmt: skip
+
+
+def _about(reference: Reference | None) -> Record | None:
+    if reference is None:
+        return None
+    apart = {"position_apart": reference.position_apart, "velocity_apart": reference.velocity_apart}
+    about: Record = plain({**apart, "provenance": dict(reference.provenance)})
+    return about
+
+
+def _line(
+    plan: Plan, case: Case, contender: Contender, runner: Runner, reference: Reference | None, store: Store, say: Say
+) -> Record:  # fmt: skip
+    """All that is measured of a contender on a case."""
+    own = case.scene.numerics.of_method(contender.name.partition("/")[0]).dt
+    identity = {
+        "case": case.name, "contender": contender.name, "configuration": dict(runner.configuration), "end": case.scene.end,
+        "row": case.scene.output_step, "repetitions": plan.repetitions, "reference": plan.reference,
+    }  # fmt: skip
+    points: list[Record] = []
+    for dt in _steps(plan, case, contender, own):
+        if points and _predicted(points[-1], dt) > MOST_SECONDS:
+            break
+        say(f"{case.name}: {contender.label} at {1e3 * dt:g} ms")
+        make = partial(_point, case, contender.name, runner, dt, reference, plan.repetitions)
+        points.append(store.get({**identity, "dt": dt}, make))
+    line: Record = {"contender": contender.name, "label": contender.label, "group": contender.group, "dt": own,
+                    "configuration": dict(runner.configuration), "points": points}  # fmt: skip
+    if plan.limits and contender.group == "generated":
+        say(f"{case.name}: largest step of {contender.label}")
+        line["largest_step"] = store.get({**identity, "limit": "largest step"}, partial(_limit, case, runner, reference, own))["dt"]
+    return line
+
+
+def _steps(plan: Plan, case: Case, contender: Contender, own: float) -> list[float]:
+    if plan.steps:
+        return list(plan.steps)
+    shortest = max(SHORTEST * own, case.scene.end / MOST_STEPS)
+    steps = falling_steps(case.scene.output_step, min(LONGEST * own, case.scene.end / 8), shortest)
+    paper = PAPER_STEPS.get(case.name, {}).get(contender.name.partition("/")[0])
+    return sorted({*steps, own, *([paper] if paper else [])}, reverse=True)
+
+
+def _point(
+    case: Case, name: str, runner: Runner, dt: float, reference: Reference | None, repetitions: int
+) -> Record:  # fmt: skip
+    record: Record = plain(asdict(measure_point(case, name, runner, dt, reference, repetitions)))
+    return record
+
+
+def _predicted(last: Record, dt: float) -> float:
+    """The seconds of a run at a smaller step than the last."""
+    return float(last["dt"] / dt * max(last["seconds"], default=0.0))
+
+
+def _limit(case: Case, runner: Runner, reference: Reference | None, own: float) -> Record:
+    return {"dt": largest_step(case, runner, reference, low=own / 64, high=min(own * 64, case.scene.end / 4))}
+
+
+def plain(value: Any) -> Any:
+    """Data that JSON can hold: numbers that are none become null."""
+    if isinstance(value, Mapping):
+        return {name: plain(x) for name, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(x) for x in value]
+    if isinstance(value, float) and (isnan(value) or value in (float("inf"), float("-inf"))):
+        return None
+    return value
+
+
+def timed(line: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The points of a line that reached the end."""
+    return (p for p in line.get("points", ()) if not p["failure"] and p["seconds"])

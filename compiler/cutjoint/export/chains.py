@@ -1,0 +1,138 @@
+"""Joints as chains of elementary motions, for peers that know hinges, slides, screws and balls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from cutjoint.export.records import Mechanism, PeerJoint, Triple
+from cutjoint.export.start import Array
+from cutjoint.model.errors import Problem
+from cutjoint.model.records import GROUND, JointForce, JointKind
+
+#: Where the axes of a frame point.
+Frame: TypeAlias = tuple[Triple, Triple, Triple]
+
+_GLOBAL: Sequence[Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """An elementary motion at the start, in global axes: what moves is carried by the part before it in a chain.
+
+    ``axis`` is that of a hinge, a slide or a screw, None for a ball and a free motion; ``coordinate`` is the number of the model's
+    coordinate that the part's own adds to, None where there is none.  ``pitch`` is a screw's advance in metres a radian.
+    """
+
+    type: Literal["hinge", "slide", "screw", "ball", "free"]
+    point: Triple
+    axis: Triple | None = None
+    coordinate: int | None = None
+    pitch: float = 0.0
+
+
+def chain(joint: PeerJoint) -> tuple[Part, ...]:
+    """The motions that move a joint's child beside its parent, from the parent on.
+
+    A free joint's coordinates and a distance joint's angles belong to no part.
+    """
+    inner, outer = (joint.follower_point, joint.base_point) if joint.reversed else (joint.base_point, joint.follower_point)
+    match joint.kind:
+        case JointKind.FREE:
+            return (Part(type="free", point=outer),)
+        case JointKind.DISTANCE:
+            # two turns of the rod, then the outer ball: MuJoCo has none after a ball
+            across = frame(np.array(outer) - np.array(inner))[:2]
+            return (*(Part(type="hinge", point=inner, axis=axis) for axis in across), Part(type="ball", point=outer))
+    parts = tuple(_motions(joint))
+    return tuple(map(_opposite, parts[::-1])) if joint.reversed else parts
+
+
+def _motions(joint: PeerJoint) -> Iterator[Part]:
+    """The motions of the follower beside the base."""
+    at, base, follower = joint.follower_point, joint.base_axes, joint.follower_axes
+    match joint.kind:
+        case JointKind.REVOLUTE:
+            yield Part(type="hinge", point=at, axis=base[0], coordinate=0)
+        case JointKind.PRISMATIC:
+            yield Part(type="slide", point=at, axis=base[0], coordinate=0)
+        case JointKind.CYLINDRICAL:
+            yield Part(type="slide", point=at, axis=base[0], coordinate=0)
+            yield Part(type="hinge", point=at, axis=base[0], coordinate=1)
+        case JointKind.SCREW:
+            yield Part(type="screw", point=at, axis=base[0], coordinate=0, pitch=joint.pitch)
+        case JointKind.UNIVERSAL:
+            yield Part(type="hinge", point=at, axis=base[0], coordinate=0)
+            yield Part(type="hinge", point=at, axis=follower[1], coordinate=1)
+        case JointKind.PLANAR:
+            yield Part(type="slide", point=at, axis=base[1], coordinate=0)
+            yield Part(type="slide", point=at, axis=base[2], coordinate=1)
+            yield Part(type="hinge", point=at, axis=base[0], coordinate=2)
+        case JointKind.POINT_ON_LINE:
+            yield Part(type="slide", point=at, axis=base[0], coordinate=0)
+            yield Part(type="ball", point=at)
+        case JointKind.SPHERICAL:
+            yield Part(type="ball", point=at)
+
+
+def _opposite(part: Part) -> Part:
+    """A motion of the base beside the follower.  In the opposite order such motions undo the follower's, so that a coordinate keeps its
+    sign; what slides after a turn is carried by the base, as the joint's axes are.
+    """
+    return part if part.axis is None else replace(part, axis=(-part.axis[0], -part.axis[1], -part.axis[2]))
+
+
+def frame(axis: Array) -> Frame:
+    """Where the axes of a right-handed frame point whose third one has a direction."""
+    z = axis / np.linalg.norm(axis)
+    across = np.cross(np.eye(3)[(int(np.abs(z).argmax()) + 2) % 3], z)
+    x = across / np.linalg.norm(across)
+    return triple(x), triple(np.cross(z, x)), triple(z)
+
+
+def triple(vector: Array) -> Triple:
+    """Three numbers, none of them a negative zero."""
+    x, y, z = (float(c) + 0.0 for c in vector)
+    return x, y, z
+
+
+def joint_force_problems(mechanism: Mechanism) -> list[Problem]:
+    """Forces on coordinates that belong to no part of a chain."""
+    kinds = {joint.name: joint.kind for joint in mechanism.tree if joint.kind in (JointKind.FREE, JointKind.DISTANCE)}
+    forces = [force for force in mechanism.forces if isinstance(force, JointForce) and force.joint in kinds]
+    return [_no_part(force, kinds[force.joint]) for force in forces]
+
+
+def _no_part(force: JointForce, kind: JointKind) -> Problem:
+    message = f"a force on a coordinate of a joint of kind {kind} is not exported"
+    return Problem(span=force.span, element=f"force '{force.name}'", message=message, hint="write a load or a point_spring instead")
+
+
+def speeds(mechanism: Mechanism, joint: PeerJoint, parts: Sequence[Part]) -> tuple[float, ...]:
+    """The speeds of the parts of a chain that move the child beside the parent as they do at the start.
+
+    A ball has its angular velocity in global axes, a free motion the velocity of its point before that.
+    """
+    bodies = {body.name: body for body in mechanism.bodies}
+    child = bodies[joint.child]
+    centre = np.array(child.centre)
+    velocity, spin = np.array(child.velocity), np.array(child.spin)
+    if joint.parent != GROUND:
+        parent = bodies[joint.parent]
+        velocity = velocity - np.array(parent.velocity) - np.cross(parent.spin, centre - np.array(parent.centre))
+        spin = spin - np.array(parent.spin)
+    columns = np.column_stack([column for part in parts for column in twists(part, centre)])
+    return tuple(float(x) + 0.0 for x in np.linalg.lstsq(columns, np.concatenate([velocity, spin]), rcond=None)[0])
+
+
+def twists(part: Part, centre: Array) -> Iterator[Array]:
+    """What the unit speeds of a part do: the velocity of a point (3,) and the angular velocity (3,), joined."""
+    if part.type in ("slide", "free"):
+        for axis in _GLOBAL if part.axis is None else [part.axis]:
+            yield np.concatenate([axis, np.zeros(3)])
+    if part.type != "slide":
+        for axis in _GLOBAL if part.axis is None else [part.axis]:
+            yield np.concatenate([np.cross(axis, centre - np.array(part.point)) + part.pitch * np.array(axis), axis])

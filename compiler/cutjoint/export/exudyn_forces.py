@@ -1,0 +1,175 @@
+"""Forces -> statements of a script for Exudyn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import sympy
+
+from cutjoint.export.chains import frame
+from cutjoint.export.exudyn_laws import function
+from cutjoint.export.forces_cpp import arm
+from cutjoint.export.numbers import Numbers
+from cutjoint.export.records import Mechanism, PeerJoint, Place, Triple
+from cutjoint.export.start import Array
+from cutjoint.formulate.forces import LENGTH, RATE
+from cutjoint.formulate.inputs import TIME
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.records import (
+    COORDINATES,
+    GROUND,
+    AxialForce,
+    BodyLoad,
+    Bushing,
+    Force,
+    JointForce,
+    JointKind,
+    PointSpring,
+    Scalar,
+    Scene,
+    Tyre,
+    Vector,
+)
+from cutjoint.run.roads import road_pieces
+
+_GLOBAL: Sequence[Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+_PLACE, _SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("wx", "wy", "wz")
+
+
+@dataclass(frozen=True)
+class ForceWriter:
+    """Writes the statement of one force; ``roads`` are the names of roads by the radius of the wheels on them."""
+
+    mechanism: Mechanism
+    numbers: Numbers
+    roads: Mapping[float, str]
+
+    def statement(self, force: Force) -> str | None:
+        """The statement that adds a force, None for one within a body or on a coordinate that does not move freely."""
+        if isinstance(force, PointSpring | AxialForce | Bushing) and self.place(force.base).of == self.place(force.follower).of:
+            return None
+        match force:
+            case PointSpring():
+                return self.spring(force)
+            case JointForce():
+                return self.joint_force(force)
+            case AxialForce():
+                base, follower = self.arm(force.base, force.origin), self.arm(force.follower, force.point)
+                law = function(("travel", "rate"), self.numbers.law(force.law))
+                call = f"sliding({base!r}, {self.direction(force.base, force.axis)!r}, {follower!r}, {law})"
+                return self.element((force.base, force.follower), call)
+            case Bushing():
+                ends = ", ".join(f"{self.arm(b, force.point)!r}, {self.axes(b, force.axes)!r}" for b in (force.base, force.follower))
+                laws = ", ".join(function(("position", "rate"), self.numbers.law(law)) for law in force.laws)
+                return self.element((force.base, force.follower), f"bushing({ends}, [{laws}])")
+            case BodyLoad():
+                return self.element((force.body,), self.load(force))
+        assert isinstance(force, Tyre)
+        return self.element((force.body,), self.wheel(force))
+
+    def element(self, bodies: Sequence[str], call: str) -> str | None:
+        """A force element, None for one on the ground alone."""
+        names = [self.place(body).of for body in bodies]
+        return None if names == [GROUND] else f"mechanism.element({names!r}, {call})"
+
+    def place(self, body: str) -> Place:
+        return self.mechanism.places[body]
+
+    def arm(self, body: str, point: Vector) -> Triple:
+        place = self.place(body)
+        return arm(self.mechanism, place.of, place.point(self.numbers.triple(point)))
+
+    def end(self, body: str, point: Vector) -> str:
+        """A rigid body and the arm of a point on it."""
+        return repr((self.place(body).of, self.arm(body, point)))
+
+    def direction(self, body: str, direction: Vector) -> Triple:
+        return self.place(body).direction(self.numbers.triple(direction))
+
+    def axes(self, body: str, axes: Sequence[Vector]) -> tuple[Triple, ...]:
+        return tuple(self.direction(body, axis) for axis in axes)
+
+    def spring(self, force: PointSpring) -> str:
+        """A linear law is Exudyn's own, if it does not push the wrong way; another one is a function."""
+        law = self.numbers.law(force.law)
+        ends = f"{self.end(force.base, force.start)}, {self.end(force.follower, force.end)}"
+        slopes = [sympy.diff(law, x) for x in (LENGTH, RATE)]
+        stiffness, damping = (max(0.0, evaluate(slope, self.stretch(force))) for slope in slopes)
+        figures = f"stiffness={stiffness!r}, damping={damping!r}"
+        if all(slope.is_Number and slope >= 0 for slope in slopes) and not law.has(TIME):
+            return f"mechanism.spring({ends}, {figures}, force={evaluate(law, {LENGTH: 0.0, RATE: 0.0})!r})"
+        return f"mechanism.spring_law({ends}, {figures}, law={function(('length', 'rate'), law)})"
+
+    def stretch(self, force: PointSpring) -> dict[Scalar, float]:
+        """Length and rate of a spring at the start."""
+        (start, start_rate), (end, end_rate) = self.moving(force.base, force.start), self.moving(force.follower, force.end)
+        way = end - start
+        length = float(np.linalg.norm(way))
+        return {LENGTH: length, RATE: float(way @ (end_rate - start_rate)) / length, TIME: 0.0}
+
+    def moving(self, body: str, point: Vector) -> tuple[Array, Array]:
+        """Place and velocity of a point at the start."""
+        place = np.array(self.place(body).point(self.numbers.triple(point)))
+        rigid = next((b for b in self.mechanism.bodies if b.name == self.place(body).of), None)
+        return place, np.zeros(3) if rigid is None else np.array(rigid.velocity) + np.cross(rigid.spin, place - np.array(rigid.centre))
+
+    def load(self, load: BodyLoad) -> str:
+        laws = [self.numbers.law(component) for component in load.components]
+        axes = self.axes(load.body, _GLOBAL) if load.axes == "body" else None
+        if load.point is None:
+            return f"torque({axes!r}, {function(_SPIN, *laws)})"
+        return f"load({self.arm(load.body, load.point)!r}, {axes!r}, {function(_PLACE, *laws)})"
+
+    def wheel(self, tyre: Tyre) -> str:
+        constants = {name: self.numbers.number(value) for name, value in tyre.constants.items()}
+        figures = ", ".join(f"{name}={value!r}" for name, value in sorted(constants.items()))
+        centre, axis = self.arm(tyre.body, tyre.centre), self.direction(tyre.body, tyre.axis)
+        return f"wheel({centre!r}, {axis!r}, Tyre({figures}), {self.roads[constants['radius']]})"
+
+    def joint_force(self, force: JointForce) -> str | None:
+        """A force or a torque between the bodies of a joint; on a guided or welded joint it moves nothing."""
+        joint = next((j for j in self.mechanism.tree if j.name == force.joint and not j.guide), None)
+        if joint is None:
+            return None
+        i = COORDINATES[joint.kind].index(force.coordinate)
+        law, start = function(("position", "rate"), self.numbers.law(force.law)), joint.coordinates[i]
+        if force.coordinate.startswith("angle"):
+            axis, side, of_base = _turning(joint, i)
+            call = f"turning({axis!r}, {side!r}, {law}, {start!r}, of_base={of_base!r})"
+        else:
+            axis = _slide_axis(joint, i)
+            origin, point = (arm(self.mechanism, *end) for end in ((joint.base, joint.base_point), (joint.follower, joint.follower_point)))
+            before = start - float(np.dot(axis, np.array(joint.follower_point) - np.array(joint.base_point)))
+            call = f"sliding({origin!r}, {axis!r}, {point!r}, {law}, {before!r})"
+        return f"mechanism.element({[joint.base, joint.follower]!r}, {call})"
+
+
+def _turning(joint: PeerJoint, coordinate: int) -> tuple[Triple, Triple, bool]:
+    """The axis of an angle, a direction across it, and whether the base carries the axis."""
+    if joint.kind is JointKind.UNIVERSAL:
+        axes = joint.base_axes[0], joint.follower_axes[1]
+        return axes[coordinate], axes[1 - coordinate], coordinate == 0
+    return joint.base_axes[0], frame(np.array(joint.base_axes[0]))[0], True
+
+
+def _slide_axis(joint: PeerJoint, coordinate: int) -> Triple:
+    return joint.base_axes[1 + coordinate] if joint.kind is JointKind.PLANAR else joint.base_axes[0]
+
+
+def road_statements(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> dict[float, tuple[str, str]]:
+    """The name and the expression of each road, by the radius of the wheels on it."""
+    tyres = [force for force in mechanism.forces if isinstance(force, Tyre)]
+    radii = dict.fromkeys(numbers.number(tyre.constants["radius"]) for tyre in tyres)
+    return {radius: (f"ROAD_{i}", _road(scene, radius)) for i, radius in enumerate(radii)}
+
+
+def _road(scene: Scene, radius: float) -> str:
+    return f"Road({', '.join(_tracks(scene, radius))}, disc={scene.road.contact == 'disc'!r})"
+
+
+def _tracks(scene: Scene, radius: float) -> Iterator[str]:
+    for side, pieces in road_pieces(scene.road, radius).items():
+        listed = (f"Piece({p.kind!r}, {float(p.begin)!r}, {float(p.a)!r}, {float(p.b)!r}, {float(p.c)!r})" for p in pieces)
+        yield f"{side}=[{', '.join(listed)}]"

@@ -1,0 +1,105 @@
+"""Joints -> constraints of Exudyn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cutjoint.export.chains import Frame, frame, triple
+from cutjoint.export.independence import Row, independent_rows
+from cutjoint.export.records import Mechanism, PeerJoint
+from cutjoint.export.start import Array
+from cutjoint.model.errors import Problem
+from cutjoint.model.records import JointKind, Model, Scene
+
+#: Which slides along and turns about a joint's frame are locked; the joint's axis is the frame's third.
+LOCKED: Mapping[JointKind, tuple[int, ...]] = {
+    JointKind.FIXED: (1, 1, 1, 1, 1, 1),
+    JointKind.REVOLUTE: (1, 1, 1, 1, 1, 0),
+    JointKind.PRISMATIC: (1, 1, 0, 1, 1, 1),
+    JointKind.CYLINDRICAL: (1, 1, 0, 1, 1, 0),
+    JointKind.UNIVERSAL: (1, 1, 1, 1, 0, 0),
+    JointKind.PLANAR: (0, 0, 1, 1, 1, 0),
+    JointKind.SPHERICAL: (1, 1, 1, 0, 0, 0),
+    JointKind.POINT_ON_LINE: (1, 1, 0, 0, 0, 0),
+    JointKind.DISTANCE: (0, 0, 1, 0, 0, 0),
+    JointKind.FREE: (0, 0, 0, 0, 0, 0),
+}
+
+#: What of a frame is locked, in words.
+_WORDS = ("across 1", "across 2", "along", "turn 1", "turn 2", "turn 3")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraint:
+    """A joint with the frame that base and follower carry, as it is at the start, a row for each axis, and what of the base's is locked."""
+
+    joint: PeerJoint
+    axes: Frame
+    locked: tuple[int, ...]
+
+    @property
+    def rows(self) -> list[Row]:
+        """Its equations."""
+        joint = self.joint
+        return [
+            Row(base=joint.base, follower=joint.follower, direction=self.axes[i % 3], point=joint.follower_point if i < 3 else None)
+            for i, lock in enumerate(self.locked) if lock
+        ]  # fmt: skip
+
+    def keep(self, kept: Sequence[bool]) -> Constraint:
+        """The same with only those of its equations that are ``kept``."""
+        remaining = iter(kept)
+        return replace(self, locked=tuple(int(lock and next(remaining)) for lock in self.locked))
+
+    @property
+    def words(self) -> str:
+        """What is locked, in words."""
+        return ", ".join(word for word, lock in zip(_WORDS, self.locked, strict=True) if lock)
+
+
+def constrain(joint: PeerJoint) -> Constraint:
+    """The constraint of a joint."""
+    if joint.kind is JointKind.UNIVERSAL:
+        # its equation: the base's second axis and the follower's third one are across each other
+        first, second = np.array(joint.base_axes[0]), np.array(joint.follower_axes[1])
+        axes = triple(np.cross(first, second)), triple(first), triple(second)
+        return Constraint(joint=joint, axes=axes, locked=LOCKED[joint.kind])
+    return Constraint(joint=joint, axes=frame(_axis(joint)), locked=LOCKED[joint.kind])
+
+
+def _axis(joint: PeerJoint) -> Array:
+    """A joint's axis, or the line between its points; any for a ball."""
+    if joint.kind is JointKind.DISTANCE:
+        return np.subtract(joint.follower_point, joint.base_point)
+    return np.array(joint.base_axes[0] if joint.base_axes else (0.0, 0.0, 1.0))
+
+
+def independent_cuts(model: Model, scene: Scene, mechanism: Mechanism) -> tuple[list[Constraint], list[Constraint]]:
+    """The cut joints with what of them is independent, and what is left out of them because it follows from the rest."""
+    cuts = [constrain(cut) for cut in mechanism.cuts]
+    rows = [row for cut in cuts for row in cut.rows]
+    chosen = set(independent_rows(model, scene, mechanism, rows))
+    flags = iter(i in chosen for i in range(len(rows)))
+    kept_flags = [[next(flags) for _ in cut.rows] for cut in cuts]
+    kept = [cut.keep(flags) for cut, flags in zip(cuts, kept_flags, strict=True)]
+    left = [cut.keep([not flag for flag in flags]) for cut, flags in zip(cuts, kept_flags, strict=True)]
+    return [cut for cut in kept if any(cut.locked)], [cut for cut in left if any(cut.locked)]
+
+
+def joint_problems(mechanism: Mechanism) -> list[Problem]:
+    """Joints that Exudyn does not have."""
+    problems = []
+    for joint in (*mechanism.tree, *mechanism.cuts):
+        if joint.kind is JointKind.SCREW:
+            problems.append(_problem(joint, "Exudyn has no joint of kind screw", "write a revolute or a cylindrical joint"))
+        elif joint.guide and joint.kind is not JointKind.PRISMATIC:
+            message = f"a joint of kind {joint.kind} that time moves is not exported to Exudyn"
+            problems.append(_problem(joint, message, "guide a prismatic joint, or give its input a constant value"))
+    return problems
+
+
+def _problem(joint: PeerJoint, message: str, hint: str) -> Problem:
+    return Problem(span=joint.span, element=f"joint '{joint.name}'", message=message, hint=hint)

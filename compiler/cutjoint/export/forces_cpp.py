@@ -1,0 +1,213 @@
+"""The forces of a mechanism as C++, for peers that are programs in C++: what forces.hpp says, and the headers beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeAlias
+
+import sympy
+
+from cutjoint.emit.names import unique
+from cutjoint.emit.source import environment
+from cutjoint.export.laws import expression, vector
+from cutjoint.export.numbers import Numbers
+from cutjoint.export.records import Mechanism, Triple
+from cutjoint.formulate.inputs import TIME
+from cutjoint.model.records import (
+    COORDINATES,
+    GROUND,
+    AxialForce,
+    BodyLoad,
+    Bushing,
+    Force,
+    JointForce,
+    PointSpring,
+    Scalar,
+    Scene,
+    Tyre,
+    Vector,
+)
+from cutjoint.run.roads import Piece, road_pieces
+
+#: What the template is given of a part of the header.
+View: TypeAlias = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """A function of forces.hpp that belongs to a coordinate of a tree joint: a joint force's law, or a guide."""
+
+    function: str
+    joint: str
+    index: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forces:
+    """The header's text and what a peer takes from it.
+
+    ``bodies`` are the C++ names of the indices of the rigid bodies, in their order.  ``joint_forces`` are functions of the model's
+    coordinate, its rate and time, ``guides`` functions of time that give a coordinate, its rate and its acceleration.
+    """
+
+    text: str
+    bodies: Mapping[str, str]
+    joint_forces: tuple[Term, ...]
+    guides: tuple[Term, ...]
+
+
+def write_forces(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> Forces:
+    """The header with the forces on the bodies, the laws of joint forces, and the guides that move."""
+    bodies, roads = body_names(mechanism), _roads(mechanism, numbers, scene)
+    joint_forces, guides = _joint_forces(mechanism, numbers), list(_guides(mechanism))
+    writer = _Writer(mechanism, numbers, bodies, {radius: road["name"] for radius, road in roads.items()})
+    text = environment().get_template("export/forces.hpp.jinja").render(
+        name=mechanism.name, bodies=list(bodies.values()), roads=list(roads.values()), joint_forces=joint_forces, guides=guides,
+        forces=[{"name": f.name, "call": writer.call(f)} for f in mechanism.forces if not isinstance(f, JointForce)],
+    )  # fmt: skip
+    return Forces(text=text, bodies=bodies, joint_forces=_terms(joint_forces), guides=_terms(guides))
+
+
+def body_names(mechanism: Mechanism) -> dict[str, str]:
+    """A C++ name for the index of each rigid body."""
+    taken: set[str] = set()
+    return {body.name: unique(f"body_{body.name.replace('.', '_')}", taken) for body in mechanism.bodies}
+
+
+@dataclass(frozen=True)
+class _Writer:
+    """Writes the statement of one force; ``roads`` are names by the radius of the wheels."""
+
+    mechanism: Mechanism
+    numbers: Numbers
+    bodies: Mapping[str, str]
+    roads: Mapping[float, str]
+
+    def call(self, force: Force) -> str:
+        match force:
+            case PointSpring():
+                law = self.law(force.law, "length")
+                return _call("point_spring", *self.at(force.base, force.start), *self.at(force.follower, force.end), law)
+            case AxialForce():
+                base = (*self.at(force.base, force.origin), self.direction(force.base, force.axis))
+                return _call("axial_force", *base, *self.at(force.follower, force.point), self.law(force.law, "travel"))
+            case Bushing():
+                ends = ((*self.at(b, force.point), self.axes(b, force.axes)) for b in (force.base, force.follower))
+                return _call("bushing", *(text for end in ends for text in end), self.six_laws(force.laws))
+            case BodyLoad():
+                return self.load(force)
+            case Tyre():
+                wheel = (*self.at(force.body, force.centre), self.direction(force.body, force.axis))
+                constants = {name: self.numbers.number(value) for name, value in force.constants.items()}
+                data = ", ".join(f".{name} = {constants[name]!r}" for name in _TYRE)
+                return _call("tyre", *wheel, f"TyreData{{{data}}}", self.roads[constants["radius"]])
+        raise AssertionError(force)
+
+    def at(self, body: str, point: Vector) -> tuple[str, str]:
+        """A body and the arm of one of its points."""
+        place = self.mechanism.places[body].point(self.numbers.triple(point))
+        return self.side(body), vector(arm(self.mechanism, self.mechanism.places[body].of, place))
+
+    def side(self, body: str) -> str:
+        of = self.mechanism.places[body].of
+        return "ground" if of == GROUND else f"side({self.bodies[of]})"
+
+    def direction(self, body: str, direction: Vector) -> str:
+        return vector(self.mechanism.places[body].direction(self.numbers.triple(direction)))
+
+    def axes(self, body: str, axes: Sequence[Vector]) -> str:
+        return f"{{{', '.join(self.direction(body, axis) for axis in axes)}}}"
+
+    def law(self, law: Scalar, position: str) -> str:
+        return _function(["double " + position, "double rate"], "double", expression(self.numbers.law(law)))
+
+    def six_laws(self, laws: Sequence[Scalar]) -> str:
+        """The laws of a bushing, each over its own place in the arrays ``position`` and ``rate``."""
+        texts = [
+            expression(_renamed(self.numbers.law(law), {name: f"{name}[{i}]" for name in ("position", "rate")}))
+            for i, law in enumerate(laws)
+        ]
+        six = "std::array<double, 6>"
+        return _function([f"const {six}& position", f"const {six}& rate"], six, f"{six}{{{', '.join(texts)}}}")
+
+    def load(self, load: BodyLoad) -> str:
+        laws = [expression(_renamed(self.numbers.law(law), _MEMBERS)) for law in load.components]
+        variables = ["Vector w"] if load.point is None else ["Vector place", "Vector velocity"]
+        name, body = ("torque", [self.side(load.body)]) if load.point is None else ("load", [*self.at(load.body, load.point)])
+        law = _function(variables, "Vector", f"{{{', '.join(laws)}}}")
+        if load.axes == "body":
+            return _call(f"body_{name}", *body, self.axes(load.body, _GLOBAL), law)
+        return _call(name, *body, law)
+
+
+def arm(mechanism: Mechanism, of: str, point: Triple) -> Triple:
+    """The way to a point at the start from the centre of mass of a rigid body; on the ground the point itself."""
+    centre = next((b.centre for b in mechanism.bodies if b.name == of), (0.0, 0.0, 0.0))
+    x, y, z = (p - c for p, c in zip(point, centre, strict=True))
+    return x, y, z
+
+
+def _roads(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> dict[float, View]:
+    """The roads by the radius of the wheels on them."""
+    tyres = [force for force in mechanism.forces if isinstance(force, Tyre)]
+    radii = dict.fromkeys(numbers.number(tyre.constants["radius"]) for tyre in tyres)
+    return {radius: _road(f"road_{i}", scene, radius) for i, radius in enumerate(radii)}
+
+
+def _road(name: str, scene: Scene, radius: float) -> View:
+    tracks = {side: [_piece(p) for p in pieces] for side, pieces in road_pieces(scene.road, radius).items()}
+    return {"name": name, "disc": "true" if scene.road.contact == "disc" else "false", **tracks}
+
+
+def _piece(piece: Piece) -> str:
+    return f"{{Piece::{piece.kind}, {', '.join(repr(float(x)) for x in (piece.begin, piece.a, piece.b, piece.c))}}}"
+
+
+def _joint_forces(mechanism: Mechanism, numbers: Numbers) -> list[View]:
+    """Forces on coordinates that move freely; one on a guided or welded joint moves nothing."""
+    kinds = {joint.name: joint.kind for joint in mechanism.tree if not joint.guide}
+    forces = [f for f in mechanism.forces if isinstance(f, JointForce) and f.joint in kinds]
+    return [
+        {
+            "function": f"joint_force_{i}", "name": f.name, "joint": f.joint, "coordinate": f.coordinate,
+            "index": COORDINATES[kinds[f.joint]].index(f.coordinate), "law": expression(numbers.law(f.law)),
+        }
+        for i, f in enumerate(forces)
+    ]  # fmt: skip
+
+
+def _guides(mechanism: Mechanism) -> Iterator[View]:
+    """The guides that move, with their first two rates."""
+    guides = [(joint, i, guide) for joint in mechanism.tree for i, guide in enumerate(joint.guide)]
+    for number, (joint, i, guide) in enumerate(guides):
+        laws = [expression(sympy.diff(guide, TIME, order)) for order in range(3)]
+        coordinate = COORDINATES[joint.kind][i]
+        yield {"function": f"guide_{number}", "joint": joint.name, "index": i, "coordinate": coordinate, "laws": laws}
+
+
+def _terms(views: Sequence[View]) -> tuple[Term, ...]:
+    return tuple(Term(**{field.name: view[field.name] for field in fields(Term)}) for view in views)
+
+
+_GLOBAL: Sequence[Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+_TYRE = ("radius", "stiffness", "spin_inertia", "A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")
+
+#: The variables of loads as members of vectors.
+_MEMBERS: Mapping[str, str] = {
+    f"{prefix}{axis}": f"{vector}.{axis}" for prefix, vector in (("", "place"), ("v", "velocity"), ("w", "w")) for axis in "xyz"
+}
+
+
+def _call(name: str, *arguments: str) -> str:
+    return f"{name}({', '.join(arguments)});"
+
+
+def _function(parameters: Sequence[str], result: str, value: str) -> str:
+    listed = ", ".join(f"[[maybe_unused]] {parameter}" for parameter in parameters)
+    return f"[&]({listed}) -> {result} {{ return {value}; }}"
+
+
+def _renamed(law: Scalar, names: Mapping[str, str]) -> Scalar:
+    """A law with other text for its variables."""
+    return law.xreplace({sympy.Symbol(name, real=True): sympy.Symbol(text) for name, text in names.items()})

@@ -1,0 +1,47 @@
+"""Numbers and laws of a model with its parameters put in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import sympy
+
+from cutjoint.export.records import Triple
+from cutjoint.formulate.inputs import input_functions
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.records import Binding, Model, Scalar, Scene
+from cutjoint.run.run_file import parameter_values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numbers:
+    """The values of parameters, and inputs as the scene's functions of time."""
+
+    values: Mapping[Scalar, float]
+    inputs: Mapping[Scalar, Scalar]
+
+    @classmethod
+    def of(cls, model: Model, scene: Scene, parameters: Mapping[str, float]) -> Numbers:
+        """The numbers of a scene after changes of parameters (SI units).
+
+        Raises:
+            RunError: a change names no open parameter.
+        """
+        changed = parameter_values(model, parameters)
+        values = {p.symbol: changed.get(p.name, p.value) for p in model.parameters if p.binding is not Binding.INPUT}
+        return cls(values=values, inputs=input_functions(model, scene))
+
+    def number(self, expression: Scalar) -> float:
+        """The value of an expression over parameters."""
+        return evaluate(sympy.sympify(expression), self.values)
+
+    def triple(self, vector: Sequence[Scalar]) -> Triple:
+        """The values of three expressions."""
+        x, y, z = (self.number(e) for e in vector)
+        return x, y, z
+
+    def law(self, expression: Scalar) -> Scalar:
+        """An expression over the variables of its law and ``t`` alone."""
+        known = {symbol: sympy.Float(value) for symbol, value in self.values.items()}
+        return sympy.sympify(expression).xreplace(dict(self.inputs)).xreplace(known)

@@ -1,0 +1,109 @@
+"""A model for Pinocchio: a program in C++."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from cutjoint.emit.source import environment
+from cutjoint.export.chains import joint_force_problems
+from cutjoint.export.columns import make_columns
+from cutjoint.export.compile_cpp import compile_program, module_folder
+from cutjoint.export.forces_cpp import write_forces
+from cutjoint.export.laws import vector
+from cutjoint.export.mechanism import build_mechanism
+from cutjoint.export.numbers import Numbers
+from cutjoint.export.pinocchio_tree import Contact, Mass, Tree, TreeJoint, build_tree
+from cutjoint.export.program_cpp import column_text, offset, part_texts, support_files
+from cutjoint.export.records import Export, Mechanism
+from cutjoint.model.errors import ModelError
+from cutjoint.model.records import JointForce, Model, Output, Scene
+
+INTEGRATORS = ("rk4", "semi_implicit_euler")
+
+#: The part that is the same for all models, and what it includes.
+ENGINE = ("pinocchio_peer.cc", "pinocchio_peer.hpp")
+
+#: No checks at every call; and what Pinocchio's headers want of Boost, whose lists are shorter by default.
+DEFINITIONS = (
+    "-DNDEBUG", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
+    "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
+)  # fmt: skip
+
+
+def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float], outputs: Sequence[Output]) -> Export:
+    """The file NAME.cpp, and those that are the same for all models.
+
+    Raises:
+        ModelError: a body without mass, a force that is not exported, an output that peers do not report.
+        RunError, TopologyError, SimulatorError, ToolchainError: as for a run, which finds where the scene starts.
+    """
+    mechanism, numbers = build_mechanism(model, scene, parameters), Numbers.of(model, scene, parameters)
+    if problems := joint_force_problems(mechanism):
+        raise ModelError(problems)
+    columns = make_columns(model, mechanism, numbers, outputs)
+    tree, forces = build_tree(model, scene, mechanism), write_forces(mechanism, numbers, scene)
+    differences, figures = tuple(_differences(mechanism, tree)), scene.numerics.of_method("recursive")
+    program = environment().get_template("export/pinocchio.cpp.jinja").render(
+        name=mechanism.name, scene=scene.name, differences=differences, definitions=" ".join(DEFINITIONS), integrator=INTEGRATORS[0],
+        joints=[_joint(joint) for joint in tree.joints], masses=[_mass(mass) for mass in tree.masses],
+        bodies=[f"{{{tree.outermost[body.name]}, {vector(body.centre)}}}" for body in mechanism.bodies],
+        contacts=[_contact(contact) for contact in tree.contacts],
+        laws=[f"{{{tree.places[f.joint, f.index]}, {offset(mechanism, f)!r}, {f.function}}}" for f in forces.joint_forces],
+        guides=[f"{{{tree.places[g.joint, g.index]}, {g.function}}}" for g in forces.guides],
+        columns=[column_text(mechanism, forces, column) for column in columns], parts=part_texts(mechanism, forces),
+        gravity=vector(mechanism.gravity), frequency=repr(float(figures.frequency)), ratio=repr(float(figures.damping_ratio)),
+        add_forces="nullptr" if all(isinstance(f, JointForce) for f in mechanism.forces) else "add_forces",
+    )  # fmt: skip
+    files = {f"{model.name}.cpp": program, "forces.hpp": forces.text, **support_files(*ENGINE)}
+    return Export(files=files, differences=differences)
+
+
+def build_pinocchio(folder: Path) -> list[str]:
+    """The command that runs an export in a folder, compiled; what is the same for all models is compiled once.
+
+    Raises:
+        ToolchainError: Pinocchio is not installed, or its headers or the program did not compile.
+    """
+    installed = module_folder("pinocchio", "pin")
+    prefix = next(p for p in installed.parents if p.name == "cmeel.prefix")
+    headers = (f"{prefix}/include", f"{prefix}/include/eigen3", "/usr/include/eigen3", "/usr/local/include/eigen3")
+    options = ["-w", *DEFINITIONS, *(f"-isystem{folder}" for folder in headers)]
+    with tempfile.TemporaryDirectory() as name:
+        engine = Path(name)
+        for file in (*ENGINE, "mechanics.hpp", "program.hpp"):
+            (engine / file).with_suffix(".cpp" if file.endswith(".cc") else ".hpp").write_bytes((folder / file).read_bytes())
+        compiled = compile_program(engine, ["-c", *options])
+    return [str(compile_program(folder, [*options, str(compiled)]))]
+
+
+def _differences(mechanism: Mechanism, tree: Tree) -> Iterator[str]:
+    if tree.contacts:
+        yield "Loops are closed on accelerations; gaps close again as the scene's frequency and damping ratio say, as in cutjoint."
+    for cut, body in tree.split.items():
+        yield f"Body '{body}' is in equal parts for cut joint '{cut}': one moves on the joint and is welded to the other."
+    if any(joint.guide for joint in mechanism.tree):
+        yield (
+            "Guided joints have an armature of 1e9 times the mass of all bodies, are driven by a force that moves it as prescribed, and "
+            "are set to the prescribed place and rate at every stage."
+        )
+
+
+def _joint(joint: TreeJoint) -> str:
+    part = joint.part
+    speeds = [*joint.speeds, *[0.0] * (6 - len(joint.speeds))]
+    kind, axis = f"Joint::{part.type}", vector(part.axis or (0.0, 0.0, 0.0))
+    return f"{{{kind}, {json.dumps(joint.name)}, {joint.parent}, {vector(part.point)}, {axis}, {part.pitch!r}, {vector(speeds)}}}"
+
+
+def _mass(mass: Mass) -> str:
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = mass.body.inertia
+    inertia = [mass.share * x for x in (xx, xy, yy, xz, yz, zz)]
+    return f"{{{mass.joint}, {mass.share * mass.body.mass!r}, {vector(mass.body.centre)}, {vector(inertia)}}}"
+
+
+def _contact(contact: Contact) -> str:
+    ends = f"{contact.first}, {contact.second}, {vector(contact.on_first)}, {vector(contact.on_second)}"
+    return f"{{{str(contact.weld).lower()}, {ends}}}"

@@ -1,0 +1,108 @@
+"""The page of a bench: one HTML file that needs no network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isnan
+from typing import Any
+
+import jinja2
+
+from cutjoint.bench.findings import fastest_ours, fastest_peer, order
+from cutjoint.locations import templates_folder
+from cutjoint.report.bench.atlas_charts import draw_atlas
+from cutjoint.report.bench.charts import draw_convergence, draw_drift, draw_work_precision
+from cutjoint.report.bench.tables import (
+    milliseconds,
+    tabulate_lines,
+    tabulate_paper,
+    tabulate_parallel,
+    tabulate_situations,
+    tabulate_targets,
+)
+
+Data = Mapping[str, Any]
+
+
+def render_page(data: Data) -> str:
+    """The page of what `bench.study.perform` returned."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(templates_folder()), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=True,
+    )  # fmt: skip
+    return environment.get_template("bench.html.jinja").render(
+        machine=data["machine"], configurations=_configurations(data), cases=[_case(case) for case in data["cases"]],
+        paper=tabulate_paper(data["cases"]), parallel=tabulate_parallel(data["cases"]), drifts=[_drift(drift) for drift in data["drifts"]],
+        atlases=[{"title": a["title"], "words": a["words"], "chart": draw_atlas(a)} for a in data["atlases"]],
+        situations=tabulate_situations(data.get("situations", ())),
+    )  # fmt: skip
+
+
+def _case(case: Data) -> dict[str, Any]:
+    return {
+        "name": case["name"], "title": case["title"], "end": case["end"], "reference": _reference(case), "words": describe(case),
+        "work_precision": draw_work_precision(case), "convergence": draw_convergence(case),
+        "lines": tabulate_lines(case), "targets": tabulate_targets(case),
+    }  # fmt: skip
+
+
+def _drift(drift: Data) -> dict[str, Any]:
+    kept = {"energy": "the largest kinetic energy", "momentum": "the momentum at the start"}
+    words = []
+    for name, size in kept.items():
+        if drift[name]:
+            changes = ", ".join(f"{line['method']} {max(map(abs, line[name])):.1e}" for line in drift["lines"] if line[name])
+            words.append(f"Largest change of {name}, relative to {size}: {changes}.")
+    words += [f"{line['method']} fails: {line['failure']}." for line in drift["lines"] if line["failure"]]
+    return {"name": drift["name"], "dt": f"{1e3 * drift['dt']:g}", "words": words, "chart": draw_drift(drift)}
+
+
+def _reference(case: Data) -> str:
+    reference = case["reference"]
+    if reference is None:
+        return "There is no reference: errors are unknown."
+    made = reference["provenance"]
+    if made["precision"] == "exact":
+        return "The exact motion is known in closed form."
+    words = f"The reference is integrated in {made['precision']} precision by {' and by '.join(made['routes'])}"
+    if reference["position_apart"] is not None:
+        return (
+            f"{words}; the two routes, which share neither formulation nor integrator, are {reference['position_apart']:.1e} m and "
+            f"{reference['velocity_apart']:.1e} m/s apart at most{_impact(reference['position_apart'])}."
+        )
+    reasons = "; ".join(f"{route}: {why}" for route, why in made["left out"].items())
+    return f"{words} alone ({reasons or 'the other formulation does not take this model'})."
+
+
+def _impact(apart: float) -> str:
+    """Why routes are far apart."""
+    return " (where a guide's speed jumps, only the first takes the impact at once)" if apart > 1e-6 else ""
+
+
+def describe(case: Data) -> list[str]:
+    """What the chart of a case shows, in sentences."""
+    lines = [line for line in case["lines"] if "refused" not in line]
+    orders = [(line["label"], order(line)) for line in lines if line["group"] == "generated"]
+    known = [f"{label} {value:.2f}" for label, value in orders if not isnan(value)]
+    sentences = [f"Orders of convergence in position: {', '.join(known)}."] if known else []
+    for target in (1e-3, 1e-5):
+        ours, peer = fastest_ours(lines, target), fastest_peer(lines, target)
+        if ours:
+            sentences.append(f"At an error of {target:.0e} m the fastest generated code is {ours[0]} with {milliseconds(ours[1])} ms.")
+        if ours and peer:
+            sentences.append(f"The fastest peer there is {peer[0]} with {milliseconds(peer[1])} ms, {peer[1] / ours[1]:.1f} times that.")
+    failed = [f"{line['label']} at {1e3 * p['dt']:g} ms ({p['failure']})" for line in lines for p in line["points"][:1] if p["failure"]]
+    if failed:
+        sentences.append(f"With the largest step tried these fail: {'; '.join(failed)}.")
+    return sentences
+
+
+def _configurations(data: Data) -> list[tuple[str, str]]:
+    """What each contender is, once."""
+    known: dict[str, str] = {}
+    for case in data["cases"]:
+        for line in case["lines"]:
+            if "configuration" in line:
+                parts = [f"{name} {value}" for name, value in line["configuration"].items() if name != "digest"]
+                known.setdefault(line["label"], ", ".join(parts))
+    return list(known.items())

@@ -1,0 +1,136 @@
+"""Tables of a bench."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isnan
+from statistics import median
+from typing import Any
+
+from cutjoint.bench.findings import TARGETS, fastest_ours, fastest_peer, order, time_at
+from cutjoint.bench.measure import spread
+from cutjoint.bench.paper import PAPER, PAPER_PARALLEL
+from cutjoint.bench.study import timed
+
+Case = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchTable:
+    """Rows of texts under a head; the first column names, the others are numbers."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def milliseconds(seconds: float) -> str:
+    """Three digits."""
+    return f"{1e3 * seconds:.3g}"
+
+
+def size(value: float | None) -> str:
+    """An error with two digits."""
+    return "" if value is None or isnan(value) else f"{value:.1e}"
+
+
+def tabulate_lines(case: Case) -> BenchTable:
+    """Each contender at its scene's own step, its order, and the largest step."""
+    rows = []
+    for line in case["lines"]:
+        if "refused" in line:
+            rows.append((line["label"], line["refused"], "", "", "", "", "", ""))
+            continue
+        own = next((p for p in timed(line) if p["dt"] == line.get("dt")), None)
+        limit = line.get("largest_step")
+        rows.append((
+            line["label"], *(_own(own) if own else ("fails",) + ("",) * 4),
+            "" if isnan(found := order(line)) else f"{found:.2f}",
+            f"{1e3 * limit:.3g}" if limit else "",
+        ))  # fmt: skip
+    head = ("contender", "step, ms", "CPU, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms")
+    return BenchTable(head=head, rows=tuple(rows))
+
+
+def _own(point: Mapping[str, Any]) -> tuple[str, ...]:
+    middle, half = spread(point["seconds"])
+    errors = point["errors"]
+    return (f"{1e3 * point['dt']:g}", f"{milliseconds(middle)} ± {milliseconds(half)}", size(errors["position"]), size(errors["energy"]),
+            size(errors["residual"]))  # fmt: skip
+
+
+def tabulate_targets(case: Case) -> BenchTable:
+    """CPU time at equal accuracy, interpolated between measured points, and the best of ours beside the best peer."""
+    lines = [line for line in case["lines"] if "refused" not in line]
+    rows = [
+        (line["label"], *("" if (time := time_at(line, target)) is None else milliseconds(time) for target in TARGETS)) for line in lines
+    ]
+    ratios = []
+    for target in TARGETS:
+        ours, peer = fastest_ours(lines, target), fastest_peer(lines, target)
+        ratios.append(f"{peer[1] / ours[1]:.1f}" if ours and peer else "")
+    if any(ratios):
+        rows.append(("best peer / best of ours", *ratios))
+    return BenchTable(head=("CPU time in ms at an error of", *(f"{target:.0e} m" for target in TARGETS)), rows=tuple(rows))
+
+
+def tabulate_parallel(cases: Sequence[Case]) -> BenchTable | None:
+    """The share of CPU time that lanes save in generated code, beside what processors saved the paper; None without both kinds."""
+    rows = []
+    for case in cases:
+        for method, paper in PAPER_PARALLEL.items():
+            lanes, scalar = (_own_seconds(case, name) for name in (method, f"{method}/scalar"))
+            if lanes and scalar:
+                saved = f"{100 * (1 - lanes / scalar):.0f} %"
+                rows.append((f"{case['name']}, {method}", saved, *(f"{share:g} %" for share in paper)))
+    head = ("CPU time saved", "ours, by lanes of one core", "paper, 2 processors", "3", "4")
+    return BenchTable(head=head, rows=tuple(rows)) if rows else None
+
+
+def _own_seconds(case: Case, contender: str) -> float | None:
+    """The time of a contender at its scene's own step."""
+    for line in case["lines"]:
+        if line["contender"] == contender:
+            return next((median(p["seconds"]) for p in timed(line) if p["dt"] == line["dt"]), None)
+    return None
+
+
+def tabulate_paper(cases: Sequence[Case]) -> BenchTable | None:
+    """Our CPU time at the paper's steps and our largest steps, beside Table I of the paper; None without its scenes."""
+    rows = []
+    for case in cases:
+        for method, (seconds, dt) in PAPER.get(case["name"], {}).items():
+            line = next((x for x in case["lines"] if x["contender"] == method and "refused" not in x), None)
+            point = next((p for p in timed(line) if p["dt"] == dt), None) if line else None
+            limit = line.get("largest_step") if line else None
+            ours = (f"{milliseconds(median(point['seconds']))} ms", f"{seconds / median(point['seconds']):.0f}") if point else ("fails", "")
+            rows.append((f"{case['scene']}, {method}", f"{1e3 * dt:g}", f"{seconds:g} s", *ours, f"{1e3 * limit:.3g}" if limit else ""))
+    head = ("10 s of", "step, ms", "paper", "ours", "times faster", "our largest step, ms")
+    return BenchTable(head=head, rows=tuple(rows)) if rows else None
+
+
+def tabulate_situations(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Hard situations, each with its words and a table: a row for trials of one method with one expectation."""
+    found: dict[str, dict[tuple[str, ...], list[Mapping[str, Any]]]] = {}
+    words = {row["name"]: row["words"] for row in rows}
+    for row in rows:
+        figures = ", ".join(f"{name} {value:g}" for name, value in row["figures"].items())
+        kind = (row["method"], row["precision"], "step on the pose" if row["lands"] else "", figures, row["because"])
+        found.setdefault(row["name"], {}).setdefault(kind, []).append(row)
+    head = ("method", "number type", "steps, ms", "outcome", "largest error, m", "as expected", "why")
+    return [
+        {"name": name, "words": words[name], "table": BenchTable(head=head, rows=tuple(_trials(*pair) for pair in kinds.items()))}
+        for name, kinds in found.items()
+    ]
+
+
+def _trials(kind: tuple[str, ...], rows: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    method, precision, lands, figures, because = kind
+    steps = sorted(1e3 * row["dt"] for row in rows)
+    tried = f"{steps[0]:.4g}" if len(steps) == 1 else f"{len(steps)} from {steps[0]:.4g} to {steps[-1]:.4g}"
+    count = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in dict.fromkeys(row["outcome"] for row in rows)}
+    outcomes = ", ".join(f"{n} {outcome}" if len(rows) > 1 else outcome for outcome, n in count.items())
+    errors = [row["position"] for row in rows if row.get("position") is not None]
+    met = sum(row["as_expected"] for row in rows)
+    what = ", ".join(part for part in (tried, lands, figures) if part)
+    return (method, precision, what, outcomes, size(max(errors)) if errors else "", f"{met} of {len(rows)}", because)

@@ -1,0 +1,292 @@
+// The peer in Pinocchio: builds the model of a Tree, evaluates its accelerations, and steps them.
+#include "pinocchio_peer.hpp"
+
+#include <cmath>
+#include <pinocchio/algorithm/aba.hpp>
+#include <pinocchio/algorithm/constrained-dynamics.hpp>
+#include <pinocchio/algorithm/joint-configuration.hpp>
+#include <pinocchio/algorithm/kinematics.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace exported {
+
+namespace {
+
+namespace pin = pinocchio;
+using Eigen::Matrix3d, Eigen::Vector3d, Eigen::VectorXd;
+using Index = Eigen::Index;
+
+/// Guided joints have this many times the mass of all bodies as armature: what reacts on them moves them by a billionth.
+constexpr double guide_inertia = 1e9;
+/// Compliance of the contacts by the mean of 1/mass, in units of which their own flexibility is of the order of one; iterations take it out.
+constexpr double compliance = 1e-11;
+/// What is left of it, by the largest acceleration.
+constexpr double accuracy = 1e-9;
+constexpr int iterations = 20;
+
+Vector3d eigen(Vector a) { return {a.x, a.y, a.z}; }
+Vector vector(const Vector3d& a) { return {a.x(), a.y(), a.z()}; }
+Rotation rotation(const Matrix3d& R) { return {vector(R.col(0)), vector(R.col(1)), vector(R.col(2))}; }
+pin::SE3 shift(const Vector3d& way) { return {Matrix3d::Identity(), way}; }
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+/// Pinocchio counts joints from the universe, which is number 0.
+pin::JointIndex number(int joint) { return static_cast<pin::JointIndex>(joint + 1); }
+
+pin::JointModel joint_model(const Joint& joint) {
+  const Vector3d axis = eigen(joint.axis);
+  const auto is = [&](double x, double y, double z) { return axis == Vector3d(x, y, z); };
+  switch (joint.kind) {
+    case Joint::hinge:
+      if (is(1, 0, 0)) return pin::JointModelRX();
+      if (is(0, 1, 0)) return pin::JointModelRY();
+      if (is(0, 0, 1)) return pin::JointModelRZ();
+      return pin::JointModelRevoluteUnaligned(axis);
+    case Joint::slide:
+      if (is(1, 0, 0)) return pin::JointModelPX();
+      if (is(0, 1, 0)) return pin::JointModelPY();
+      if (is(0, 0, 1)) return pin::JointModelPZ();
+      return pin::JointModelPrismaticUnaligned(axis);
+    case Joint::screw: return pin::JointModelHelicalUnaligned(axis, joint.pitch);
+    case Joint::ball: return pin::JointModelSpherical();
+    case Joint::free: return pin::JointModelFreeFlyer();
+  }
+  throw std::logic_error("no such joint");
+}
+
+pin::Model build_model(const Tree& tree) {
+  pin::Model model;
+  model.gravity.linear() = eigen(tree.gravity);
+  for (const Joint& joint : tree.joints) {
+    const Vector3d from = joint.parent == no_joint ? Vector3d::Zero() : eigen(tree.joints[at(joint.parent)].point);
+    model.addJoint(number(joint.parent), joint_model(joint), shift(eigen(joint.point) - from), joint.name);
+  }
+  double total = 0;
+  for (const Mass& mass : tree.masses) {
+    const auto& j = mass.inertia;
+    const Vector3d centre = eigen(mass.centre - tree.joints[at(mass.joint)].point);
+    model.appendBodyToJoint(number(mass.joint), pin::Inertia(mass.mass, centre, pin::Symmetric3(j[0], j[1], j[2], j[3], j[4], j[5])));
+    total += mass.mass;
+  }
+  for (const Guide& guide : tree.guides) model.armature[model.idx_vs[number(guide.joint)]] = guide_inertia * total;
+  return model;
+}
+
+std::vector<pin::RigidConstraintModel> build_contacts(const Tree& tree, const pin::Model& model) {
+  std::vector<pin::RigidConstraintModel> contacts;
+  const auto arm = [&](int joint, Vector point) {
+    return shift(eigen(joint == no_joint ? point : point - tree.joints[at(joint)].point));
+  };
+  for (const Contact& c : tree.contacts) {
+    auto& contact = contacts.emplace_back(c.weld ? pin::CONTACT_6D : pin::CONTACT_3D, model, number(c.first), arm(c.first, c.on_first),
+                                          number(c.second), arm(c.second, c.on_second), pin::LOCAL);
+    contact.baumgarte_corrector_parameters().Kp = tree.frequency * tree.frequency;
+    contact.baumgarte_corrector_parameters().Kd = 2 * tree.ratio * tree.frequency;
+  }
+  return contacts;
+}
+
+/// Rates of the coordinates, quaternions' included.
+void coordinate_rates(const Tree& tree, const pin::Model& model, const VectorXd& q, const VectorXd& v, VectorXd& rates) {
+  const auto turn = [&](Index iq, Index iv) {
+    const Eigen::Quaterniond spin(0, v[iv], v[iv + 1], v[iv + 2]);
+    rates.segment<4>(iq) = 0.5 * (Eigen::Quaterniond(q.segment<4>(iq)) * spin).coeffs();
+  };
+  for (std::size_t i = 0; i < tree.joints.size(); ++i) {
+    const Index iq = model.idx_qs[i + 1], iv = model.idx_vs[i + 1];
+    if (tree.joints[i].kind == Joint::ball) turn(iq, iv);
+    else if (tree.joints[i].kind == Joint::free) {
+      rates.segment<3>(iq) = Eigen::Quaterniond(q.segment<4>(iq + 3)) * v.segment<3>(iv);
+      turn(iq + 3, iv + 3);
+    } else rates[iq] = v[iv];
+  }
+}
+
+}  // namespace
+
+class PinocchioPeer::Engine {
+ public:
+  Engine(const Options& options, const Tree& tree)
+      : tree_(tree), dt_(options.dt), model_(build_model(tree)), data_(model_), contacts_(build_contacts(tree, model_)),
+        motions_(tree.bodies.size()), wrenches_(tree.bodies.size()), loads_(tree.joints.size()), q_(pin::neutral(model_)),
+        v_(VectorXd::Zero(model_.nv)), tau_(v_) {
+    euler_ = options.integrator == "semi_implicit_euler";
+    if (!euler_ && !options.integrator.empty() && options.integrator != "rk4")
+      throw std::invalid_argument("--integrator is rk4 or semi_implicit_euler");
+    for (const auto& contact : contacts_) contact_data_.emplace_back(contact);
+    pin::initConstraintDynamics(model_, data_, contacts_, contact_data_);
+    settings_.mu = compliance * static_cast<double>(tree.masses.size()) / total_mass();
+    settings_.max_iter = iterations;
+    settings_.relative_accuracy = 0;
+    for (std::size_t i = 0; i < tree.joints.size(); ++i)
+      for (int k = 0; k < model_.nvs[i + 1]; ++k) v_[model_.idx_vs[i + 1] + k] = tree.joints[i].speeds[at(k)];
+    follow_guides(0, q_, v_);
+    for (Stage& stage : stages_) stage = {q_, v_, q_, v_};
+    observe();
+    start_ = accelerations(0, q_, v_);
+  }
+
+  void step() {
+    if (euler_) {
+      v_ += dt_ * accelerations(time(), q_, v_);
+      q_ = pin::integrate(model_, q_, dt_ * v_);
+    } else runge_kutta();
+    ++steps_;
+    pin::normalize(model_, q_);
+    follow_guides(time(), q_, v_);
+  }
+
+  void observe() {
+    pin::forwardKinematics(model_, data_, q_, v_);
+    read_motions();
+  }
+
+  const Motion& motion(int body) const { return motions_[at(body)]; }
+
+  Acceleration acceleration(int body) const {
+    pin::Data data(model_);
+    pin::forwardKinematics(model_, data, q_, v_, start_);
+    const pin::JointIndex joint = number(tree_.bodies[at(body)].joint);
+    const Vector3d c = eigen(tree_.bodies[at(body)].centre - tree_.joints[at(tree_.bodies[at(body)].joint)].point);
+    const pin::Motion &v = data.v[joint], &a = data.a[joint];
+    const Matrix3d& R = data.oMi[joint].rotation();
+    const Vector3d w = v.angular();
+    const Vector3d of_centre = a.linear() + w.cross(v.linear()) + a.angular().cross(c) + w.cross(w.cross(c));
+    return {.a = vector(R * of_centre), .alpha = vector(R * a.angular())};
+  }
+
+ private:
+  struct Stage {
+    VectorXd q, v, q_rates, a;
+  };
+
+  double time() const { return static_cast<double>(steps_) * dt_; }
+
+  double total_mass() const {
+    double total = 0;
+    for (const Mass& mass : tree_.masses) total += mass.mass;
+    return total;
+  }
+
+  void follow_guides(double t, VectorXd& q, VectorXd& v) const {
+    for (const Guide& guide : tree_.guides) {
+      const auto now = guide.law(t), start = guide.law(0);
+      q[model_.idx_qs[number(guide.joint)]] = now[0] - start[0];
+      v[model_.idx_vs[number(guide.joint)]] = now[1];
+    }
+  }
+
+  /// Four stages on coordinates and speeds; a quaternion is made one of length one before it is used.
+  void runge_kutta() {
+    constexpr double ahead[] = {0, 0.5, 0.5, 1};
+    for (std::size_t i = 0; i < 4; ++i) {
+      Stage& stage = stages_[i];
+      const double h = ahead[i] * dt_, t = time() + h;
+      stage.q = q_, stage.v = v_;
+      if (i > 0) {
+        stage.q += h * stages_[i - 1].q_rates, stage.v += h * stages_[i - 1].a;
+        pin::normalize(model_, stage.q);
+        follow_guides(t, stage.q, stage.v);
+      }
+      coordinate_rates(tree_, model_, stage.q, stage.v, stage.q_rates);
+      stage.a = accelerations(t, stage.q, stage.v);
+    }
+    const auto& [k1, k2, k3, k4] = stages_;
+    q_ += dt_ / 6 * (k1.q_rates + 2 * k2.q_rates + 2 * k3.q_rates + k4.q_rates);
+    v_ += dt_ / 6 * (k1.a + 2 * k2.a + 2 * k3.a + k4.a);
+  }
+
+  const VectorXd& accelerations(double t, const VectorXd& q, const VectorXd& v) {
+    tau_.setZero();
+    if (tree_.add_forces != nullptr) apply_forces(t, q, v);
+    for (const Law& law : tree_.laws) {
+      const Index iq = model_.idx_qs[number(law.joint)], iv = model_.idx_vs[number(law.joint)];
+      tau_[iv] += law.law(law.offset + q[iq], v[iv], t);
+    }
+    for (const Guide& guide : tree_.guides) {
+      const Index iv = model_.idx_vs[number(guide.joint)];
+      tau_[iv] = model_.armature[iv] * guide.law(t)[2];
+    }
+    const VectorXd& found = contacts_.empty() ? pin::aba(model_, data_, q, v, tau_)
+                                              : pin::constraintDynamics(model_, data_, q, v, tau_, contacts_, contact_data_, settings_);
+    if (!found.allFinite()) throw std::runtime_error("the accelerations are not finite: the step is too large, or a motion moves no mass");
+    settings_.absolute_accuracy = accuracy * (1 + found.lpNorm<Eigen::Infinity>());
+    return found;
+  }
+
+  void read_motions() {
+    for (std::size_t i = 0; i < motions_.size(); ++i) {
+      const auto [joint, centre] = tree_.bodies[i];
+      const pin::SE3& place = data_.oMi[number(joint)];
+      const pin::Motion& twist = data_.v[number(joint)];
+      const Vector3d c = eigen(centre - tree_.joints[at(joint)].point), &w = twist.angular();
+      const Matrix3d& R = place.rotation();
+      motions_[i] = {.R = rotation(R), .p = vector(place.act(c)), .v = vector(R * (twist.linear() + w.cross(c))), .w = vector(R * w)};
+    }
+  }
+
+  /// The wrenches on the bodies, passed on from the outermost joints to the ground; each joint takes what works on its motion.
+  void apply_forces(double t, const VectorXd& q, const VectorXd& v) {
+    pin::forwardKinematics(model_, data_, q, v);
+    read_motions();
+    std::fill(wrenches_.begin(), wrenches_.end(), Wrench{});
+    std::fill(loads_.begin(), loads_.end(), Wrench{});
+    tree_.add_forces(motions_.data(), t, wrenches_.data());
+    for (std::size_t i = 0; i < motions_.size(); ++i)
+      take(tree_.bodies[i].joint, wrenches_[i], motions_[i].p);
+    for (int joint = static_cast<int>(loads_.size()) - 1; joint >= 0; --joint) {
+      work(joint);
+      if (const int parent = tree_.joints[at(joint)].parent; parent != no_joint) take(parent, loads_[at(joint)], origin(joint));
+    }
+  }
+
+  Vector origin(int joint) const { return vector(data_.oMi[number(joint)].translation()); }
+
+  /// A wrench at a place, moved to a joint.
+  void take(int joint, const Wrench& wrench, Vector place) {
+    loads_[at(joint)].force += wrench.force;
+    loads_[at(joint)].torque += wrench.torque + cross(place - origin(joint), wrench.force);
+  }
+
+  void work(int joint) {
+    const Joint& own = tree_.joints[at(joint)];
+    const Vector3d force = eigen(loads_[at(joint)].force), torque = eigen(loads_[at(joint)].torque);
+    const Matrix3d& R = data_.oMi[number(joint)].rotation();
+    const Index iv = model_.idx_vs[number(joint)];
+    const Vector3d axis = R * eigen(own.axis);
+    switch (own.kind) {
+      case Joint::hinge: tau_[iv] += axis.dot(torque); break;
+      case Joint::slide: tau_[iv] += axis.dot(force); break;
+      case Joint::screw: tau_[iv] += axis.dot(torque) + own.pitch * axis.dot(force); break;
+      case Joint::ball: tau_.segment<3>(iv) += R.transpose() * torque; break;
+      case Joint::free:
+        tau_.segment<3>(iv) += R.transpose() * force;
+        tau_.segment<3>(iv + 3) += R.transpose() * torque;
+    }
+  }
+
+  Tree tree_;
+  double dt_;
+  bool euler_ = false;
+  long steps_ = 0;
+  pin::Model model_;
+  pin::Data data_;
+  std::vector<pin::RigidConstraintModel> contacts_;
+  std::vector<pin::RigidConstraintData> contact_data_;
+  pin::ProximalSettings settings_;
+  std::vector<Motion> motions_;
+  std::vector<Wrench> wrenches_, loads_;
+  VectorXd q_, v_, tau_, start_;
+  std::array<Stage, 4> stages_;
+};
+
+PinocchioPeer::PinocchioPeer(const Options& options, const Tree& tree) : engine_(std::make_unique<Engine>(options, tree)) {}
+PinocchioPeer::PinocchioPeer(PinocchioPeer&&) noexcept = default;
+PinocchioPeer::~PinocchioPeer() = default;
+void PinocchioPeer::step() { engine_->step(); }
+void PinocchioPeer::observe() { engine_->observe(); }
+const Motion& PinocchioPeer::motion(int body) const { return engine_->motion(body); }
+Acceleration PinocchioPeer::acceleration(int body) const { return engine_->acceleration(body); }
+
+}  // namespace exported

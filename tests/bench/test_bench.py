@@ -1,0 +1,151 @@
+"""The harness: steps, errors, resuming, findings and the page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.bench.cases import common_step, falling_steps, make_case
+from cutjoint.bench.contenders import CONTENDERS, choose
+from cutjoint.bench.errors import measure_errors
+from cutjoint.bench.findings import order, time_at
+from cutjoint.bench.measure import largest_step
+from cutjoint.bench.records import Case
+from cutjoint.bench.reference import Reference
+from cutjoint.bench.store import Store
+from cutjoint.cli import main
+from cutjoint.pipeline import METHODS
+from cutjoint.run.results import FailureReport, Trajectory
+from cutjoint.run.run_file import RunError
+from tests.conftest import MODELS
+
+
+def test_steps_have_rows_in_common() -> None:
+    assert common_step(0.0075, 0.0025) == 0.0075
+    assert common_step(0.0175, 0.01) == 0.07
+    assert common_step(1e-4, 0.01) == 0.01
+    assert falling_steps(0.01, 0.02, 1e-3) == [0.02, 0.01, 0.005, 0.002, 0.001]
+
+
+def test_rows_of_a_case_are_few(tmp_path: Path) -> None:
+    case = make_case(MODELS / "iltis.yaml", "simul1")
+    assert case.scene.end / case.scene.output_step <= 2000
+    assert {o.element for o in case.outputs} == {b.name for b in case.model.bodies if b.mass != 0}
+
+
+def run_of(case: Case, shift: float, end: float, failure: FailureReport | None = None) -> Trajectory:
+    """A body that moves along x by a metre a second, and a shift."""
+    t = np.arange(0.0, end + 1e-9, case.scene.output_step)
+    columns = {o.column: t + shift if o.quantity == "x" else np.ones_like(t) * (o.quantity == "vx") for o in case.outputs}
+    return Trajectory(t=t, columns=columns, units={}, steps=1, evaluations=1, seconds=1.0, undetermined=(), failure=failure)
+
+
+def reference_of(case: Case) -> Reference:
+    run = run_of(case, 0.0, case.scene.end)
+    return Reference(t=run.t, columns=run.columns, position_apart=0.0, velocity_apart=0.0, provenance={})
+
+
+def test_an_error_is_a_distance() -> None:
+    case = make_case(MODELS / "pendulum.yaml", end=1.0, row=0.1)
+    errors = measure_errors(case, run_of(case, 0.25, 1.0), reference_of(case))
+    assert (errors.position, errors.mean_position, errors.velocity) == (pytest.approx(0.25), pytest.approx(0.25), 0.0)
+
+
+@dataclass(frozen=True)
+class Breaks:
+    """A contender that fails above a step, and is wrong above another."""
+
+    case: Case
+    fails: float
+    lies: float
+
+    @property
+    def configuration(self) -> Mapping[str, str]:
+        return {}
+
+    def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
+        failure = FailureReport(message="too long", time=0.5, step=1, element="x", residual=1.0, advice="less")
+        return run_of(self.case, 1.0 if dt > self.lies else 0.0, 1.0, failure if dt > self.fails else None)
+
+
+@pytest.mark.parametrize(("fails", "lies"), [(0.02, 1.0), (1.0, 0.02)])
+def test_the_largest_step_is_neither_failing_nor_wrong(fails: float, lies: float) -> None:
+    case = make_case(MODELS / "pendulum.yaml", end=1.0, row=0.1)
+    found = largest_step(case, Breaks(case, fails, lies), reference_of(case), low=1e-3, high=0.5)
+    assert 0.98 * 0.02 <= found <= 0.02
+    assert largest_step(case, Breaks(case, 1e-4, 1.0), None, low=1e-3, high=0.5) == 0.0
+
+
+def line_of(points: list[tuple[float, float, float]]) -> dict[str, Any]:
+    """Of step, error, seconds."""
+    return {"points": [{"dt": dt, "errors": {"position": e}, "seconds": [s], "failure": ""} for dt, e, s in points]}
+
+
+def test_order_and_time_at_an_accuracy() -> None:
+    line = line_of([(2.0**-k, 4.0**-k, 2.0**k) for k in range(8)])
+    assert order(line) == pytest.approx(2.0)
+    assert time_at(line, 4.0**-2.5) == pytest.approx(2.0**2.5)
+    assert time_at(line, 1e-9) is None
+    assert time_at(line, 5.0) == 1.0
+    flat = line_of([(2.0**-k, max(4.0**-k, 4.0**-5), 2.0**k) for k in range(10)])
+    assert order(flat) == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_store_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
+    path = tmp_path / "measurements.jsonl"
+    assert Store(path).get({"dt": 1}, lambda: {"x": 1}) == {"x": 1}
+    with path.open("a") as stream:
+        stream.write('{"key": "bro')
+    again = Store(path)
+    assert again.get({"dt": 1}, lambda: pytest.fail("it was measured")) == {"x": 1}
+    assert again.get({"dt": 2}, lambda: {"x": 2}) == {"x": 2}
+    assert Store(path).get({"dt": 2}, lambda: pytest.fail("it was measured")) == {"x": 2}
+
+
+def test_every_method_is_a_contender() -> None:
+    assert [c.name for c in choose(["generated"])] == list(METHODS)
+    assert {f"{m}/generic" for m in METHODS} < set(CONTENDERS)
+    with pytest.raises(RunError, match="no contender 'gauss'; there is recursive, augmented, classical"):
+        choose(["gauss"])
+
+
+def test_a_bench_and_its_page(tmp_path: Path) -> None:
+    arguments = ["bench", str(MODELS / "pendulum.yaml"), "--methods", "generated", "--end", "0.5", "--steps", "0.01,0.005,0.002",
+                 "--repetitions", "2", "--no-limits", "--drift", "--out", str(tmp_path)]  # fmt: skip
+    done = CliRunner().invoke(main, arguments, catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    data = json.loads((tmp_path / "bench.json").read_text())
+    (case,) = data["cases"]
+    for line in case["lines"]:
+        errors = [p["errors"]["position"] for p in line["points"]]
+        assert errors[0] > 3.5 * errors[1] > 15 * errors[2] > 0, line["label"]
+        assert line["configuration"]["digest"]
+    assert data["drifts"][0]["energy"]
+    page = (tmp_path / "bench.html").read_text()
+    assert page.count("<svg") == 3
+    assert "src=" not in page
+    assert "the two routes, which share neither formulation nor integrator" in page
+    before = (tmp_path / "measurements.jsonl").read_text()
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    assert (tmp_path / "measurements.jsonl").read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--scenes", "swung"], "no scene 'swung'; there is swing"),
+        (["--methods", "euler"], "no contender 'euler'; there is recursive,"),
+        (["--steps", "0.01,x"], "'0.01,x': write seconds with commas between, such as 0.01,0.005"),
+    ],
+)
+def test_bad_requests(arguments: list[str], message: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(main, ["bench", str(MODELS / "pendulum.yaml"), "--out", str(tmp_path), *arguments])
+    assert done.exit_code != 0
+    assert message in " ".join(done.output.split())

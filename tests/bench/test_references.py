@@ -1,0 +1,88 @@
+"""References against exact and published values; the same simulator in four number types."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cutjoint.bench.cases import make_case
+from cutjoint.bench.errors import measure_errors
+from cutjoint.bench.own import TOLERANCES
+from cutjoint.bench.reference import find_reference
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.run_file import RunError
+from tests.conftest import MODELS
+
+
+def test_the_pendulum_is_where_elliptic_functions_put_it() -> None:
+    """benchmarks: A01, exact x and y to twelve digits."""
+    case = make_case(MODELS / "pendulum.yaml", row=0.1)
+    reference = find_reference(case)
+    body = next(b.name for b in case.model.bodies if b.mass != 0)
+    exact = {1.0: (0.986291751132, -0.165010853126), 5.0: (-0.942305435044, -0.334754338414), 10.0: (-0.275087462577, -0.961419205099)}
+    for t, place in exact.items():
+        row = int(np.flatnonzero(np.isclose(reference.t, t))[0])
+        assert [reference.columns[f"{body}.{x}"][row] for x in "xy"] == pytest.approx(place, abs=2e-12)
+
+
+def test_two_routes_agree_on_a_closed_loop() -> None:
+    """They share neither formulation nor integrator; asked are 1e-10."""
+    case = make_case(MODELS / "slider_crank.yaml", end=1.0, row=0.05)
+    reference = find_reference(case)
+    assert reference.position_apart < 1e-12
+    assert reference.velocity_apart < 1e-11
+    assert reference.provenance["routes"] == ["Runge-Kutta", "extrapolation"]
+
+
+def test_a_reference_is_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = make_case(MODELS / "pendulum.yaml", end=1.0, row=0.1)
+    made = find_reference(case)
+    monkeypatch.setattr("cutjoint.bench.reference._integrate", lambda *_: pytest.fail("it was in the cache"))
+    kept = find_reference(case)
+    assert kept.provenance == made.provenance
+    assert all((kept.columns[name] == made.columns[name]).all() for name in made.columns)
+
+
+def test_rounding_falls_with_the_precision() -> None:
+    """The equations' residuals of the classical method at the end of a step: no more than rounding and the tolerance."""
+    case = make_case(MODELS / "slider_crank.yaml", end=0.2, row=0.01)
+    residuals = {}
+    for precision in ("double", "quad"):
+        artifact = compile_scene(case.model, case.scene, method="classical", outputs=case.outputs, precision=precision)
+        run = simulate(artifact, dt=1e-3, tolerance=TOLERANCES[precision])
+        assert run.failure is None, precision
+        residuals[precision] = run.effort.residuals.velocity
+    assert 1e-18 < residuals["double"] < 1e-13
+    assert residuals["quad"] < 1e-26
+
+
+def test_factors_in_double_do_for_a_longer_balance() -> None:
+    """Newton's iteration corrects what rounded factors leave: the motion is that of factors in the longer type."""
+    case = make_case(MODELS / "slider_crank.yaml", end=0.2, row=0.01)
+    artifact = compile_scene(case.model, case.scene, method="augmented", outputs=case.outputs, precision="quad")
+    runs = [simulate(artifact, dt=1e-3, tolerance=1e-16, solver=solver) for solver in ("emitted", "double-ldlt")]
+    assert all(run.failure is None for run in runs)
+    for name in runs[0].columns:
+        assert runs[0][name] == pytest.approx(runs[1][name], abs=1e-13)
+
+
+def test_errors_of_a_run_fall_with_the_square_of_its_step() -> None:
+    case = make_case(MODELS / "pendulum.yaml", end=2.0, row=0.1)
+    reference = find_reference(case)
+    artifact = compile_scene(case.model, case.scene, outputs=case.outputs)
+    coarse, fine = (measure_errors(case, simulate(artifact, dt=dt, tolerance=1e-10), reference) for dt in (2e-3, 1e-3))
+    assert coarse.position / fine.position == pytest.approx(4.0, rel=0.02)
+    assert coarse.velocity / fine.velocity == pytest.approx(4.0, rel=0.02)
+
+
+def test_a_precision_that_there_is_not() -> None:
+    case = make_case(MODELS / "pendulum.yaml")
+    with pytest.raises(RunError, match="no precision 'half' here: there is single, double, extended, quad"):
+        compile_scene(case.model, case.scene, precision="half")
+
+
+def test_what_the_reference_integrator_takes() -> None:
+    case = make_case(MODELS / "pendulum.yaml", end=0.1)
+    artifact = compile_scene(case.model, case.scene, method="augmented")
+    with pytest.raises(RunError, match="takes generated code of the method recursive or classical"):
+        simulate(artifact, integrator="reference")
