@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from math import inf, nan
 from pathlib import Path
@@ -182,19 +183,36 @@ def test_a_failure_is_told_whatever_the_error() -> None:
     assert found.as_record()["position"] is None
 
 
-def test_classical_says_which_equations_depend_when_a_step_ends_on_the_pose(tmp_path: Path) -> None:
-    trials = (
+def crossing_by(*trials: Trial) -> Situation:
+    whole = cross_chain(2, (), ())
+    return replace(whole, trials=trials, end=1.4)
+
+
+def test_a_step_that_ends_on_the_pose(tmp_path: Path) -> None:
+    """0.714355529292960 s; classical has no tangent there and says so."""
+    situation = crossing_by(
         Trial(method="classical", dt=1e-3, lands=True, expected=("diverged",), because="its tangent is singular"),
         Trial(method="augmented", dt=1e-3, lands=True, expected=("converged",), because="its tangent is not"),
         Trial(method="recursive", dt=1e-3, lands=True, expected=("converged",), because="its penalty is light"),
     )
-    whole = cross_chain(2, (), ())
-    situation = Situation(name="landing", words="", text=whole.text, end=1.4, motion=whole.motion, trials=trials, pose=whole.pose)
     rows = try_situation(situation, Store(tmp_path / "store.jsonl"))
     assert [row["outcome"] for row in rows] == ["diverged", "converged", "converged"]
     assert all(row["as_expected"] and row["dt"] == pytest.approx(1e-3, rel=1e-2) for row in rows)
-    assert "classical: the tangent is singular at t = 0.714356 s (step 714)" in rows[0]["message"]
-    assert "use augmented, which tolerates redundant and momentarily dependent equations" in rows[0]["message"]
+    assert "classical: the pose is singular, or nearly: rates that satisfy the equations are a leap away" in rows[0]["message"]
+    assert rows[0]["reached"] == pytest.approx(0.714355529292960, abs=1.1e-3)
+    assert "take another dt, or use augmented" in rows[0]["message"]
+
+
+@pytest.mark.parametrize("steps", [100, 120, 143, 200, 1429, 3000])
+def test_a_whole_number_of_steps_to_the_pose(steps: int, tmp_path: Path) -> None:
+    """Where a projection could take a leap onto another branch: augmented stays, classical stays or says so; neither is silently wrong."""
+    dt = singular_times(CHAIN)[0] / steps
+    situation = crossing_by(
+        Trial(method="augmented", dt=dt, expected=("converged", "inaccurate"), because="It leaves a direction that vanishes alone."),
+        Trial(method="classical", dt=dt, expected=("converged", "inaccurate", "diverged"), because="It stays, or stops with a message."),
+    )
+    rows = try_situation(situation, Store(tmp_path / "store.jsonl"))
+    assert all(row["as_expected"] for row in rows), [(row["method"], row["outcome"], row["message"]) for row in rows]
 
 
 def test_situations_have_names_of_their_own_and_reasons() -> None:

@@ -40,10 +40,10 @@ def measure_errors(case: Case, run: Trajectory, reference: Reference) -> Errors:
 
 
 def _common(mine: Array, known: Array) -> tuple[Indices, Indices]:
-    """The rows of both that have the same time, to a millionth of the distance between the reference's."""
+    """The rows of both that have the same time, to a thousandth of the distance between the reference's."""
     apart = (known[1] - known[0]) if len(known) > 1 else 1.0
     nearest = np.clip(np.searchsorted(known, mine - apart / 2), 0, len(known) - 1)
-    same = np.abs(known[nearest] - mine) < 1e-6 * apart
+    same = np.abs(known[nearest] - mine) < 1e-3 * apart
     return np.flatnonzero(same), nearest[same]
 
 

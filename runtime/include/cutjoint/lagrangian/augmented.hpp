@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "cutjoint/lagrangian/newton.hpp"
@@ -84,7 +85,7 @@ class AugmentedNewton final : public Newton<S> {
   /// steps of the best length at the same price, a back-substitution each, and close gaps where that length closes next to nothing.
   ///
   /// A direction far weaker than others belongs to equations that depend on each other, or nearly do: it is left as it is, since closing
-  /// it would take a leap in the rates.
+  /// it would take a leap in the rates.  How strong it is, the penalty hides: without it S is S / (1 - dt^2/4 alpha S).
   void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) override {
     const bool rates = &values == &state.v;
     Real strongest(0);
@@ -94,8 +95,9 @@ class AugmentedNewton final : public Newton<S> {
       follow_weight(state);
       const Real square = dot(gap_, gap_), closed = dot(weight_, closing_), strength = closed / dot(weight_, weight_);
       if (rates) share_left_ = std::max(share_left_, 1 - k_ * alpha_ * strength);
-      if (!(strength > Real(1e-4) * strongest)) break;
-      strongest = std::max(strongest, strength);
+      const Real free = strength / std::max(1 - k_ * alpha_ * strength, std::numeric_limits<Real>::epsilon());
+      if (!(free > Real(1e-4) * strongest)) break;
+      strongest = std::max(strongest, free);
       const Real length = square / closed;
       for (std::size_t i = 0; i < n_; ++i) values[i] -= length * x_[i];
       for (std::size_t i = 0; i < m_; ++i) gap_[i] -= length * closing_[i];

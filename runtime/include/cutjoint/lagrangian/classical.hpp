@@ -63,9 +63,22 @@ class ClassicalNewton final : public Newton<S> {
       std::fill_n(x_.begin(), n_, Real(0));
       for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * gap[i];
       this->solve();
+      require_small(values);
       for (std::size_t i = 0; i < n_; ++i) values[i] += x_[i];
       this->close(state);
     }
+  }
+
+  /// Throws Failure where a projection changes values by a leap: one equation nearly depends on others, and the state would land on
+  /// another branch without a word.
+  void require_small(const std::vector<Real>& values) const {
+    using std::abs;
+    std::size_t worst = 0;
+    for (std::size_t i = 0; i < n_; ++i)
+      if (!(abs(x_[i]) <= abs(x_[worst]))) worst = i;
+    if (!(abs(x_[worst]) <= Real(10) * (Real(1) + this->largest(values))))
+      this->fail("the pose is singular, or nearly: rates that satisfy the equations are a leap away", d_.coordinates[worst], x_[worst],
+                 "take another dt, or use augmented, which leaves such directions alone");
   }
 
   void examine() override {
