@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from cutjoint.bench.cases import common_step, falling_steps, make_case
 from cutjoint.bench.contenders import CONTENDERS, choose
 from cutjoint.bench.errors import measure_errors
 from cutjoint.bench.findings import order, time_at
-from cutjoint.bench.measure import largest_step
+from cutjoint.bench.measure import largest_step, shared_steps
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
@@ -79,8 +80,18 @@ class Breaks:
 def test_the_largest_step_is_neither_failing_nor_wrong(fails: float, lies: float) -> None:
     case = make_case(MODELS / "pendulum.yaml", end=1.0, row=0.1)
     found = largest_step(case, Breaks(case, fails, lies), reference_of(case), low=1e-3, high=0.5)
-    assert 0.98 * 0.02 <= found <= 0.02
+    assert found == 0.02
     assert largest_step(case, Breaks(case, 1e-4, 1.0), None, low=1e-3, high=0.5) == 0.0
+
+
+def test_steps_of_the_bisection_have_rows_in_common() -> None:
+    """Else a run would be compared nowhere but at its start, and any step seem right."""
+    case = make_case(MODELS / "pendulum.yaml", end=2.0, row=0.01)
+    steps = shared_steps(case, 1e-3, 0.5)
+    assert steps == sorted(steps)
+    assert (steps[0], steps[-1]) == (0.001, 0.5)
+    assert all(common_step(dt, 0.01) <= 0.5 for dt in steps)
+    assert max(b / a for a, b in pairwise(steps)) <= 2.0
 
 
 def line_of(points: list[tuple[float, float, float]]) -> dict[str, Any]:

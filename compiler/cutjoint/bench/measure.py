@@ -10,6 +10,7 @@ from statistics import median, quantiles
 
 import numpy as np
 
+from cutjoint.bench.cases import common_step, exact
 from cutjoint.bench.errors import measure_errors
 from cutjoint.bench.records import Case, Point, Runner
 from cutjoint.bench.reference import Reference
@@ -42,20 +43,30 @@ def measure_point(
 WRONG = 0.1
 
 
-def largest_step(case: Case, runner: Runner, reference: Reference | None, *, low: float, high: float, share: float = 0.02) -> float:
-    """The largest step (s) up to which a contender converges, by bisection between two steps to a share of it.
+def largest_step(case: Case, runner: Runner, reference: Reference | None, *, low: float, high: float) -> float:
+    """The largest step (s) up to which a contender converges, by bisection among `shared_steps` between two limits.
 
     It converges when every step of a run does and the error of position stays below ``WRONG`` of the motion's extent.  Returns 0 where
-    not even ``low`` does, ``high`` where that still does.
+    not even the smallest does.
     """
-    if not _converges(case, runner, reference, low):
-        return 0.0
-    if _converges(case, runner, reference, high):
-        return high
-    while high / low > 1 + share:
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if _converges(case, runner, reference, middle) else (low, middle)
-    return low
+    steps = shared_steps(case, low, high)
+    good, bad = -1, len(steps)
+    while bad - good > 1:
+        middle = (good + bad) // 2 if good >= 0 else 0
+        if _converges(case, runner, reference, steps[middle]):
+            good = middle
+        elif middle == 0:
+            return 0.0
+        else:
+            bad = middle
+    return steps[good] if good >= 0 else 0.0
+
+
+def shared_steps(case: Case, low: float, high: float) -> list[float]:
+    """Steps of which a run has at least four rows in common with the case: tenths of its rows' distance, and whole fractions of that."""
+    row, end = exact(case.scene.output_step), case.scene.end
+    steps = [float(row / n) for n in range(2000, 10, -1)] + [float(row * n / 10) for n in range(1, 2000)]
+    return [s for s in steps if low <= s <= high and common_step(s, float(row)) <= end / 4]
 
 
 def _converges(case: Case, runner: Runner, reference: Reference | None, dt: float) -> bool:
