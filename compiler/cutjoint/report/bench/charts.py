@@ -17,7 +17,9 @@ from cutjoint.bench.study import timed
 Line = Mapping[str, Any]
 
 #: Okabe and Ito's colours, which differ to colour-blind eyes too; black is left for what stands alone.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#882255", "#117733", "#AA4499", "#8C564B", "#666666")
+COLOURS = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#882255", "#117733", "#AA4499", "#8C564B", "#666666",
+)  # fmt: skip
 
 #: What a group of contenders is drawn with.
 STYLES: Mapping[str, tuple[str, str]] = {
