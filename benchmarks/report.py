@@ -19,10 +19,10 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from cutjoint.bench.cases import make_case
-from cutjoint.bench.chain import Chain, chain_motion, write_chain
 from cutjoint.bench.contenders import choose
+from cutjoint.bench.exact.chain import Chain, chain_motion, write_chain
+from cutjoint.bench.failures.situations import try_situations
 from cutjoint.bench.records import Case
-from cutjoint.bench.situations import try_situations
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
 from cutjoint.report.bench.page import render_page

@@ -167,7 +167,7 @@ def test_laws_in_python() -> None:
         x**3 / 3: "lambda x, t: (1.0/3.0)*x**3.0",
         sympy.pi * sympy.sqrt(x): "lambda x, t: 3.141592653589793*math.sqrt(x)",
         sympy.Abs(x) ** sympy.Float(1.5): "lambda x, t: abs(x)**1.5",
-        choice: "lambda x, t: ((x) if (x < -0.1) else (2.0*x))",
+        choice: "lambda x, t: ((x) if (x < (-0.1)) else (2.0*x))",
     }
     assert {law: function(["x"], law) for law in texts} == texts
     assert function((), x, 2 * x) == "lambda t: (x, 2.0*x)"

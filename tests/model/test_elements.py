@@ -182,6 +182,15 @@ def test_scenes_say_what_is_done() -> None:
     assert (scene.output_step, scene.numerics.dt, scene.numerics.iterations) == (0.005, 0.002, 7)
 
 
+def test_penalty_and_frequency_may_follow_the_step() -> None:
+    figures = "numerics: {dt: 2 ms, penalty: 0.004/dt**2, frequency: 1/dt, methods: {classical: {dt: 4 ms}, augmented: {penalty: 7}}}"
+    numerics = read("end: 2", f"end: 2, {figures}").scenes["fall"].numerics
+    assert (numerics.penalty, numerics.frequency) == pytest.approx((1000.0, 500.0))
+    of = {method: numerics.of_method(method) for method in ("recursive", "augmented", "classical")}
+    assert [of[m].penalty for m in of] == pytest.approx([1000.0, 7.0, 250.0])
+    assert [of[m].frequency for m in of] == pytest.approx([500.0, 500.0, 250.0])
+
+
 def test_roads_have_two_tracks() -> None:
     road = "{contact: disc, start: 1, left: [{step: -10 cm}, {flat: 2}], right: [{ramp: 3, rise: 1}]}"
     read_road = read("end: 2", f"end: 2, road: {road}").scenes["fall"].road

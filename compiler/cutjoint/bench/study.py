@@ -8,9 +8,9 @@ from functools import partial
 from math import isnan
 from typing import Any
 
-from cutjoint.bench.atlas import map_case, suggest_grid
 from cutjoint.bench.cases import falling_steps
 from cutjoint.bench.drift import measure_drift
+from cutjoint.bench.failures.atlas import map_case, suggest_grid
 from cutjoint.bench.measure import extent, largest_step, machine, measure_point
 from cutjoint.bench.paper import PAPER_STEPS
 from cutjoint.bench.records import Case, Contender, Runner

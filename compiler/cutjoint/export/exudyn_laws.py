@@ -2,42 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import Any
 
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
+from cutjoint.export.laws import RealNumbers
 from cutjoint.model.records import Scalar
 
 
-class _Printer(PythonCodePrinter):  # type: ignore[misc]
-    """Methods are called by the names of SymPy's classes."""
-
-    def _print_Float(self, number: Any) -> str:
-        value = float(number)
-        if not math.isfinite(value):
-            raise ValueError(f"{value} has no place in a law")
-        return repr(value)
-
-    def _print_Integer(self, number: Any) -> str:
-        return repr(float(number))
-
-    def _print_Rational(self, number: Any) -> str:
-        return f"{float(number.p)!r}/{float(number.q)!r}"
-
-    def _print_Choice(self, choice: Any) -> str:
-        return str(self._print_Piecewise(choice))
-
-    def _print_NumberSymbol(self, number: Any) -> str:
-        return repr(float(number))
-
-    def _print_Pi(self, number: Any) -> str:
-        return self._print_NumberSymbol(number)
-
-    def _print_Exp1(self, number: Any) -> str:
-        return self._print_NumberSymbol(number)
+class _Printer(RealNumbers, PythonCodePrinter):  # type: ignore[misc]
+    """Functions of math."""
 
 
 def function(variables: Sequence[str], *laws: Scalar) -> str:

@@ -14,29 +14,33 @@ from cutjoint.model.records import Scalar
 _LARGEST_POWER = 12
 
 
-class _Printer(CXX17CodePrinter):  # type: ignore[misc]
-    """Methods are called by the names of SymPy's classes."""
+class RealNumbers:
+    """What printers of laws have in common: every number is a real one.  Methods are called by the names of SymPy's classes."""
 
     def _print_Float(self, number: Any) -> str:
         return real(float(number))
 
     def _print_Integer(self, number: Any) -> str:
-        return real(float(number))
+        return self._print_Float(number)
+
+    def _print_NumberSymbol(self, number: Any) -> str:
+        return self._print_Float(number)
+
+    def _print_Pi(self, number: Any) -> str:
+        return self._print_Float(number)
+
+    def _print_Exp1(self, number: Any) -> str:
+        return self._print_Float(number)
 
     def _print_Rational(self, number: Any) -> str:
         return f"{real(float(number.p))}/{real(float(number.q))}"
 
-    def _print_NumberSymbol(self, number: Any) -> str:
-        return real(float(number))
-
-    def _print_Pi(self, number: Any) -> str:
-        return self._print_NumberSymbol(number)
-
-    def _print_Exp1(self, number: Any) -> str:
-        return self._print_NumberSymbol(number)
-
     def _print_Choice(self, choice: Any) -> str:
-        return str(self._print_Piecewise(choice))
+        return str(self._print_Piecewise(choice))  # type: ignore[attr-defined]
+
+
+class _Printer(RealNumbers, CXX17CodePrinter):  # type: ignore[misc]
+    """Whole powers without std::pow."""
 
     def _print_Pow(self, expression: Any) -> str:
         base, exponent = expression.as_base_exp()
@@ -46,9 +50,9 @@ class _Printer(CXX17CodePrinter):  # type: ignore[misc]
 
 
 def real(value: float) -> str:
-    """A number as a C++ double; a negative one in brackets."""
+    """A number of a law; a negative one in brackets."""
     if not math.isfinite(value):
-        raise ValueError(f"{value} has no place in C++")
+        raise ValueError(f"{value} has no place in a law")
     return f"({value!r})" if value < 0 else repr(value)
 
 

@@ -342,7 +342,8 @@ class Numerics:
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
-    ``multiplier_updates`` of its own.  ``methods`` has what a method changes, by the names of these figures.
+    ``multiplier_updates`` of its own.  ``methods`` has what a method changes, by the names of these figures; ``by_step`` the penalty and
+    frequency that were written as expressions of dt, whose values here are those at ``dt``.
     """
 
     dt: float = 1e-3
@@ -353,10 +354,14 @@ class Numerics:
     iterations: int = 100
     multiplier_updates: int = 4
     methods: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    by_step: Mapping[str, Scalar] = field(default_factory=dict)
 
     def of_method(self, method: str) -> Numerics:
-        """The figures of one method."""
-        return replace(self, **self.methods.get(method, {}))  # type: ignore[arg-type]
+        """The figures of one method, at its step."""
+        given = self.methods.get(method, {})
+        dt = given.get("dt", self.dt)
+        followed = {name: float(law.subs(dict.fromkeys(law.free_symbols, dt))) for name, law in self.by_step.items()}
+        return replace(self, **{**followed, **given})  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)

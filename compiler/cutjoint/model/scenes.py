@@ -10,6 +10,7 @@ from typing import Any
 from cutjoint.model import document
 from cutjoint.model.choices import Extent, measure
 from cutjoint.model.errors import nearest
+from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion, used_submodels
 from cutjoint.model.expressions import variable
 from cutjoint.model.laws import LawKind, read_law
@@ -34,6 +35,9 @@ from cutjoint.model.records import (
 from cutjoint.model.scope import Element, element
 from cutjoint.model.source import Path
 from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, TIME, Dimension
+
+#: What penalty and frequency may follow.
+_STEP = variable("dt")
 
 _DIMENSIONS: Mapping[str, Dimension] = {"m": LENGTH, "m/s": SPEED, "rad": NONE, "rad/s": ANGULAR_SPEED}
 
@@ -89,18 +93,23 @@ def _positive(where: Element, value: float, keys: Path) -> float:
 
 
 def _numerics(where: Element, part: document.Numerics) -> Numerics:
-    dimensions = {
-        "dt": TIME,
-        "penalty": NONE,
-        "damping_ratio": NONE,
-        "frequency": NONE / TIME,
-        "tolerance": NONE,
+    """The figures; those of the cut joints may follow ``dt``."""
+    laws = {
+        key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
+        for key, of in (("penalty", NONE), ("frequency", NONE / TIME))
     }
-    numbers = _figures(where, part, dimensions, ("numerics",))
+    numbers = _figures(where, part, {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE}, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
-        name: _figures(where, figures, dimensions, ("numerics", "methods", name)) for name, figures in part.methods.items()
-    }  # fmt: skip
-    return Numerics(**numbers, methods=methods)
+        name: _figures(where, figures, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
+        for name, figures in part.methods.items()
+    }
+    steps = {numbers["dt"], *(figures["dt"] for figures in methods.values() if "dt" in figures)}
+    for key, law in laws.items():
+        for dt in steps:
+            _in_range(where, key, evaluate(law, {_STEP: dt}), ("numerics", key))
+        numbers[key] = evaluate(law, {_STEP: numbers["dt"]})
+    by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
+    return Numerics(**numbers, methods=methods, by_step=by_step)
 
 
 def _figures(
@@ -112,11 +121,15 @@ def _figures(
     }
     figures |= {key: getattr(part, key) for key in ("iterations", "multiplier_updates") if getattr(part, key) is not None}
     for key, value in figures.items():
-        if key in ("dt", "penalty", "tolerance", "iterations"):
-            _positive(where, value, (*keys, key))
-        elif value < 0:
-            where.fail(f"{key} must not be negative", "", (*keys, key))
+        _in_range(where, key, value, (*keys, key))
     return figures
+
+
+def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
+    if key in ("dt", "penalty", "tolerance", "iterations"):
+        _positive(where, value, keys)
+    elif value < 0:
+        where.fail(f"{key} must not be negative", "", keys)
 
 
 def _states(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutjoint.bench.exact.elliptic import amplitude, argument, quarter_period
 from cutjoint.run.results import Array
 
 _TEXT = """\
@@ -40,7 +41,7 @@ scenes:
     end: 10
     output_step: 0.02
     rates: {{{rates}}}
-    numerics: {{dt: 0.001, penalty: 1.0e+4, frequency: 200}}
+    numerics: {{dt: 0.001, penalty: 0.005/dt**2, frequency: 0.3/dt}}
 """
 
 _BAR = "  {name}: {{use: bar, connect: {{base: {base}}}, with: {{mass: {mass!r}, x_from: {a!r}, y_from: {b}, x_to: {c!r}, y_to: {d}}}}}"
@@ -118,31 +119,6 @@ def turn_of_cranks(chain: Chain) -> float:
 
 def singular_times(chain: Chain) -> tuple[float, float]:
     """The times (s) of the first two poses in which all bars are in line; both come back a turn of the cranks later."""
-    turn = turn_of_cranks(chain)
-    low, high = 0.0, turn / 2
-    for _ in range(60):
-        middle = (low + high) / 2
-        below = crank_motion(chain, np.array([middle]))[0][0] < np.pi / 2
-        low, high = (middle, high) if below else (low, middle)
-    return low, turn - low
-
-
-def quarter_period(m: float) -> float:
-    """The complete elliptic integral of the first kind K(m), by the arithmetic-geometric mean."""
-    a, b = 1.0, float(np.sqrt(1 - m))
-    while abs(a - b) > 1e-15 * a:
-        a, b = (a + b) / 2, float(np.sqrt(a * b))
-    return float(np.pi / (2 * a))
-
-
-def amplitude(u: Array, m: float) -> Array:
-    """Jacobi's amplitude am(u, m), by descending Landen transformations (Abramowitz, Stegun 1964, 16.4)."""
-    a, b = 1.0, float(np.sqrt(1 - m))
-    ratios: list[float] = []
-    while abs(a - b) > 1e-16 * a and len(ratios) < 12:
-        a, b, half = (a + b) / 2, float(np.sqrt(a * b)), (a - b) / 2
-        ratios.append(half / a)
-    angle = 2.0 ** len(ratios) * a * u
-    for ratio in reversed(ratios):
-        angle = (angle + np.arcsin(ratio * np.sin(angle))) / 2
-    return angle
+    m, w = _turning(chain.drive)
+    first = (quarter_period(m) - argument(np.pi / 4, m)) / w
+    return first, turn_of_cranks(chain) - first

@@ -35,7 +35,7 @@ scenes:
     end: 10
     output_step: 0.02
     rates: {{pin.angle_rate: {RATE!r}}}
-    numerics: {{dt: 0.001, penalty: 1.0e+4, frequency: 200}}
+    numerics: {{dt: 0.001, penalty: 0.005/dt**2, frequency: 0.3/dt}}
 """
 
 #: Kinetic energy is (I_0 + I_1 sin^2 th) th'^2 / 2 with the crank's angle th.

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from cutjoint.bench.cases import make_case
-from cutjoint.bench.outcomes import Truth, exact_truth, identify, try_run
+from cutjoint.bench.failures.outcomes import Truth, exact_truth, identify, try_run
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.model.errors import ModelError

@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any
 
 from cutjoint.bench.cases import common_step
-from cutjoint.bench.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
+from cutjoint.bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
 from cutjoint.bench.own import TOLERANCES
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference, find_reference

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutjoint.bench.chain import amplitude, quarter_period
+from cutjoint.bench.exact.elliptic import amplitude, quarter_period
 from cutjoint.run.results import Array
 
 PENDULUM = """\

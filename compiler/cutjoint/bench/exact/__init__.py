@@ -1,0 +1,1 @@
+"""Mechanisms whose motion is known in closed form or by quadrature: model files and motions."""
