@@ -50,8 +50,13 @@ def vehicle() -> Plan:
 
 def verification() -> Plan:
     """The verification problems, with peers."""
-    cases = [make_case(MODELS / f"{name}.yaml") for name in ("pendulum", "four_bar", "andrews", "flyball", "slider_crank")]
+    cases = [make_case(MODELS / f"{name}.yaml") for name in ("pendulum", "four_bar", "andrews", "slider_crank")]
     return Plan(cases=cases, contenders=choose(["generated", "peer"]), drift=True)
+
+
+def governor() -> Plan:
+    """The flyball governor, whose stiff spring would keep a reference of 113 bits busy for an hour."""
+    return Plan(cases=[make_case(MODELS / "flyball.yaml")], contenders=choose(["generated", "peer"]), reference="extended")
 
 
 def chain() -> Plan:
@@ -86,7 +91,7 @@ def _chain(windows: int) -> Case:
 
 
 STUDIES: dict[str, Callable[[], Plan]] = {
-    study.__name__: study for study in (paper, vehicle, verification, chain, twins, precisions, failures)
+    study.__name__: study for study in (paper, vehicle, verification, governor, chain, twins, precisions, failures)
 }  # fmt: skip
 
 

@@ -28,7 +28,7 @@ SHORTEST, LONGEST = 0.02, 16.0
 MOST_STEPS = 400_000
 
 #: Nor is one that would take longer than this, in s.
-MOST_SECONDS = 20.0
+MOST_SECONDS = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
