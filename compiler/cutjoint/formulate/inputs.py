@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import sympy
@@ -103,6 +103,14 @@ def chart_slots(charts: tuple[Chart, ...], prefix: str) -> dict[str, Slot]:
 def column_slots(outputs: tuple[Output, ...]) -> dict[str, Slot]:
     """The places of the reported columns."""
     return {f"column:{o.column}": Slot(array="column", offset=i, names=(o.column,)) for i, o in enumerate(outputs)}
+
+
+def report_columns(
+    builder: Builder, quantity: Callable[[Output], Block], outputs: tuple[Output, ...]
+) -> dict[str, Block]:  # fmt: skip
+    """The result of each column."""
+    columns = {o: quantity(o) for o in outputs}
+    return {f"column:{o.column}": x if o.factor == 1 else builder.scale(builder.number(o.factor), x) for o, x in columns.items()}
 
 
 def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:

@@ -323,16 +323,21 @@ class Road:
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """One column of the results: ``element`` is a body, joint, force or sensor, ``quantity`` what of it."""
+    """One column of the results: ``element`` is a body, joint, force or sensor, ``quantity`` what of it.
+
+    In a reduced model ``stands_for`` is the column's name in the full one, whose value is ``factor`` times this one's.
+    """
 
     element: str
     quantity: str
     span: Span
+    stands_for: str = ""
+    factor: float = 1.0
 
     @property
     def column(self) -> str:
         """The column's name in a CSV header."""
-        return f"{self.element}.{self.quantity}"
+        return self.stands_for or f"{self.element}.{self.quantity}"
 
 
 @dataclass(frozen=True, kw_only=True)

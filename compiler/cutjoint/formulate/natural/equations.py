@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters
+from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters, report_columns
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix
 from cutjoint.formulate.natural.constraints import Constraint, ConstraintMaker, multipliers
 from cutjoint.formulate.natural.forces import Element, ForceMaker
@@ -76,7 +76,7 @@ def formulate_lagrangian(
         Function(name="pull", arguments=("const Real* q", "const Real* w", "Real* force"), results=system.pull()),
         Function(
             name="report", arguments=(*_STATE, "const Real* lambda", "Real* column"),
-            results={f"column:{o.column}": reporter.quantity(o) for o in outputs},
+            results=report_columns(b, reporter.quantity, outputs),
         ),
     )  # fmt: skip
     return LagrangianEquations(

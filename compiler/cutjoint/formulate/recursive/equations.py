@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from cutjoint.formulate.inputs import chart_slots, column_slots, make_charts, make_numbers, make_translator, open_parameters
+from cutjoint.formulate.inputs import (
+    chart_slots,
+    column_slots,
+    make_charts,
+    make_numbers,
+    make_translator,
+    open_parameters,
+    report_columns,
+)
 from cutjoint.formulate.records import Closure, Column, Function, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -48,7 +56,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
         }),
         Function(
             name="report", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* column"),
-            results={f"column:{o.column}": reporter.quantity(o) for o in outputs},
+            results=report_columns(b, reporter.quantity, outputs),
         ),
     )  # fmt: skip
     return RecursiveEquations(

@@ -1,0 +1,1 @@
+"""Models cut down to what a scene needs."""

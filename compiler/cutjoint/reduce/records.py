@@ -1,0 +1,35 @@
+"""What a pass makes of a model and a scene, and what it says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from cutjoint.model.records import Model, Scene, Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Note:
+    """What was done with an ``element`` of the file, or why it was left: ``words`` complete the sentence that its name begins."""
+
+    element: str
+    words: str
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """The model and scene after a pass: ``done`` says what it changed, ``left`` what it would have changed but for the reason given.
+
+    The columns that the scene asks for keep their names.
+    """
+
+    model: Model
+    scene: Scene
+    done: tuple[Note, ...] = ()
+    left: tuple[Note, ...] = ()
+
+
+#: A pass.  It looks at ``scene.outputs`` for what is asked for.
+Pass: TypeAlias = Callable[[Model, Scene], Outcome]
