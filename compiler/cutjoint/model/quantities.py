@@ -21,10 +21,11 @@ from cutjoint.model.records import (
     Output,
     PointSpring,
     Reaction,
+    RodForce,
     Tyre,
 )
 
-Element: TypeAlias = Body | Joint | Force | Reaction | Marker
+Element: TypeAlias = Body | Joint | Force | Reaction | RodForce | Marker
 
 _MOTION: Mapping[str, str] = {
     **dict.fromkeys(("x", "y", "z"), "m"),
@@ -57,6 +58,7 @@ QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
     BodyLoad: {"Fx": "N", "Fy": "N", "Fz": "N"},
     Tyre: {"Fz": "N", "Fy": "N", "Mz": "N*m", "slip": "rad", "camber": "rad", "deflection": "m"},
     Reaction: {"force": "N"},
+    RodForce: {"force": "N"},
 }
 
 _TORQUE: Mapping[str, str] = {"Mx": "N*m", "My": "N*m", "Mz": "N*m"}

@@ -278,6 +278,18 @@ class Reaction:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RodForce:
+    """A sensor of a reduced model: the sum over cut distance joints of a weight times the force that pushes their points apart.
+
+    ``pushes`` are names of joints with their weights.
+    """
+
+    name: str
+    pushes: tuple[tuple[str, Scalar], ...]
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Marker:
     """A sensor: a point of a body whose position, velocity and acceleration can be asked for."""
 
@@ -406,7 +418,7 @@ class Model:
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
     forces: tuple[Force, ...]
-    reactions: tuple[Reaction, ...]
+    reactions: tuple[Reaction | RodForce, ...]
     markers: tuple[Marker, ...]
     scenes: Mapping[str, Scene]
     span: Span

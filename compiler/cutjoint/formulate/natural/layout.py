@@ -21,7 +21,7 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angles
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, is_nought
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import GROUND, Joint, JointKind, Model, Output, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Joint, JointKind, Model, Output, Reaction, Scalar, Scene, Vector
 from cutjoint.topology.records import Topology
 
 #: What a candidate must add to the span, as a share of its own length: of nodes that a joint shares, of a body's own.
@@ -218,7 +218,7 @@ class _Builder:
     def collect(self, scene: Scene, outputs: Sequence[Output]) -> None:
         """What every group must be able to say."""
         collector = Collector(self._model, self.group_of.__getitem__, self._value)
-        reactions = {r.name: r.joint for r in self._model.reactions}
+        reactions = {r.name: r.joint for r in self._model.reactions if isinstance(r, Reaction)}
         first = {reactions[o.element] for o in outputs if o.element in reactions}
         joints = sorted((j for j in self._model.joints if j.kind is not JointKind.FIXED), key=lambda j: j.name not in first)
         for joint, coordinate in asked_angles(self._model, scene, outputs):

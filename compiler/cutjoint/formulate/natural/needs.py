@@ -27,6 +27,7 @@ from cutjoint.model.records import (
     Model,
     Output,
     PointSpring,
+    Reaction,
     Scalar,
     Scene,
     Tyre,
@@ -220,7 +221,7 @@ class Collector:
             if marker.name == output.element:
                 self._marker(marker, output)
         for reaction in model.reactions:
-            if reaction.name == output.element:
+            if reaction.name == output.element and isinstance(reaction, Reaction):
                 self.of(reaction.body).direction(reaction.direction, f"{reaction.name}.direction")
         for joint in model.joints:
             if joint.name == output.element:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 from cutjoint.formulate.attitude import ATTITUDE, attitude
 from cutjoint.formulate.inputs import guide_rates
-from cutjoint.formulate.natural.constraints import Constraint, slide_axis
+from cutjoint.formulate.natural.constraints import Constraint, multipliers, slide_axis
 from cutjoint.formulate.natural.forces import Element
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.natural.reactions import ReactionMaker
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import COORDINATES, SPEEDS, Joint, Model, Output, Reaction, Scene, Vector
+from cutjoint.model.records import COORDINATES, SPEEDS, Joint, Model, Output, Reaction, RodForce, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block
 
 
@@ -42,7 +42,7 @@ class NaturalReporter:
                 return self._motion(marker.body, marker.point, output.quantity)
         for reaction in self.model.reactions:
             if reaction.name == name:
-                return self._reaction(reaction)
+                return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction)
         if any(force.name == name for force in self.model.forces):
             quantities = self.elements[name].quantities if name in self.elements else {}
             return quantities.get(output.quantity, self.motions.builder.zero(1))
@@ -68,6 +68,12 @@ class NaturalReporter:
     def _reaction(self, reaction: Reaction) -> Block:
         maker = ReactionMaker(motions=self.motions, model=self.model, constraints=self.constraints, elements=self.elements)
         return self.motions.builder.dot(self.motions.direction(reaction.body, reaction.direction).x, maker.pull(reaction))
+
+    def _rods(self, sensor: RodForce) -> Block:
+        """The residual of a distance is in m: its multiplier pulls."""
+        b, of = self.motions.builder, {c.element: c for c in self.constraints}
+        pulls = [b.scale(self.motions.translator.scalar(weight), multipliers(b, of[rod])) for rod, weight in sensor.pushes]
+        return b.neg(b.total(pulls))
 
     def _joint(self, joint: Joint, quantity: str) -> Block:
         """A joint's coordinate or speed."""

@@ -9,7 +9,7 @@ from cutjoint.formulate.attitude import ATTITUDE, attitude
 from cutjoint.formulate.recursive.forces import Forces
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.loops import LoopClosure
-from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Vector
+from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Reaction, RodForce, Vector
 from cutjoint.program.blocks import BindingTime, Block
 
 
@@ -34,8 +34,7 @@ class Reporter:
                 return self._motion(marker.body, marker.point, output.quantity)
         for reaction in self.model.reactions:
             if reaction.name == element:
-                loop = next(x for x in self.loops if x.joint.name == reaction.joint)
-                return self._reaction(loop, reaction.body, reaction.direction)
+                return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction)
         if any(force.name == element for force in self.model.forces):
             return self.forces.quantities.get(element, {}).get(output.quantity, self.kinematics.builder.zero(1))
         return self._joint(output)
@@ -59,11 +58,19 @@ class Reporter:
                 return b.element(b.add(a0, carried), axis)
         raise ValueError(f"a body has no quantity {quantity}")
 
-    def _reaction(self, loop: LoopClosure, body: str, direction: Vector) -> Block:
+    def _reaction(self, reaction: Reaction) -> Block:
         """The linear part of the cut joint's force on its follower, -A^T lambda, along a direction."""
-        b, k = self.kinematics.builder, self.kinematics
+        b, k, loop = self.kinematics.builder, self.kinematics, self._loop(reaction.joint)
         pull, _ = halves(b, b.neg(b.mul(b.transpose(loop.A), loop.multipliers)))
-        return b.dot(k.direction(body, direction), pull)
+        return b.dot(k.direction(reaction.body, reaction.direction), pull)
+
+    def _rods(self, sensor: RodForce) -> Block:
+        """The residual of a distance is in m: its multiplier pulls."""
+        k, b = self.kinematics, self.kinematics.builder
+        return b.neg(b.total([b.scale(k.translator.scalar(weight), self._loop(rod).multipliers) for rod, weight in sensor.pushes]))
+
+    def _loop(self, joint: str) -> LoopClosure:
+        return next(loop for loop in self.loops if loop.joint.name == joint)
 
     def _joint(self, output: Output) -> Block:
         k = self.kinematics

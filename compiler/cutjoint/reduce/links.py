@@ -1,0 +1,197 @@
+"""Massless links in loops become distances.
+
+A link with a ball at each end, or a ball and a universal joint, keeps two points at a distance: one equation in place of five coordinates
+and three.  One with a hinge and a ball keeps a point on a circle about the hinge: two distances, from points of the axis on both sides, so
+far from the circle's centre that the two lines stand at right angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import sympy
+
+from cutjoint.model.records import (
+    AxialForce,
+    Body,
+    BodyLoad,
+    Force,
+    Joint,
+    JointForce,
+    JointKind,
+    Marker,
+    Model,
+    PointSpring,
+    Reaction,
+    RodForce,
+    Scalar,
+    Scene,
+    Vector,
+)
+from cutjoint.reduce.records import Note, Outcome
+from cutjoint.topology.build import build_topology
+
+_BALLS = (JointKind.SPHERICAL, JointKind.UNIVERSAL)
+
+
+def shorten_links(model: Model, scene: Scene) -> Outcome:
+    """The pass; it looks at massless bodies with two joints of which one is cut."""
+    outcome = Outcome(model=model, scene=scene)
+    cuts = {joint.name for joint in build_topology(model).cuts}
+    for body in model.bodies:
+        joints = [j for j in model.joints if body.name in (j.base, j.follower)]
+        if body.mass == 0 and len(joints) == 2 and any(j.name in cuts for j in joints):
+            cut, kept = sorted(joints, key=lambda j: j.name not in cuts)
+            outcome = _shorten(outcome, _Link(body=body, cut=cut, tree=kept))
+    return outcome
+
+
+class _StaysError(Exception):
+    """Why a link stays."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Link:
+    """A massless body between the cut joint that closes its loop and its joint in the tree."""
+
+    body: Body
+    cut: Joint
+    tree: Joint
+
+    def outside(self, joint: Joint) -> str:
+        """The other body of one of its joints."""
+        return joint.follower if joint.base == self.body.name else joint.base
+
+    def rods(self) -> tuple[Joint, ...]:
+        """The distances that stand for it, from the cut joint's other body to the tree joint's."""
+        kinds = {self.cut.kind, self.tree.kind}
+        if kinds <= set(_BALLS) and JointKind.SPHERICAL in kinds:
+            return (self._rod(self.body.name, self.cut.at, self.tree.at),)
+        if kinds != {JointKind.REVOLUTE, JointKind.SPHERICAL}:
+            raise _StaysError(f"stays: it has a {self.cut.kind} and a {self.tree.kind} joint")
+        hinge, ball = (self.cut, self.tree) if self.cut.kind is JointKind.REVOLUTE else (self.tree, self.cut)
+        ends = (_beside_circle(hinge, ball.at, side) for side in (1, -1))
+        pairs = (((end, ball.at) if hinge is self.cut else (ball.at, end)) for end in ends)
+        return tuple(self._rod(f"{self.body.name}_{i}", *pair) for i, pair in enumerate(pairs, start=1))
+
+    def _rod(self, name: str, start: Vector, end: Vector) -> Joint:
+        return Joint(
+            name=name, kind=JointKind.DISTANCE, base=self.outside(self.cut), follower=self.outside(self.tree), at=start, to=end, axes=(),
+            pitch=None, cut=True, guide=None, span=self.body.span,
+        )  # fmt: skip
+
+
+def _beside_circle(hinge: Joint, point: Vector, side: int) -> Vector:
+    """A point of a hinge's axis, as far from the centre of the circle on which ``point`` moves as that is wide."""
+    at, axis, p = (sympy.Matrix(v) for v in (hinge.at, hinge.axes[0], point))
+    centre = at + axis * (axis.dot(p - at) / axis.dot(axis))
+    x, y, z = centre + side * axis * ((p - centre).norm() / axis.norm())
+    return x, y, z
+
+
+def _shorten(outcome: Outcome, link: _Link) -> Outcome:
+    try:
+        rods = link.rods()
+        _require_idle(outcome, link)
+        forces = tuple(_moved(force, link) for force in outcome.model.forces)
+        reactions = tuple(_told(reaction, link, rods, outcome.model.forces) for reaction in outcome.model.reactions)
+        markers = tuple(_moved_marker(marker, link) for marker in outcome.model.markers)
+    except _StaysError as reason:
+        return replace(outcome, left=(*outcome.left, Note(element=link.body.name, words=str(reason), span=link.body.span)))
+    gone = (link.cut.name, link.tree.name)
+    joints = (*(j for j in outcome.model.joints if j.name not in gone), *rods)
+    bodies = tuple(b for b in outcome.model.bodies if b.name != link.body.name)
+    model = replace(outcome.model, bodies=bodies, joints=joints, forces=forces, reactions=reactions, markers=markers)
+    words = "becomes a distance" if len(rods) == 1 else "becomes two distances that keep a point on a circle"
+    return replace(outcome, model=model, done=(*outcome.done, Note(element=link.body.name, words=words, span=link.body.span)))
+
+
+def _require_idle(outcome: Outcome, link: _Link) -> None:
+    """Nothing asks for the link's own motion or prescribes it."""
+    names = (link.body.name, link.cut.name, link.tree.name)
+    for name in (o.column for o in outcome.scene.outputs if o.element in names):
+        raise _StaysError(f"stays: the output '{name}' asks for it")
+    for joint in (link.cut, link.tree):
+        if joint.guide is not None:
+            raise _StaysError(f"stays: the joint '{joint.name}' is guided")
+    for state in chain(outcome.scene.positions, outcome.scene.rates):
+        if state.rpartition(".")[0] in names:
+            raise _StaysError(f"stays: the scene gives '{state}'")
+    if link.outside(link.cut) == link.outside(link.tree):
+        raise _StaysError("stays: it joins a body to itself")
+
+
+def _moved(force: Force, link: _Link) -> Force:
+    """A force whose ends on the link are at its joints, on the bodies that these join it to."""
+    match force:
+        case JointForce():
+            if force.joint in (link.cut.name, link.tree.name):
+                raise _StaysError(f"stays: the force '{force.name}' acts in its joint")
+            return force
+        case PointSpring() if link.body.name in (force.base, force.follower):
+            base = _bearer(link, force.base, force.start, force)
+            return replace(force, base=base, follower=_bearer(link, force.follower, force.end, force))
+        case AxialForce() if link.body.name == force.follower:
+            return replace(force, follower=_bearer(link, force.follower, force.point, force))
+        case BodyLoad() if link.body.name == force.body and force.point is not None and force.axes == "global":
+            return replace(force, body=_bearer(link, force.body, force.point, force))
+    if link.body.name in _bodies(force):
+        raise _StaysError(f"stays: the force '{force.name}' acts on it")
+    return force
+
+
+def _bodies(force: Force) -> Sequence[str]:
+    return [getattr(force, name) for name in ("base", "follower", "body") if hasattr(force, name)]
+
+
+def _bearer(link: _Link, body: str, point: Vector, element: Force | Marker) -> str:
+    """The body that moves with a point of the link."""
+    if body != link.body.name:
+        return body
+    for joint in (link.tree, link.cut):
+        if joint.at == point:
+            return link.outside(joint)
+    raise _StaysError(f"stays: '{element.name}' is at a point between its joints")
+
+
+def _moved_marker(marker: Marker, link: _Link) -> Marker:
+    return replace(marker, body=_bearer(link, marker.body, marker.point, marker))
+
+
+def _told(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], forces: Sequence[Force]) -> Reaction | RodForce:
+    """The force in the link's cut joint, from those in the rods.
+
+    The link has no weight: what its cut joint gives to it is what the rods give to the other end, less what acts on the link there.
+    """
+    if isinstance(reaction, RodForce) or reaction.joint not in (link.cut.name, link.tree.name):
+        _require_other(reaction, link)
+        return reaction
+    if reaction.body != link.body.name:
+        raise _StaysError(f"stays: the direction of '{reaction.name}' is fixed in '{reaction.body}'")
+    for force in _at_end(forces, link):
+        raise _StaysError(f"stays: '{force.name}' and '{reaction.name}' are at the same end")
+    sign = 1 if link.cut.follower == link.body.name else -1
+    pushes = tuple((rod.name, sign * _along(rod, reaction.direction)) for rod in rods)
+    return RodForce(name=reaction.name, pushes=pushes, span=reaction.span)
+
+
+def _require_other(reaction: Reaction | RodForce, link: _Link) -> None:
+    if isinstance(reaction, Reaction) and reaction.body == link.body.name:
+        raise _StaysError(f"stays: the direction of '{reaction.name}' is fixed in it")
+
+
+def _at_end(forces: Sequence[Force], link: _Link) -> Iterator[Force]:
+    """Forces on the link at its cut joint."""
+    points = {PointSpring: (("base", "start"), ("follower", "end")), AxialForce: (("follower", "point"),), BodyLoad: (("body", "point"),)}
+    for force in forces:
+        for body, point in points.get(type(force), ()):
+            if getattr(force, body) == link.body.name and getattr(force, point) == link.cut.at:
+                yield force
+
+
+def _along(rod: Joint, direction: Vector) -> Scalar:
+    """The component of a rod's line along a direction."""
+    line = sympy.Matrix(rod.to) - sympy.Matrix(rod.at)
+    return line.dot(sympy.Matrix(direction)) / line.norm()
