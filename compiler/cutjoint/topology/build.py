@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.topology.branches import find_branches
 from cutjoint.topology.classes import find_classes
 from cutjoint.topology.elimination import eliminate
 from cutjoint.topology.records import Loop, Topology, TreeJoint
@@ -20,7 +21,9 @@ def build_topology(model: Model) -> Topology:
     tree, cuts = span(model)
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
-    return Topology(model=model, tree=tree, cuts=cuts, loops=loops, classes=find_classes(model, tree, cuts))
+    return Topology(
+        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(tree, cuts), classes=find_classes(model, tree, cuts)
+    )
 
 
 def _loop(cut: Joint, tree: Sequence[TreeJoint], coupled: Mapping[str, frozenset[str]]) -> Loop:

@@ -35,6 +35,15 @@ class Loop:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Branch:
+    """Subtrees below ``carrier`` that cut joints connect with each other: ``bodies``, parents first, and the names of the ``cuts``."""
+
+    carrier: str
+    bodies: tuple[str, ...]
+    cuts: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class SubtreeClass:
     """Subtrees of one shape: ``roots`` are their innermost bodies, ``size`` the number of bodies in each.
 
@@ -54,6 +63,7 @@ class Topology:
     tree: tuple[TreeJoint, ...]
     cuts: tuple[Joint, ...]
     loops: tuple[Loop, ...]
+    branches: tuple[Branch, ...]
     classes: tuple[SubtreeClass, ...]
 
     @property

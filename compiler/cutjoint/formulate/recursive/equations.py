@@ -12,6 +12,7 @@ from cutjoint.formulate.inputs import (
     report_columns,
 )
 from cutjoint.formulate.records import Closure, Column, Function, RecursiveEquations, Slot
+from cutjoint.formulate.recursive.branches import BranchSystem
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import LoopClosure, add_loops, correct_multipliers, derive_loops
@@ -39,16 +40,24 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
     loops = derive_loops(k, topology.cuts, numbers)
-    add_loops(system, k, loops, numbers)
-    Zdd, zdd = expand(k, condense(system, k), b)
-    corrections = correct_multipliers(k, loops, numbers, Zdd)
+    branches = [
+        BranchSystem(branch=branch, system=system, k=k, numbers=numbers, loops=[x for x in loops if x.joint.name in branch.cuts])
+        for branch in topology.branches
+    ]  # fmt: skip
+    of_body = {body: branch for branch in branches for body in branch.branch.bodies}
+    coupling = tuple(x for x in loops if not any(x.joint.name in branch.cuts for branch in topology.branches))
+    add_loops(system, k, coupling, numbers)
+    Zdd, zdd = expand(k, condense(system, k, of_body), b, of_body)
+    corrections = correct_multipliers(k, coupling, numbers, Zdd)
+    for branch in branches:
+        corrections |= branch.corrections()
     by_joint = {k.motions[body].tree_joint.joint.name: block for body, block in zdd.items()}
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=given_accelerations(k))
     closures = _closures(loops)
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
             **{f"vdot:{c.joint}": by_joint[c.joint] for c in charts},
-            **{f"correction:{loop.joint.name}": block for loop, block in zip(loops, corrections, strict=True)},
+            **{f"correction:{loop.joint.name}": corrections[loop.joint.name] for loop in loops},
         }),
         Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
             **{f"residual:{loop.joint.name}": loop.residual for loop in loops},

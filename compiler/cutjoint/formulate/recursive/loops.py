@@ -86,25 +86,25 @@ def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...],
             K = b.label(b.gram(loop.A, weights), f"K_{joint.name.replace('.', '_')}")
             force = b.add(loop.multipliers, b.scale(numbers.penalty, loop.s))
             wrench = b.mul(b.transpose(loop.A), force)
-            transport = _transport(b, k.pole_step(joint.base, joint.follower))
-            back = b.transpose(transport)
+            step = transport(b, k.pole_step(joint.base, joint.follower))
+            back = b.transpose(step)
             system.add_mass(joint.follower, K)
             system.add_mass(joint.base, b.sandwich(back, K))
-            system.couple(joint.follower, joint.base, b.neg(b.mul(K, transport)))
+            system.couple(joint.follower, joint.base, b.neg(b.mul(K, step)))
             system.add_force(joint.follower, b.neg(wrench))
             system.add_force(joint.base, b.mul(back, wrench))
 
 
-def _transport(b: Builder, step: Block) -> Block:
+def transport(b: Builder, step: Block) -> Block:
     """[1, -s~; 0, 1]: a twist taken at a pole that stands s further."""
     return b.stack([[b.identity(3), b.neg(b.skew(step))], [b.zero(3, 3), b.identity(3)]])
 
 
 def correct_multipliers(
     k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers, Zdd: dict[str, Block]
-) -> list[Block]:
-    """a (A Zdd + s) of every cut joint."""
-    b, corrections = k.builder, []
+) -> dict[str, Block]:
+    """a (A Zdd + s) of every cut joint, by name."""
+    b, corrections = k.builder, {}
     for loop in loops:
         joint = loop.joint
         with b.section("multipliers", joint.name, "lambda <- lambda + a (A Zdd + s)  (eq. 42)", joint.span.place):
@@ -113,5 +113,5 @@ def correct_multipliers(
             relative = b.sub(Zdd[joint.follower], base)
             error = b.add(b.mul(loop.A, relative), loop.s)
             name = f"correction_{joint.name.replace('.', '_')}"
-            corrections.append(b.label(b.scale(numbers.penalty, error), name))
+            corrections[joint.name] = b.label(b.scale(numbers.penalty, error), name)
     return corrections

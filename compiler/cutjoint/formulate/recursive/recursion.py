@@ -19,7 +19,9 @@ global axes, where it passes on a force only.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
 from cutjoint.model.records import GROUND
@@ -100,11 +102,28 @@ class BodySystem:
         self.builder.label(block, f"{symbol}{n}_{self.source}_{target}".replace(".", "_"))
 
 
-def condense(system: BodySystem, kinematics: Kinematics) -> dict[str, Pivot]:
-    """Eliminate all joints, leaves first; the pivots are in the order of elimination."""
+class Branched(Protocol):
+    """Joints that are eliminated together."""
+
+    def eliminate(self) -> None:
+        """Pass on to the carrier what is left of them."""
+        ...
+
+    def solve(self, Zdd: Mapping[str, Block]) -> dict[str, Block]:
+        """Their unknowns by body, from the carrier's acceleration."""
+        ...
+
+
+def condense(system: BodySystem, kinematics: Kinematics, branches: Mapping[str, Branched]) -> dict[str, Pivot]:
+    """Eliminate all joints, leaves first; the pivots are in the order of elimination.  ``branches`` by their bodies go at once."""
     pivots: dict[str, Pivot] = {}
-    b = system.builder
+    b, gone = system.builder, set()
     for body, motion in reversed(kinematics.motions.items()):
+        if body in branches:
+            if id(branches[body]) not in gone:
+                branches[body].eliminate()
+                gone.add(id(branches[body]))
+            continue
         joint = motion.tree_joint.joint
         name, system.source = body.replace(".", "_"), body
         equation = "D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)"
@@ -227,13 +246,17 @@ def _mass_at(builder: Builder, a: Block, arm: Block) -> Block:
 
 
 def expand(
-    kinematics: Kinematics, pivots: dict[str, Pivot], builder: Builder
+    kinematics: Kinematics, pivots: dict[str, Pivot], builder: Builder, branches: Mapping[str, Branched]
 ) -> tuple[dict[str, Block], dict[str, Block]]:
-    """The way back, from the ground outwards: Zdd of every body and zdd of every joint with unknowns."""
+    """The way back, from the ground outwards: Zdd of every body outside branches, and zdd of every joint with unknowns."""
     b = builder
     Zdd: dict[str, Block] = {GROUND: b.zero(6)}
     zdd: dict[str, Block] = {}
     for body, motion in kinematics.motions.items():
+        if body in branches:
+            if body not in zdd:
+                zdd |= branches[body].solve(Zdd)
+            continue
         joint = motion.tree_joint.joint
         equation = "zdd = D^-1 ( g - y_p Zdd_p - sum_j y_j Zdd_j ),  Zdd = Zdd_p + b zdd + d  (eqs. 27, 33)"
         with b.section("accelerations", joint.name, equation, joint.span.place):

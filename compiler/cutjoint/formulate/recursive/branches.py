@@ -1,0 +1,205 @@
+"""Branches that close on themselves are eliminated at once, in joint space.
+
+With S_i the motion subspaces, a_j what the known motions add to the acceleration of body j, M^c and F^c the sums of M and of Q - M a over
+a body and all that it carries, Z_P the carrier's twist, and J = A S the cut joints' Jacobian by the unknowns::
+
+    H_ij = S_i^T M^c_j S_j  (i carries j)       H += J^T a J
+    h_j  = S_j^T F^c_j + tau_j                  h -= J^T (lambda + a s'),   s' = s + A (a_f - a_b)
+    M_P += M^c - G H^-1 G^T                     Q_P += F^c - G H^-1 h,      G_j = M^c_j S_j
+    zdd  = H^-1 (h - G^T Zdd_P)                 lambda <- lambda + a (J zdd + s')
+
+The carrier's own acceleration is in none of the cut joints' equations.  H is composed as by Walker and Orin (1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from cutjoint.formulate.inputs import Numbers
+from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics
+from cutjoint.formulate.recursive.loops import LoopClosure, transport
+from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.model.records import GROUND
+from cutjoint.program.blocks import Block
+from cutjoint.topology.records import Branch
+
+
+@dataclass(kw_only=True)
+class BranchSystem:
+    """The equations of a branch in its joints' unknowns, leaves first."""
+
+    branch: Branch
+    system: BodySystem
+    k: Kinematics
+    numbers: Numbers
+    loops: Sequence[LoopClosure]
+    _known: dict[str, Block] = field(default_factory=dict)
+    _mass: dict[str, Block] = field(default_factory=dict)
+    _force: dict[str, Block] = field(default_factory=dict)
+    _rows: dict[str, Block] = field(default_factory=dict)
+    _drift: dict[str, Block] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.unknowns = [b for b in reversed(self.branch.bodies) if self.k.motions[b].b is not None]
+        self.subspaces = {b: self._subspace(self.k.motions[b]) for b in self.unknowns}
+
+    @property
+    def name(self) -> str:
+        """What its matrices are called by: its first body."""
+        return self.branch.bodies[0].replace(".", "_")
+
+    def _subspace(self, motion: JointMotion) -> Block:
+        """S; a ball turns about its centre in global axes."""
+        b = self.k.builder
+        if motion.centre is None:
+            assert motion.b is not None
+            return motion.b
+        return b.stack([[b.skew(motion.centre)], [b.identity(3)]])
+
+    def _carriers(self, body: str) -> list[str]:
+        """The body and those that carry it, up to the branch's own carrier."""
+        found = []
+        while body not in (GROUND, self.branch.carrier):
+            found.append(body)
+            body = self.k.motions[body].tree_joint.parent
+        return found
+
+    def _known_part(self, body: str) -> Block:
+        """a of a body."""
+        b = self.k.builder
+        if body in (GROUND, self.branch.carrier):
+            return b.zero(6)
+        if body not in self._known:
+            motion = self.k.motions[body]
+            self._known[body] = b.label(b.add(self._known_part(motion.tree_joint.parent), motion.d), f"a_{body.replace('.', '_')}")
+        return self._known[body]
+
+    def eliminate(self) -> None:
+        """Compose and factorise H, and pass on to the carrier what is left."""
+        b = self.k.builder
+        self._gather()
+        for loop in self.loops:
+            self._close(loop)
+        first = self.k.motions[self.branch.bodies[0]].tree_joint.joint
+        with b.section("condensation", first.name, _EQUATION, first.span.place):
+            H, h = b.label(self._matrix(), f"H_{self.name}"), b.label(self._right_side(), f"h_{self.name}")
+            self._lower, self._inverse = b.ldl(H)
+            b.label(self._inverse, f"Dinv_{self.name}")
+            self._g = b.label(b.forward(self._lower, h), f"g_{self.name}")
+            if self.branch.carrier != GROUND:
+                self._pass_on()
+
+    def _gather(self) -> None:
+        """M^c, F^c and G, from the leaves on."""
+        b = self.k.builder
+        for body in reversed(self.branch.bodies):
+            joint, name = self.k.motions[body].tree_joint.joint, body.replace(".", "_")
+            with b.section("condensation", joint.name, "M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S", joint.span.place):
+                own = b.sub(self.system.Q[body], b.mul(self.system.M[body], self._known_part(body)))
+                carried = [c for c in self.branch.bodies if self.k.motions[c].tree_joint.parent == body]
+                self._mass[body] = b.label(b.total([self.system.M[body], *(self._mass[c] for c in carried)]), f"Mc_{name}")
+                self._force[body] = b.label(b.total([own, *(self._force[c] for c in carried)]), f"Fc_{name}")
+                if body in self.subspaces:
+                    self._rows[body] = b.label(b.mul(self._mass[body], self.subspaces[body]), f"G_{name}")
+
+    def _close(self, loop: LoopClosure) -> None:
+        """J and s' of a cut joint."""
+        b, joint = self.k.builder, loop.joint
+        name = joint.name.replace(".", "_")
+        step = transport(b, self.k.pole_step(joint.base, joint.follower))
+        with b.section("closure", joint.name, "J = A S, s' = s + A (a_f - a_b)", joint.span.place):
+            base, follower = self._carriers(joint.base), self._carriers(joint.follower)
+            parts = []
+            for body in self.unknowns:
+                if body in follower and body in base:
+                    parts.append(b.zero(len(loop.names), self.subspaces[body].shape[1]))
+                elif body in follower:
+                    parts.append(b.mul(loop.A, self.subspaces[body]))
+                elif body in base:
+                    parts.append(b.neg(b.mul(loop.A, b.mul(step, self.subspaces[body]))))
+                else:
+                    parts.append(b.zero(len(loop.names), self.subspaces[body].shape[1]))
+            self._rows[joint.name] = b.label(b.stack([parts]), f"J_{name}")
+            apart = b.sub(self._known_part(joint.follower), b.mul(step, self._known_part(joint.base)))
+            self._drift[joint.name] = b.label(b.add(loop.s, b.mul(loop.A, apart)), f"drift_{name}")
+
+    def _matrix(self) -> Block:
+        b = self.k.builder
+        grid = [[self._tree_part(i, j) for j in self.unknowns] for i in self.unknowns]
+        H = b.mirror(b.stack(grid))
+        for loop in self.loops:
+            H = b.add(H, b.gram(self._rows[loop.joint.name], self._weights(loop)))
+        return H
+
+    def _tree_part(self, i: str, j: str) -> Block:
+        b = self.k.builder
+        if i in self._carriers(j):
+            return b.mul(b.transpose(self.subspaces[i]), self._rows[j])
+        if j in self._carriers(i):
+            return b.transpose(self._tree_part(j, i))
+        return b.zero(self.subspaces[i].shape[1], self.subspaces[j].shape[1])
+
+    def _weights(self, loop: LoopClosure) -> Block:
+        return self.k.builder.stack([[self.numbers.penalty]] * len(loop.names))
+
+    def _right_side(self) -> Block:
+        b = self.k.builder
+        parts = []
+        for body in self.unknowns:
+            force = b.mul(b.transpose(self.subspaces[body]), self._force[body])
+            if body in self.system.joint_forces:
+                force = b.add(force, self.system.joint_forces[body])
+            parts.append(force)
+        h = b.stack([[part] for part in parts])
+        for loop in self.loops:
+            pull = b.add(loop.multipliers, b.scale(self.numbers.penalty, self._drift[loop.joint.name]))
+            h = b.sub(h, b.mul(b.transpose(self._rows[loop.joint.name]), pull))
+        return h
+
+    def _pass_on(self) -> None:
+        """M_P += M^c - Y^T D^-1 Y, Q_P += F^c - Y^T e."""
+        b, carrier = self.k.builder, self.branch.carrier
+        roots = [body for body in self.branch.bodies if self.k.motions[body].tree_joint.parent not in self.branch.bodies]
+        self._Y = b.label(b.forward(self._lower, b.stack([[b.transpose(self._rows[body])] for body in self.unknowns])), f"Y_{self.name}")
+        self.system.source = self.branch.bodies[0]
+        for body in roots:
+            self.system.add_mass(carrier, self._mass[body])
+            self.system.add_force(carrier, self._force[body])
+        self.system.add_mass(carrier, b.neg(b.gram(self._Y, self._inverse)))
+        self.system.add_force(carrier, b.neg(b.mul(b.transpose(self._Y), b.weigh(self._inverse, self._g))))
+
+    def solve(self, Zdd: Mapping[str, Block]) -> dict[str, Block]:
+        """The unknowns of its joints by body."""
+        b, right = self.k.builder, self._g
+        first = self.k.motions[self.branch.bodies[0]].tree_joint.joint
+        with b.section("accelerations", first.name, "zdd = H^-1 (h - G^T Zdd_P)", first.span.place):
+            if self.branch.carrier != GROUND:
+                right = b.sub(right, b.mul(self._Y, Zdd[self.branch.carrier]))
+            self._zdd = b.label(b.backward(self._lower, b.weigh(self._inverse, right)), f"zdd_{self.name}")
+            return self._parted(self._zdd)
+
+    def _parted(self, unknown: Block) -> dict[str, Block]:
+        """Each joint's own; those of balls in the axes of the body that carries them."""
+        b, found, start = self.k.builder, {}, 0
+        for body in self.unknowns:
+            motion, end = self.k.motions[body], start + self.subspaces[body].shape[1]
+            part = b.take(unknown, (start, end))
+            if motion.centre is not None:
+                part = b.mul(b.transpose(self.k.frames[motion.tree_joint.parent].R), part)
+            found[body] = b.label(part, f"vdot_{motion.tree_joint.joint.name.replace('.', '_')}")
+            start = end
+        return found
+
+    def corrections(self) -> dict[str, Block]:
+        """a (J zdd + s') by cut joint."""
+        return {loop.joint.name: self._correction(loop) for loop in self.loops}
+
+    def _correction(self, loop: LoopClosure) -> Block:
+        b, name = self.k.builder, loop.joint.name
+        with b.section("multipliers", name, "lambda <- lambda + a (J zdd + s')", loop.joint.span.place):
+            error = b.add(b.mul(self._rows[name], self._zdd), self._drift[name])
+            return b.label(b.scale(self.numbers.penalty, error), f"correction_{name.replace('.', '_')}")
+
+
+_EQUATION = "H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h"

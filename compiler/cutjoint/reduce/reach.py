@@ -1,0 +1,91 @@
+"""Mechanisms that no output can feel are dropped.
+
+Bodies act on each other through joints and forces, but not through the ground, nor through bodies whose motion is given by guides alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from cutjoint.formulate.forces import is_active
+from cutjoint.model.records import GROUND, SPEEDS, Body, JointForce, Model, Reaction, RodForce, Scene
+from cutjoint.reduce.records import Note, Outcome
+from cutjoint.reduce.rename import bodies_of
+
+
+def drop_unreached(model: Model, scene: Scene) -> Outcome:
+    """The pass: keeps the bodies that are joined, directly or not, to one that an output is about."""
+    given = _given_motion(model)
+    group = _groups(model, scene, given)
+    asked = {o.element for o in scene.outputs}
+    wanted = {group[b] for element in _elements(model) if element.name in asked for b in _felt(element, model) if b in group}
+    gone = {b for b in group if group[b] not in wanted} if wanted else set()
+    return _without(model, scene, gone)
+
+
+def _elements(model: Model) -> Iterable[Any]:
+    return (*model.bodies, *model.joints, *model.forces, *model.reactions, *model.markers)
+
+
+def _felt(element: Any, model: Model) -> set[str]:
+    """The bodies on which an element's quantities depend."""
+    joints = {joint.name: joint for joint in model.joints}
+    match element:
+        case Body():
+            return {element.name}
+        case JointForce() | Reaction():
+            joint = joints[element.joint]
+            return {joint.base, joint.follower} | bodies_of(element)
+        case RodForce():
+            return {body for rod, _ in element.pushes for body in (joints[rod].base, joints[rod].follower)}
+    return bodies_of(element)
+
+
+def _given_motion(model: Model) -> set[str]:
+    """The ground, and bodies that guides alone lead to."""
+    given, grows = {GROUND}, True
+    while grows:
+        found = {
+            other for j in model.joints if (j.guide is not None or not SPEEDS[j.kind]) and not j.cut
+            for one, other in ((j.base, j.follower), (j.follower, j.base)) if one in given and other not in given
+        }  # fmt: skip
+        grows = bool(found)
+        given |= found
+    return given
+
+
+def _groups(model: Model, scene: Scene, given: set[str]) -> dict[str, str]:
+    """The bodies that move, each with the name of those that it acts on."""
+    group = {body.name: body.name for body in model.bodies if body.name not in given}
+    links = [bodies_of(joint) for joint in model.joints]
+    links += [bodies_of(force) for force in model.forces if is_active(force, scene)]
+    for ends in links:
+        moving = sorted(ends & group.keys())
+        for other in moving[1:]:
+            first, last = group[moving[0]], group[other]
+            group = {body: first if g == last else g for body, g in group.items()}
+    return group
+
+
+def _without(model: Model, scene: Scene, gone: set[str]) -> Outcome:
+    if not gone:
+        return Outcome(model=model, scene=scene)
+    joints = tuple(j for j in model.joints if not bodies_of(j) & gone)
+    names = {j.name for j in joints}
+    forces = tuple(
+        f for f in model.forces if not bodies_of(f) & gone and (not isinstance(f, JointForce) or f.joint in names)
+    )  # fmt: skip
+    reactions = tuple(r for r in model.reactions if isinstance(r, RodForce) or (r.joint in names and r.body not in gone))
+    smaller = replace(
+        model, bodies=tuple(b for b in model.bodies if b.name not in gone), joints=joints, forces=forces, reactions=reactions,
+        markers=tuple(m for m in model.markers if m.body not in gone),
+    )  # fmt: skip
+    positions, rates = (
+        {key: value for key, value in states.items() if key.rpartition(".")[0] in names} for states in (scene.positions, scene.rates)
+    )
+    notes = tuple(
+        Note(element=body.name, words="is dropped: no output can feel it", span=body.span) for body in model.bodies if body.name in gone
+    )
+    return Outcome(model=smaller, scene=replace(scene, positions=positions, rates=rates), done=notes)

@@ -1,0 +1,30 @@
+"""Elements that change hands when a body is taken out of a model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from cutjoint.model.records import Model
+
+
+def hand_over(model: Model, body: str, to: str) -> Model:
+    """The model without a body; what stands on it stands on another that moves with it."""
+    return replace(
+        model,
+        bodies=tuple(b for b in model.bodies if b.name != body),
+        joints=tuple(_handed(joint, body, to) for joint in model.joints),
+        forces=tuple(_handed(force, body, to) for force in model.forces),
+        reactions=tuple(_handed(reaction, body, to) for reaction in model.reactions),
+        markers=tuple(_handed(marker, body, to) for marker in model.markers),
+    )
+
+
+def _handed(element: Any, body: str, to: str) -> Any:
+    changed = {name: to for name in ("base", "follower", "body") if getattr(element, name, None) == body}
+    return replace(element, **changed) if changed else element
+
+
+def bodies_of(element: Any) -> set[str]:
+    """The bodies that an element stands on; a force on a joint's coordinate names none."""
+    return {getattr(element, name) for name in ("base", "follower", "body") if hasattr(element, name)}

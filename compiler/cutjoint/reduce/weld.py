@@ -1,0 +1,92 @@
+"""Bodies that never move against each other become one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import sympy
+
+from cutjoint.formulate.inputs import guide_rates
+from cutjoint.model.records import GROUND, Body, Joint, JointKind, Marker, Model, Output, Scene
+from cutjoint.reduce.records import Note, Outcome
+from cutjoint.reduce.rename import hand_over
+
+_MOTION = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az")
+
+
+def weld_bodies(model: Model, scene: Scene) -> Outcome:
+    """The pass: fixed joints, and joints whose guides keep them in the design position throughout the scene."""
+    outcome = Outcome(model=model, scene=scene)
+    for joint in model.joints:
+        if joint.kind is JointKind.FIXED or _at_rest(joint, model, scene):
+            outcome = _weld(outcome, next(j for j in outcome.model.joints if j.name == joint.name))
+    return outcome
+
+
+def _at_rest(joint: Joint, model: Model, scene: Scene) -> bool:
+    """Whether a guide is nought whatever the time and the open parameters are."""
+    return joint.guide is not None and all(guide_rates(law, model, scene)[0] == 0 for law in joint.guide)
+
+
+def _weld(outcome: Outcome, joint: Joint) -> Outcome:
+    reason = _obstacle(outcome, joint)
+    if reason:
+        return replace(outcome, left=(*outcome.left, Note(element=joint.name, words=f"stays: {reason}", span=joint.span)))
+    kept, gone = (joint.base, joint.follower) if joint.follower != GROUND else (joint.follower, joint.base)
+    bodies = {body.name: body for body in outcome.model.bodies}
+    model, scene = outcome.model, outcome.scene
+    if kept != GROUND:
+        model, scene = _kept_centre(model, scene, bodies[kept])
+        merged = _merged(bodies[kept], bodies[gone])
+        model = replace(model, bodies=tuple(merged if b.name == kept else b for b in model.bodies))
+    model, scene = _kept_centre(model, scene, bodies[gone])
+    model = hand_over(replace(model, joints=tuple(j for j in model.joints if j.name != joint.name)), gone, kept)
+    outputs = tuple(replace(o, element=kept, stands_for=o.column) if o.element == gone else o for o in scene.outputs)
+    note = Note(element=joint.name, words=f"does not move: '{gone}' becomes a part of '{kept}'", span=joint.span)
+    return replace(outcome, model=model, scene=replace(scene, outputs=outputs), done=(*outcome.done, note))
+
+
+def _obstacle(outcome: Outcome, joint: Joint) -> str:
+    if joint.base == joint.follower:
+        return "it closes a loop of welded bodies"
+    for name in (o.column for o in outcome.scene.outputs if o.element == joint.name):
+        return f"the output '{name}' asks for it"
+    for reaction in outcome.model.reactions:
+        if getattr(reaction, "joint", "") == joint.name:
+            return f"'{reaction.name}' is its reaction"
+    return ""
+
+
+def _kept_centre(model: Model, scene: Scene, body: Body) -> tuple[Model, Scene]:
+    """Reported motion of the body's own centre of mass becomes that of a marker there."""
+    asked = [o for o in scene.outputs if o.element == body.name and o.quantity in _MOTION]
+    if not asked:
+        return model, scene
+    taken = {e.name for group in (model.bodies, model.joints, model.forces, model.reactions, model.markers) for e in group}
+    name = f"{body.name}.centre"
+    while name in taken:
+        name += "_"
+    marker = Marker(name=name, body=body.name, point=body.centre_of_mass, span=body.span)
+    outputs = tuple(_at_marker(o, name) if o in asked else o for o in scene.outputs)
+    return replace(model, markers=(*model.markers, marker)), replace(scene, outputs=outputs)
+
+
+def _at_marker(output: Output, marker: str) -> Output:
+    return replace(output, element=marker, stands_for=output.column)
+
+
+def _merged(a: Body, b: Body) -> Body:
+    """Both masses, the common centre, and the inertia about it (Steiner)."""
+    if b.mass == 0:
+        return a
+    if a.mass == 0:
+        return replace(b, name=a.name, span=a.span)
+    mass = a.mass + b.mass
+    centre = tuple((a.mass * p + b.mass * q) / mass for p, q in zip(a.centre_of_mass, b.centre_of_mass, strict=True))
+    J = sympy.zeros(3, 3)
+    for body in (a, b):
+        xx, yy, zz, xy, xz, yz = body.inertia
+        d = sympy.Matrix(body.centre_of_mass) - sympy.Matrix(centre)
+        J += sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + body.mass * (d.dot(d) * sympy.eye(3) - d * d.T)
+    inertia = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
+    return replace(a, mass=mass, centre_of_mass=centre, inertia=inertia)
