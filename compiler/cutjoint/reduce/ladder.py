@@ -48,6 +48,5 @@ def climb(model: Model, scene: Scene, passes: Sequence[tuple[str, Pass]] = EXACT
 
 def step(below: Rung, name: str, outcome: Outcome, *, exact: bool = True) -> Rung:
     """The rung after a pass."""
-    return Rung(
-        name=name, model=outcome.model, scene=outcome.scene, exact=below.exact and exact, notes=below.notes + outcome.done, left=outcome.left
-    )
+    notes = below.notes + outcome.done
+    return Rung(name=name, model=outcome.model, scene=outcome.scene, exact=below.exact and exact, notes=notes, left=outcome.left)

@@ -25,7 +25,7 @@ def weld_bodies(model: Model, scene: Scene) -> Outcome:
 
 def _at_rest(joint: Joint, model: Model, scene: Scene) -> bool:
     """Whether a guide is nought whatever the time and the open parameters are."""
-    return joint.guide is not None and all(guide_rates(law, model, scene)[0] == 0 for law in joint.guide)
+    return joint.guide is not None and all(bool(guide_rates(law, model, scene)[0].is_zero) for law in joint.guide)
 
 
 def _weld(outcome: Outcome, joint: Joint) -> Outcome:

@@ -6,71 +6,100 @@ equation, since only motion relative to it counts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 
 from cutjoint.model.records import GROUND, Joint
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.records import Branch, TreeJoint
 
 #: The most unknowns of a branch: the cost of a dense matrix grows with their cube, that of the recursion with their number.
-MOST_UNKNOWNS = 9
+MOST_UNKNOWNS = 12
 
 
 def find_branches(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[Branch, ...]:
-    """The largest branches of at most MOST_UNKNOWNS unknowns, outermost carriers last."""
-    below = _Below(tree)
-    branches: list[Branch] = []
-    for carrier in (GROUND, *(t.child for t in tree if degrees(t.joint))):
-        taken = {b for branch in branches for b in branch.bodies}
-        if carrier not in taken:
-            branches += [b for b in below.branches(carrier, cuts) if below.unknowns(b.bodies) <= MOST_UNKNOWNS]
-    return tuple(branches)
+    """The largest branches of at most MOST_UNKNOWNS unknowns, in the order of their first bodies."""
+    graph = _Graph(tree, cuts)
+    order = {t.child: i for i, t in enumerate(tree)}
+    return tuple(sorted(graph.branches(), key=lambda branch: order[branch.bodies[0]]))
 
 
-class _Below:
-    """Who is below whom, bodies of known motion counting as those that carry them."""
+class _Graph:
+    """Who carries whom.  A body of known motion counts as the one that carries it."""
 
-    def __init__(self, tree: Sequence[TreeJoint]) -> None:
-        self._joint = {t.child: t for t in tree}
-
-    def unknowns(self, bodies: Sequence[str]) -> int:
-        return sum(degrees(self._joint[b].joint) for b in bodies)
-
-    def top(self, body: str) -> str:
-        """The body that carries this one, itself unless its motion is known."""
-        while body != GROUND and degrees(self._joint[body].joint) == 0:
-            body = self._joint[body].parent
-        return body
-
-    def root(self, body: str, carrier: str) -> str | None:
-        """The body on the way to the carrier whose joint is next to it; None where the carrier is not on the way."""
-        body = self.top(body)
-        while body not in (GROUND, carrier):
-            parent = self.top(self._joint[body].parent)
-            if parent == carrier:
-                return body
-            body = parent
-        return None
-
-    def branches(self, carrier: str, cuts: Sequence[Joint]) -> list[Branch]:
-        """Its subtrees that are closed in themselves, by connected ones."""
-        roots = {t.child: self.root(t.child, carrier) for t in self._joint.values()}
-        group = {root: root for root in roots.values() if root is not None}
-        open_roots, inside = set(), []
+    def __init__(self, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> None:
+        self._tree, self._cuts = tree, cuts
+        self._top = {GROUND: GROUND}
+        self._carrier: dict[str, str] = {}
+        self._carried: dict[str, list[str]] = defaultdict(list)
+        for t in tree:
+            self._top[t.child] = t.child if degrees(t.joint) else self._top[t.parent]
+            if degrees(t.joint):
+                self._carrier[t.child] = self._top[t.parent]
+                self._carried[self._top[t.parent]].append(t.child)
+        self._unknowns = self._summed({t.child: degrees(t.joint) for t in tree if degrees(t.joint)})
+        self._linked: dict[str, list[tuple[str, str]]] = defaultdict(list)
+        self._open: set[str] = set()
+        meets: dict[str, int] = defaultdict(int)
         for cut in cuts:
-            ends = [(body, roots.get(body)) for body in (cut.base, cut.follower)]
-            found = [root for _, root in ends if root is not None]
-            if any(root is None and self.top(body) != carrier for body, root in ends):
-                open_roots.update(found)
-            elif found:
-                inside.append((cut, found[0]))
-                first, last = group[found[0]], group[found[-1]]
-                group = {root: first if g == last else g for root, g in group.items()}
-        chosen = [g for g in dict.fromkeys(group.values()) if not any(group[r] == g for r in open_roots)]
-        return [b for g in chosen if (b := self._branch(carrier, g, roots, group, inside)).cuts]
+            meets[self._link(cut)] += 1
+        self._closed = self._summed(meets)
 
-    def _branch(
-        self, carrier: str, chosen: str, roots: Mapping[str, str | None], group: Mapping[str, str], inside: Sequence[tuple[Joint, str]]
-    ) -> Branch:  # fmt: skip
-        bodies = tuple(b for b, root in roots.items() if root is not None and group[root] == chosen)
-        return Branch(carrier=carrier, bodies=bodies, cuts=tuple(cut.name for cut, root in inside if group[root] == chosen))
+    def _summed(self, own: dict[str, int]) -> dict[str, int]:
+        """Of each body and all that it carries."""
+        total = {body: own.get(body, 0) for body in self._carrier}
+        for body in reversed(self._carrier):
+            if self._carrier[body] != GROUND:
+                total[self._carrier[body]] += total[body]
+        return total
+
+    def _link(self, cut: Joint) -> str:
+        """The body where the paths from a cut joint's ends meet; bodies further out than next to it are open."""
+        paths = [self._path(self._top[body]) for body in (cut.base, cut.follower)]
+        meet = next(body for body in paths[0] if body in set(paths[1]))
+        below = [path[: path.index(meet)] for path in paths]
+        for path in below:
+            self._open.update(path[:-1])
+        roots = [path[-1] for path in below if path]
+        if roots:
+            self._linked[meet].append((roots[0], roots[-1]))
+        return meet
+
+    def _path(self, body: str) -> list[str]:
+        path = [body]
+        while path[-1] != GROUND:
+            path.append(self._carrier[path[-1]])
+        return path
+
+    def branches(self) -> Iterator[Branch]:
+        """From the ground outwards; within a branch none is looked for."""
+        carriers = [GROUND]
+        for carrier in carriers:
+            for roots in self._groups(carrier):
+                closed = sum(self._closed[root] for root in roots) + sum(a in roots for a, _ in self._linked[carrier])
+                small = sum(self._unknowns[root] for root in roots) <= MOST_UNKNOWNS
+                if closed and small and not self._open & set(roots):
+                    yield self._branch(carrier, set(roots))
+                else:
+                    carriers += roots
+
+    def _groups(self, carrier: str) -> list[list[str]]:
+        """The bodies next to a carrier, those that cut joints connect together."""
+        group = {body: body for body in self._carried[carrier]}
+        for a, b in self._linked[carrier]:
+            first, last = group[a], group[b]
+            if first != last:
+                group = {body: first if g == last else g for body, g in group.items()}
+        members: dict[str, list[str]] = defaultdict(list)
+        for body, g in group.items():
+            members[g].append(body)
+        return list(members.values())
+
+    def _branch(self, carrier: str, roots: set[str]) -> Branch:
+        inside = set(roots)
+        for body, below in self._carrier.items():
+            if below in inside:
+                inside.add(body)
+        bodies = tuple(t.child for t in self._tree if self._top[t.child] in inside)
+        cuts = tuple(c.name for c in self._cuts if inside & {self._top[c.base], self._top[c.follower]})
+        return Branch(carrier=carrier, bodies=bodies, cuts=cuts)

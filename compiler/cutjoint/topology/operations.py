@@ -1,17 +1,18 @@
 """Predicted operations of one evaluation, from the body graph alone.
 
 What a joint's kinematics and a cut joint's equations take is a table by kind: the means counted in the programs of random
-mechanisms.  What the condensation takes is counted from its formulas (formulate/recursion.py) with dense blocks.  Forces are left out:
-they cost the same whatever is cut.
+mechanisms.  What the condensation takes is counted from its formulas (formulate/recursive/) with dense blocks.  Forces are left out: they
+cost the same whatever is cut.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cutjoint.model.records import GROUND, Joint, JointKind, Model
+from cutjoint.model.records import GROUND, SPEEDS, Joint, JointKind, Model
+from cutjoint.topology.branches import find_branches
 from cutjoint.topology.elimination import degrees
-from cutjoint.topology.records import TreeJoint
+from cutjoint.topology.records import Branch, TreeJoint
 
 K = JointKind
 
@@ -39,11 +40,15 @@ def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[J
     upright = _reached(tree, [t for t in tree if t.joint.kind in (K.FIXED, K.PRISMATIC)])
     moving = [t for t in tree if t.child not in still]
     turning = {t.child for t in moving} - upright
+    branches = find_branches(tree, cuts)
+    within = {body for branch in branches for body in branch.bodies}
+    closing = [cut for cut in cuts if not any(cut.name in branch.cuts for branch in branches)]
     return (
         BODY * len({b.name for b in model.bodies if b.mass != 0} & turning)
         + sum(PLACING[t.joint.kind][t.parent in turning] for t in moving)
-        + sum(_condensation(t, coupled[t.child] - still, t.parent not in still) for t in moving)
-        + _closing(tree, cuts, still)
+        + sum(_condensation(t, coupled[t.child] - still, t.parent not in still) for t in moving if t.child not in within)
+        + _closing(tree, closing, still)
+        + sum(_branched(branch, tree, cuts) for branch in branches)
     )
 
 
@@ -94,3 +99,32 @@ def _projection(t: TreeJoint, s: int, inner: bool) -> int:
         return 0
     k, width = degrees(t.joint), 5 if t.joint.kind is K.PRISMATIC or not inner else 11
     return width * (6 * k * (1 + s) + k * (k + 1) // 2)
+
+
+#: Residual and stabilisation of an equation of a cut joint in a branch.
+EQUATION = 45
+
+
+def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> int:
+    """Operations of composing and factorising the matrix of a branch, of what it passes on, and of its way back."""
+    joint_of = {t.child: t for t in tree}
+    carriers = {body: _carriers(body, branch, joint_of) for body in branch.bodies}
+    unknowns = {body: degrees(joint_of[body].joint) for body in branch.bodies}
+    n = sum(unknowns.values())
+    total = sum(30 + 40 * k for k in unknowns.values())
+    total += sum(11 * unknowns[i] * unknowns[j] for j in branch.bodies for i in carriers[j])
+    for cut in (c for c in cuts if c.name in branch.cuts):
+        ends = [set(carriers.get(body, ())) for body in (cut.base, cut.follower)]
+        m, w = 6 - len(SPEEDS[cut.kind]), sum(unknowns[body] for body in ends[0] ^ ends[1])
+        total += m * (EQUATION + 11 * w + w * (w + 1) + 4 * w)
+    passed_on = 6 * n * n + 48 * n if branch.carrier != GROUND else 0
+    return total + n**3 // 3 + 3 * n * n + passed_on
+
+
+def _carriers(body: str, branch: Branch, joint_of: Mapping[str, TreeJoint]) -> list[str]:
+    """The body and those of its branch that carry it."""
+    found = []
+    while body in branch.bodies:
+        found.append(body)
+        body = joint_of[body].parent
+    return found
