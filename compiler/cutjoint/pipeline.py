@@ -45,6 +45,9 @@ from cutjoint.topology.records import Topology
 
 METHODS = ("recursive", "augmented", "classical")
 
+#: What each iteration of a step calls, by method.
+ITERATIONS = {"recursive": "evaluate", "augmented": "linearise", "classical": "linearise"}
+
 #: Linear solvers of the Lagrangian methods: the emitted factorisation, and libraries.
 SOLVERS = ("emitted", "eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack")
 
@@ -84,7 +87,7 @@ class Artifact:
     @property
     def iteration(self) -> str:
         """The function that each iteration of a step calls."""
-        return "evaluate" if self.method == "recursive" else "linearise"
+        return ITERATIONS[self.method]
 
     @property
     def mechanism(self) -> RecursiveEquations:

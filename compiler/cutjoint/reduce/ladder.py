@@ -5,48 +5,87 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import ITERATIONS, generate
+from cutjoint.reduce.light import lighten_links
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.plane import drop_idle_equations
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
 from cutjoint.reduce.weld import weld_bodies
 
-#: Passes that leave the motion as it is, in the order in which they are tried.
-EXACT: tuple[tuple[str, Pass], ...] = (
-    ("reached", drop_unreached), ("welded", weld_bodies), ("links", shorten_links), ("plane", drop_idle_equations),
-)  # fmt: skip
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """A pass by name; ``exact`` tells that it leaves the motion as it is."""
+
+    name: str
+    reduce: Pass
+    exact: bool = True
+
+
+#: The passes in the order in which they are tried.
+STEPS: tuple[Step, ...] = (
+    Step(name="reached", reduce=drop_unreached),
+    Step(name="welded", reduce=weld_bodies),
+    Step(name="links", reduce=shorten_links),
+    Step(name="plane", reduce=drop_idle_equations),
+    Step(name="light", reduce=lighten_links, exact=False),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rung:
-    """A model of the ladder: ``name`` is the last pass that changed it, ``notes`` what all passes did, ``left`` what they left and why.
+    """A model of the ladder: ``name`` is the last pass that changed it, ``done`` what the passes up to it did, ``left`` what it left.
 
-    ``exact`` tells that its motion is the full model's.
+    ``exact`` tells that its motion is the full model's; ``operations`` are those of an evaluation, ``unknowns`` and ``equations`` the
+    numbers of coordinates and of the cut joints' equations.
     """
 
     name: str
     model: Model
     scene: Scene
-    exact: bool = True
-    notes: tuple[Note, ...] = ()
+    method: str
+    exact: bool
+    operations: int
+    unknowns: int
+    equations: int
+    done: tuple[Note, ...] = ()
     left: tuple[Note, ...] = ()
 
 
-def climb(model: Model, scene: Scene, passes: Sequence[tuple[str, Pass]] = EXACT) -> list[Rung]:
-    """The full model first, then a rung for every pass that changed something."""
-    rungs = [Rung(name="full", model=model, scene=scene)]
-    left: tuple[Note, ...] = ()
-    for name, reduce in passes:
+def climb(model: Model, scene: Scene, method: str = "recursive", *, approximate: bool = False) -> list[Rung]:
+    """The full model first, then a rung for every pass that lowers the operations of a method.
+
+    Raises:
+        ModelError, TopologyError, RunError: the full model is wrong, or the method does not take it.
+    """
+    rungs = [_rung("full", Outcome(model=model, scene=scene), method, exact=True)]
+    for step in (s for s in STEPS if s.exact or approximate):
         below = rungs[-1]
-        outcome = reduce(below.model, below.scene)
-        left += outcome.left
-        if outcome.done:
-            rungs.append(step(below, name, outcome))
-    return [replace(rung, left=left) for rung in rungs]
+        outcome = step.reduce(below.model, below.scene)
+        if not outcome.done:
+            rungs[-1] = replace(below, left=below.left + outcome.left)
+            continue
+        above = _rung(step.name, outcome, method, exact=below.exact and step.exact)
+        if above.operations < below.operations:
+            rungs.append(replace(above, done=below.done + outcome.done, left=below.left + outcome.left))
+        else:
+            rungs[-1] = replace(below, left=(*below.left, *_dearer(outcome.done, step.name, above.operations, below.operations)))
+    return rungs
 
 
-def step(below: Rung, name: str, outcome: Outcome, *, exact: bool = True) -> Rung:
-    """The rung after a pass."""
-    notes = below.notes + outcome.done
-    return Rung(name=name, model=outcome.model, scene=outcome.scene, exact=below.exact and exact, notes=notes, left=outcome.left)
+def _rung(name: str, outcome: Outcome, method: str, *, exact: bool) -> Rung:
+    equations, program, _ = generate(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
+    unknowns = equations.speed_names if isinstance(equations, RecursiveEquations) else equations.coordinate_names
+    return Rung(
+        name=name, model=outcome.model, scene=outcome.scene, method=method, exact=exact, unknowns=len(unknowns),
+        operations=program.operations(ITERATIONS[method]), equations=len(equations.equation_names),
+    )  # fmt: skip
+
+
+def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[Note]:
+    """What a pass found and what is not done since it would cost more."""
+    words = f"stays: the pass '{name}' would take {found} operations in place of {before}"
+    return [replace(note, words=words) for note in notes]

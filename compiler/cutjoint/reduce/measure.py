@@ -1,0 +1,69 @@
+"""What the rungs of a ladder cost, and how far they are from the full model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+
+from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.reduce.ladder import Rung
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError
+
+#: Units of places and angles, by which runs are compared.
+PLACES = ("m", "rad")
+
+#: Timed runs, of which the fastest counts.
+REPETITIONS = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """A rung's run at one step: the fastest of several in ``seconds``, and the distance from another run, see `distance`."""
+
+    seconds: float
+    error: float
+    failure: str = ""
+
+
+def distance(run: Trajectory, truth: Trajectory) -> float:
+    """The largest difference of a column in m or rad over the rows that both runs have; infinite where there is none.
+
+    Raises:
+        RunError: no column is a place or an angle.
+    """
+    names = [name for name, unit in truth.units.items() if unit in PLACES]
+    if not names:
+        raise RunError("no output is a place or an angle to compare runs by; add one to the scene's outputs, such as body.x")
+    if run.failure is not None:
+        return inf
+    apart = truth.t[1] - truth.t[0] if len(truth.t) > 1 else 1.0
+    nearest = np.clip(np.searchsorted(truth.t, run.t - apart / 2), 0, len(truth.t) - 1)
+    same = np.abs(truth.t[nearest] - run.t) < 1e-3 * apart
+    if not same.any():
+        return inf
+    return max(float(np.abs(run[name][same] - truth[name][nearest[same]]).max()) for name in names)
+
+
+def measure_rungs(
+    rungs: Sequence[Rung], *, dt: float | None = None, parameters: Mapping[str, float] | None = None
+) -> list[Cost]:
+    """Each rung compiled and run at the same step (s); errors are distances from the first rung's run."""
+    costs: list[Cost] = []
+    truth: Trajectory | None = None
+    for rung in rungs:
+        artifact = compile_scene(rung.model, rung.scene, method=rung.method)
+        run = simulate(artifact, dt=dt, parameters=parameters)
+        truth = truth or run
+        costs.append(replace(time_run(artifact, dt, parameters), error=distance(run, truth)))
+    return costs
+
+
+def time_run(artifact: Artifact, dt: float | None, parameters: Mapping[str, float] | None = None) -> Cost:
+    """The fastest of several runs."""
+    runs = [simulate(artifact, dt=dt, parameters=parameters) for _ in range(REPETITIONS)]
+    failure = next((str(run.failure) for run in runs if run.failure is not None), "")
+    return Cost(seconds=min(run.seconds for run in runs), error=inf, failure=failure)
