@@ -187,7 +187,18 @@ class Scene(Part):
     switches: dict[StrictStr, StrictBool] = Field(default={})
     road: Road = Road()
     numerics: Numerics = Numerics()
+    method: Literal["auto", "recursive", "augmented", "classical"] | None = None
+    tolerance: Number | None = None
+    budget: Number | None = None
     outputs: tuple[StrictStr, ...] | None = None
+
+    @model_validator(mode="after")
+    def _told_how_exact(self) -> Scene:
+        if (self.method == "auto") != (self.tolerance is not None):
+            raise shape_error("'method: auto' and 'tolerance' go together", "write both, such as method: auto, tolerance: 1 mm")
+        if self.budget is not None and self.method != "auto":
+            raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
+        return self
 
 
 class Document(Elements):

@@ -387,7 +387,9 @@ class Scene:
 
     ``pose`` is "design" or "equilibrium".  ``positions`` and ``rates`` give initial joint coordinates and
     speeds by ``joint.coordinate``; ``inputs`` gives inputs as expressions of ``t`` (one that is not given
-    keeps its parameter's value); ``switches`` turns forces on and off by their full names.
+    keeps its parameter's value); ``switches`` turns forces on and off by their full names.  ``method`` is the
+    formulation that the scene wants ("" for the default) or "auto", which picks model, formulation and step so
+    that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as real time.
     """
 
     name: str
@@ -402,6 +404,9 @@ class Scene:
     numerics: Numerics
     outputs: tuple[Output, ...]
     span: Span
+    method: str = ""
+    tolerance: float | None = None
+    budget: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -83,7 +83,15 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         numerics=numerics,
         outputs=outputs,
         span=where.span,
+        method=scene.method or "",
+        tolerance=_above_zero(where, scene.tolerance, "tolerance"),
+        budget=_above_zero(where, scene.budget, "budget"),
     )
+
+
+def _above_zero(where: Element, value: int | float | str | None, key: str) -> float | None:
+    """A number of whatever unit, when it is given."""
+    return None if value is None else _positive(where, where.number(value, None, (key,)), (key,))
 
 
 def _positive(where: Element, value: float, keys: Path) -> float:

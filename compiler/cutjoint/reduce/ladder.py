@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import ITERATIONS, generate
@@ -78,6 +79,7 @@ def climb(model: Model, scene: Scene, method: str = "recursive", *, approximate:
 
 def _rung(name: str, outcome: Outcome, method: str, *, exact: bool) -> Rung:
     equations, program, _ = generate(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
+    assert isinstance(equations, RecursiveEquations | LagrangianEquations)
     unknowns = equations.speed_names if isinstance(equations, RecursiveEquations) else equations.coordinate_names
     return Rung(
         name=name, model=outcome.model, scene=outcome.scene, method=method, exact=exact, unknowns=len(unknowns),

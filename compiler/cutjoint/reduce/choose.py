@@ -1,0 +1,203 @@
+"""`method: auto`: the cheapest model, formulation and step that keep a scene's tolerance, found by calibration runs.
+
+The truth is the full model at steps that are halved until nothing changes any more.  Every rung of every method's ladder is then tried with
+steps that are whole fractions or multiples of the distance of the scene's rows, and timed at the longest that keeps the tolerance.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
+from math import ceil, floor, inf
+from typing import Any
+
+from cutjoint.bench.cases import common_step
+from cutjoint.model.errors import ModelError
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
+from cutjoint.reduce.ladder import STEPS, Rung, climb
+from cutjoint.reduce.measure import distance, time_run
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError
+from cutjoint.run.simulator import SimulatorError
+from cutjoint.toolchain.build import cache_folder, runtime_digest
+from cutjoint.version import __version__
+
+#: The share of the tolerance that a choice may use, since it is measured against a truth that has an error of its own.
+SHARE = 0.8
+
+#: The share that the last halving of the truth's step may move it by: at order two a third of that is left.
+SETTLED = 0.1
+
+#: Steps are tried as multiples of the scene's own for the method: from longer ones down.
+LONGEST, SHORTEST = 16, 2**-9
+
+#: The truth's step is halved at most so often.
+MOST_HALVINGS = 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A rung with a method at a step (s): its distance from the truth and its time in s; or why it was left."""
+
+    rung: str
+    method: str
+    dt: float
+    error: float
+    seconds: float
+    failure: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """What was picked; ``evidence`` are all candidates, one for each rung of each method, ``settled`` how far the truth still moved."""
+
+    picked: Candidate
+    evidence: tuple[Candidate, ...]
+    settled: float
+
+
+def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> Choice:
+    """The choice for a scene with a tolerance, from the cache where it was made before.
+
+    Raises:
+        RunError: nothing keeps the tolerance or the budget; the message says what came nearest.
+    """
+    kept = cache_folder() / "choices" / f"{_key(model, scene, parameters)}.json"
+    if not kept.exists():
+        made = _calibrate(model, scene, parameters or {})
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.write_text(json.dumps(asdict(made)), encoding="utf-8")
+    return _from_json(json.loads(kept.read_text(encoding="utf-8")))
+
+
+def chosen_rung(model: Model, scene: Scene, choice: Choice) -> Rung:
+    """The rung that was picked, with its step as the scene's own."""
+    picked = choice.picked
+    rung = next(r for r in climb(model, scene, picked.method, approximate=True) if r.name == picked.rung)
+    step = common_step(picked.dt, rung.scene.output_step)
+    numerics = replace(rung.scene.numerics, methods={**rung.scene.numerics.methods, picked.method: _own(rung.scene, picked)})
+    return replace(rung, scene=replace(rung.scene, numerics=numerics, output_step=step))
+
+
+def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
+    return {**scene.numerics.methods.get(picked.method, {}), "dt": picked.dt}
+
+
+def _key(model: Model, scene: Scene, parameters: Mapping[str, float] | None) -> str:
+    about = (__version__, [step.name for step in STEPS], runtime_digest(), model.text, repr(scene), sorted((parameters or {}).items()))
+    return sha256(repr(about).encode()).hexdigest()[:32]
+
+
+def _from_json(data: dict[str, Any]) -> Choice:
+    evidence = tuple(Candidate(**c) for c in data["evidence"])
+    return Choice(picked=Candidate(**data["picked"]), evidence=evidence, settled=data["settled"])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Truth:
+    run: Trajectory
+    settled: float
+
+
+def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
+    assert scene.tolerance is not None
+    truth = _find_truth(model, scene, parameters)
+    evidence = tuple(_candidates(model, scene, parameters, truth))
+    good = [c for c in evidence if not c.failure]
+    if not good:
+        raise RunError(f"{scene.span}: scene '{scene.name}': nothing keeps the tolerance of {scene.tolerance:g}: {_nearest(evidence)}")
+    picked = min(good, key=lambda c: c.seconds)
+    if scene.budget is not None and scene.end / picked.seconds < scene.budget:
+        found = f"the fastest that keeps the tolerance is {scene.end / picked.seconds:.3g} times as fast as real time"
+        raise RunError(f"{scene.span}: scene '{scene.name}': budget {scene.budget:g}: {found}; hint: write a larger tolerance")
+    return Choice(picked=picked, evidence=evidence, settled=truth.settled)
+
+
+def _nearest(evidence: Sequence[Candidate]) -> str:
+    ran = [c for c in evidence if c.error < inf]
+    if not ran:
+        return "; ".join(f"{c.method}: {c.failure}" for c in evidence)
+    best = min(ran, key=lambda c: c.error)
+    return f"{best.method} ({best.rung}) came to {best.error:.2g}; hint: write a larger tolerance"
+
+
+def _run(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Trajectory:
+    """A run whose rows are some of the scene's."""
+    scene = artifact.scene
+    return simulate(replace(artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step))), dt=dt, parameters=parameters)
+
+
+def _find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> _Truth:
+    """The full model by the first method that settles, Lagrangian ones first: they hold loops by the equations themselves."""
+    assert scene.tolerance is not None
+    reasons = []
+    for method in (*METHODS[1:], METHODS[0]):
+        try:
+            artifact = compile_scene(model, scene, method=method)
+            return _settle(artifact, scene, parameters, SETTLED * scene.tolerance)
+        except (ModelError, RunError, SimulatorError) as error:
+            reasons.append(f"{method}: {error}")
+    raise RunError(f"{scene.span}: scene '{scene.name}': no truth to measure by: " + "; ".join(reasons))
+
+
+def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], enough: float) -> _Truth:
+    before: Trajectory | None = None
+    moved = inf
+    for halving in range(MOST_HALVINGS + 1):
+        dt = _fraction(scene.output_step, scene.numerics.of_method(artifact.method).dt * 2.0**-halving)
+        run = _run(artifact, dt, parameters)
+        if run.failure is not None:
+            if before is not None:
+                break
+            continue
+        moved = distance(before, run) if before is not None else inf
+        before = run
+        if moved <= enough:
+            return _Truth(run=run, settled=moved)
+    raise RunError(f"the motion still changes by {moved:.2g} at the smallest step")
+
+
+def _fraction(row: float, about: float) -> float:
+    """The whole fraction or multiple of the rows' distance that is next below a step."""
+    return row * floor(about / row * (1 + 1e-9)) if about >= row else row / ceil(row / about * (1 - 1e-9))
+
+
+def _candidates(model: Model, scene: Scene, parameters: Mapping[str, float], truth: _Truth) -> Iterator[Candidate]:
+    for method in METHODS:
+        try:
+            rungs = climb(model, scene, method, approximate=True)
+        except (ModelError, RunError) as error:
+            yield Candidate(rung="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error))
+            continue
+        for rung in rungs[-1:] if rungs[-1].exact else [max((r for r in rungs if r.exact), key=rungs.index), rungs[-1]]:
+            yield _try(rung, scene, parameters, truth)
+
+
+def _try(rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: _Truth) -> Candidate:
+    """The longest step that keeps the tolerance, and what a run takes there."""
+    assert scene.tolerance is not None
+    artifact = compile_scene(rung.model, rung.scene, method=rung.method)
+    of = Candidate(rung=rung.name, method=rung.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
+    for dt in _falling(rung.scene, rung.method):
+        try:
+            run = _run(artifact, dt, parameters)
+        except SimulatorError as problem:
+            return replace(of, failure=str(problem))
+        error = distance(run, truth.run)
+        if error <= SHARE * scene.tolerance:
+            at_step = replace(artifact, scene=replace(artifact.scene, output_step=common_step(dt, artifact.scene.output_step)))
+            return replace(of, dt=dt, error=error, seconds=time_run(at_step, dt, parameters).seconds, failure="")
+        if error < of.error:
+            of = replace(of, dt=dt, error=error)
+    return of
+
+
+def _falling(scene: Scene, method: str) -> list[float]:
+    """Steps that share rows with the truth, long ones first: in a ratio of about 1.4."""
+    own = scene.numerics.of_method(method).dt
+    longest = min(LONGEST * own, scene.end / 8)
+    steps = {_fraction(scene.output_step, longest * 2 ** (-k / 2)) for k in range(40)}
+    return sorted((s for s in steps if s >= SHORTEST * own), reverse=True)
