@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ from cutjoint.model.document import json_schema
 from cutjoint.model.errors import ModelError
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
-from cutjoint.model.records import Model, Output
+from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
@@ -120,7 +121,9 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @main.command()
 @_model
 @_scene
-@_method
+@click.option("--method", type=click.Choice(["auto", *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
+              "by default the scene's, else recursive.")
+@click.option("--tolerance", type=click.FloatRange(min=0, min_open=True), help="Of method auto, in m and rad; the scene's otherwise.")
 @click.option("--implementation", type=click.Choice(pipeline.IMPLEMENTATIONS), default="generated", show_default=True,
               help="Code made for the model, or a generic program that interprets it.")
 @click.option("--solver", type=click.Choice(pipeline.SOLVERS), default="emitted", show_default=True,
@@ -134,19 +137,25 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @_reports_errors
 def simulate(
-    model: Path, scene: str | None, method: str, implementation: str, solver: str, precision: str, dt: float | None, end: float | None,
-    changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
+    model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str, precision: str,
+    dt: float | None, end: float | None, changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     from cutjoint.report import tables
 
     parameters = _parameters(changes)
-    if method == "recursive" and solver != "emitted":
+    checked = read_model(model)
+    chosen = pipeline.find_scene(checked, scene)
+    asked = method or chosen.method or "recursive"
+    if asked == "auto":
+        _require_own(implementation=implementation, solver=solver, precision=precision, dt=dt, end=end)
+        checked, chosen, asked = _pick(checked, chosen, tolerance, parameters)
+    if asked == "recursive" and solver != "emitted":
         raise RunError(f"--solver {solver}: the recursive method has no linear solver; use --method augmented or classical")
     with _progress(f"compiling {model.name}"):
         comparison = solver in pipeline.COMPARISON_SOLVERS
-        artifact = pipeline.compile_model(
-            model, scene=scene, method=method, implementation=implementation, comparison=comparison, precision=precision
+        artifact = pipeline.compile_scene(
+            checked, chosen, method=asked, implementation=implementation, comparison=comparison, precision=precision
         )
     with _progress(f"running {artifact.scene.name}") as progress:
         run = pipeline.simulate(
@@ -161,6 +170,51 @@ def simulate(
         where = _place(artifact, run.failure.element) or str(model)
         _err.print(f"{where}: scene '{artifact.scene.name}': {run.failure}; the results up to then are kept", markup=False)
         raise SystemExit(1)
+
+
+def _require_own(**options: Any) -> None:
+    """Method auto picks for itself what these options say."""
+    usual = {"implementation": "generated", "solver": "emitted", "precision": "double", "dt": None, "end": None}
+    for name in (name for name, value in options.items() if value != usual[name]):
+        raise RunError(f"--{name} cannot go with method auto, which runs what it has measured; use --method")
+
+
+def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: dict[str, float]) -> tuple[Model, Scene, str]:
+    """The model, scene and method that method auto picks; it says what and why."""
+    from cutjoint.reduce.choose import choose, chosen_rung
+    from cutjoint.report.ladder import choice_table
+
+    wanted = replace(scene, method="auto", tolerance=tolerance or scene.tolerance)
+    if wanted.tolerance is None:
+        raise RunError(f"{scene.span}: scene '{scene.name}': method auto needs a tolerance; write tolerance: 1 mm, or use --tolerance")
+    with _progress(f"picking what keeps {wanted.tolerance:g} m and rad"):
+        choice = choose(model, wanted, parameters=parameters)
+    _out.print(choice_table(choice, wanted))
+    rung = chosen_rung(model, wanted, choice)
+    return rung.model, rung.scene, rung.method
+
+
+@main.command()
+@_model
+@_scene
+@_method
+@click.option("--approximate", is_flag=True, help="Try passes too that change the motion a little.")
+@click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
+@_set
+@_reports_errors
+def reduce(model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...]) -> None:
+    """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every rung."""
+    from cutjoint.reduce.ladder import climb
+    from cutjoint.reduce.measure import measure_rungs
+    from cutjoint.report.ladder import ladder_table, note_lines
+
+    checked = read_model(model)
+    with _progress(f"reducing {model.name}"):
+        rungs = climb(checked, pipeline.find_scene(checked, scene), method, approximate=approximate)
+        costs = measure_rungs(rungs, dt=dt, parameters=_parameters(changes))
+    _out.print(ladder_table(rungs, costs))
+    for line in note_lines(rungs[-1]):
+        _out.print(line, markup=False)
 
 
 def _place(artifact: Artifact, quantity: str) -> str:

@@ -11,7 +11,9 @@ from tempfile import TemporaryDirectory
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
 from cutjoint.pipeline import COMPARISON_SOLVERS, METHODS, SOLVERS, Artifact, compile_scene, simulate
+from cutjoint.reduce.ladder import climb
 from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
@@ -45,12 +47,16 @@ class OwnRunner:
 
 
 def own_contenders() -> Iterator[Contender]:
-    """Generated code by each method, in the order of METHODS; without lanes; then other solvers of its matrices; then generic twins."""
+    """Generated code by each method in the order of METHODS; without lanes; of the reduced model; other solvers; generic twins."""
     for method in METHODS:
         yield Contender(name=method, label=method, group="generated", prepare=partial(_prepare, method=method))
     for method in METHODS:
         yield Contender(
             name=f"{method}/scalar", label=f"{method}, without lanes", group="scalar", prepare=partial(_prepare, method=method, lanes=False)
+        )
+    for method in METHODS:
+        yield Contender(
+            name=f"{method}/reduced", label=f"{method}, reduced model", group="reduced", prepare=partial(_reduced, method=method)
         )
     for method in METHODS[1:]:
         for solver in SOLVERS:
@@ -64,6 +70,18 @@ def own_contenders() -> Iterator[Contender]:
             name=f"{method}/generic", label=f"{method}, generic twin", group="generic",
             prepare=partial(_prepare, method=method, implementation="generic"),
         )  # fmt: skip
+
+
+def _reduced(case: Case, *, method: str) -> OwnRunner:
+    """The last exact rung of the ladder.
+
+    Raises:
+        RunError: there is none but the full model.
+    """
+    rungs = [rung for rung in climb(case.model, replace(case.scene, outputs=case.outputs), method) if rung.exact]
+    if len(rungs) == 1:
+        raise RunError("no pass makes the model smaller")
+    return OwnRunner(artifact=compile_scene(rungs[-1].model, rungs[-1].scene, method=method), parameters=case.parameters)
 
 
 def precision_contenders() -> Iterator[Contender]:

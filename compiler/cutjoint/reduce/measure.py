@@ -13,8 +13,8 @@ from cutjoint.reduce.ladder import Rung
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 
-#: Units of places and angles, by which runs are compared.
-PLACES = ("m", "rad")
+#: Units of places and angles, by which runs are compared, and quantities in them that are ratios of speeds or follow from a road.
+PLACES, OTHERS = ("m", "rad"), ("slip", "camber", "deflection")
 
 #: Timed runs, of which the fastest counts.
 REPETITIONS = 5
@@ -35,7 +35,7 @@ def distance(run: Trajectory, truth: Trajectory) -> float:
     Raises:
         RunError: no column is a place or an angle.
     """
-    names = [name for name, unit in truth.units.items() if unit in PLACES]
+    names = [name for name, unit in truth.units.items() if unit in PLACES and name.rpartition(".")[2] not in OTHERS]
     if not names:
         raise RunError("no output is a place or an angle to compare runs by; add one to the scene's outputs, such as body.x")
     if run.failure is not None:

@@ -1,0 +1,229 @@
+"""Exact passes: what they do, why they stop, and that the motion stays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.model.records import JointKind, Model, RodForce, Scene
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.reduce.ladder import climb
+from cutjoint.reduce.light import lighten_links
+from cutjoint.reduce.links import shorten_links
+from cutjoint.reduce.plane import drop_idle_equations
+from cutjoint.reduce.reach import drop_unreached
+from cutjoint.reduce.records import Outcome, Pass
+from cutjoint.reduce.weld import weld_bodies
+from cutjoint.run.results import Trajectory
+from tests.conftest import MODELS
+
+#: A crank drives a rocker about another direction by a massless rod; a massless hinged link keeps the rocker's other end on a circle.
+SPATIAL = """\
+cutjoint: 1
+name: spatial
+gravity: [0, 0, -9.81]
+points: {A: [0.2, 0, 0], B: [0.9, 0.35, 0.2], C: [1.02, 0, 0.4], D: [1.05, 0.25, 0.3], S: [1, 0, 0.4]}
+bodies:
+  crank: {mass: 1, centre_of_mass: [0.1, 0, 0], inertia: [0.01, 0.02, 0.02]}
+  carrier: {mass: 3, centre_of_mass: [1, 0.3, 0.1], inertia: [0.1, 0.12, 0.11]}
+  arm: {mass: 2, centre_of_mass: [1, 0.1, 0], inertia: [0.02, 0.01, 0.02]}
+  rod: {massless: true}
+  link: {massless: true}
+joints:
+  crank_pin: {kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, 1, 0]}
+  arm_pin: {kind: revolute, bodies: [ground, arm], at: [1, 0, 0], axis: [1, 0, 0]}
+  ball: {kind: spherical, bodies: [arm, carrier], at: [1, 0.3, 0]}
+  rod_start: {kind: spherical, bodies: [crank, rod], at: A, cut: true}
+  rod_end: {kind: universal, bodies: [carrier, rod], at: B, axis: [1, 0, 0], axis_2: [0, 0, 1]}
+  link_pin: {kind: revolute, bodies: [ground, link], at: C, axis: [1, 0, 0], cut: true}
+  link_ball: {kind: spherical, bodies: [carrier, link], at: D}
+forces:
+  spring: {kind: axial_force, bodies: [ground, link], origin: S, point: D, axis: [0, 0, -1], law: "300*(0.1 - travel)"}
+reactions:
+  pull: {joint: rod_start, body: rod, direction: {from: A, to: B}}
+  hold: {joint: link_pin, body: link, direction: {from: D, to: C}}
+outputs: [carrier.x, carrier.y, carrier.z, crank.z, pull.force, hold.force, spring.force]
+scenes:
+  fall: {end: 0.2, output_step: 0.02, numerics: {dt: 0.001, penalty: 1.0e+4, tolerance: 1.0e-9}}
+"""
+
+#: A pendulum of two bodies in one, with a third that a guide holds, beside another that touches neither.
+WELDED = """\
+cutjoint: 1
+name: welded
+gravity: [0, 0, -9.81]
+parameters: {push: {value: 0, unit: m, binding: input}}
+bodies:
+  rod: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [0.01, 0.1, 0.1]}
+  bob: {mass: 2, centre_of_mass: [1, 0.1, 0.05], inertia: {principal: [0.01, 0.02, 0.03], x: [1, 1, 0], z: [0, 0, 1]}}
+  slide: {mass: 0.5, centre_of_mass: [0.7, 0, 0], inertia: [0.001, 0.002, 0.003]}
+  other: {mass: 1, centre_of_mass: [0, 2, -1], inertia: [0.1, 0.1, 0.1]}
+joints:
+  pin: {kind: revolute, bodies: [ground, rod], at: [0, 0, 0], axis: [0, 1, 0]}
+  weld: {kind: fixed, bodies: [rod, bob], at: [1, 0, 0]}
+  rail: {kind: prismatic, bodies: [rod, slide], at: [0.7, 0, 0], axis: [1, 0, 0], guide: push}
+  other_pin: {kind: revolute, bodies: [ground, other], at: [0, 2, 0], axis: [0, 1, 0]}
+outputs: [rod.x, rod.pitch, bob.x, bob.vz, bob.roll, slide.az]
+scenes:
+  fall: {end: 1, output_step: 0.02, numerics: {dt: 0.002, tolerance: 1.0e-12}}
+  pushed: {end: 1, inputs: {push: "0.1*sin(t)"}}
+"""
+
+
+def read(text: str, scene: str = "fall") -> tuple[Model, Scene]:
+    model = read_model_text(text, "model.yaml")
+    return model, model.scenes[scene]
+
+
+def run(model: Model, scene: Scene, method: str = "recursive", dt: float | None = None) -> Trajectory:
+    trajectory = simulate(compile_scene(model, scene, method=method), dt=dt)
+    assert trajectory.failure is None
+    return trajectory
+
+
+def words(outcome: Outcome) -> dict[str, str]:
+    return {note.element: note.words for note in (*outcome.done, *outcome.left)}
+
+
+def apart(a: Trajectory, b: Trajectory) -> dict[str, float]:
+    assert list(a.columns) == list(b.columns)
+    return {name: float(np.abs(a[name] - b[name]).max() / (1 + np.abs(a[name]).max())) for name in a.columns}
+
+
+def test_links_become_distances() -> None:
+    outcome = shorten_links(*read(SPATIAL))
+    assert words(outcome) == {"rod": "becomes a distance", "link": "becomes two distances that keep a point on a circle"}
+    assert {j.name: j.kind for j in outcome.model.joints if j.cut} == dict.fromkeys(("rod", "link_1", "link_2"), JointKind.DISTANCE)
+    assert {b.name for b in outcome.model.bodies} == {"crank", "carrier", "arm"}
+    assert {f.name: f.follower for f in outcome.model.forces} == {"spring": "carrier"}  # type: ignore[union-attr]
+    assert all(isinstance(r, RodForce) for r in outcome.model.reactions)
+
+
+def test_distances_move_as_links_do() -> None:
+    """Index-3 methods hold all equations in every step: nothing but their penalty is left between the two."""
+    model, scene = read(SPATIAL)
+    outcome = shorten_links(model, scene)
+    found = apart(run(model, scene, "augmented"), run(outcome.model, outcome.scene, "augmented"))
+    assert max(found.values()) < 1e-9, found
+
+
+def test_distances_move_as_links_do_in_the_recursion() -> None:
+    """Its stabilisation draws other equations to zero: the difference is one of the step, and falls with its square."""
+    model, scene = read(SPATIAL)
+    outcome = shorten_links(model, scene)
+    coarse, fine = (apart(run(model, scene, dt=dt), run(outcome.model, outcome.scene, dt=dt))["carrier.z"] for dt in (2e-3, 1e-3))
+    assert fine < 1e-5
+    assert coarse / fine == pytest.approx(4, rel=0.4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("[carrier.x,", "[link.x, carrier.x,", "stays: the output 'link.x' asks for it"),
+        ("point: D, axis", "point: [1.03, 0.2, 0.3], axis", "stays: 'spring' is at a point between its joints"),
+        ("{joint: link_pin, body: link,", "{joint: link_pin, body: carrier,", "stays: the direction of 'hold' is fixed in 'carrier'"),
+        (
+            "link_ball: {kind: spherical", "link_ball: {kind: universal, axis: [1, 0, 0], axis_2: [0, 1, 0]",
+            "stays: it has a revolute and a universal joint",
+        ),
+        ("{end: 0.2,", "{end: 0.2, positions: {rod_end.angle_1: 0},", "stays: the scene gives 'rod_end.angle_1'"),
+    ],
+)  # fmt: skip
+def test_links_stay_where_something_needs_them(old: str, new: str, why: str) -> None:
+    assert old in SPATIAL
+    assert why in words(shorten_links(*read(SPATIAL.replace(old, new)))).values()
+
+
+def test_massive_links_stay() -> None:
+    heavy = SPATIAL.replace("rod: {massless: true}", "rod: {mass: 1, centre_of_mass: [0.5, 0.2, 0.1], inertia: [0.1, 0.1, 0.1]}")
+    assert "rod" not in words(shorten_links(*read(heavy)))
+
+
+def test_light_links_lose_their_mass() -> None:
+    light = SPATIAL.replace("rod: {massless: true}", "rod: {mass: 0.1, centre_of_mass: [0.55, 0.175, 0.1], inertia: [0.001, 0.004, 0.004]}")
+    outcome = lighten_links(*read(light))
+    assert words(outcome) == {"rod": "loses its mass, 1.6 % of the whole, and becomes a distance"}
+    assert all(body.mass != 0.1 for body in outcome.model.bodies)
+
+
+def test_what_never_moves_becomes_one_body() -> None:
+    model, scene = read(WELDED)
+    outcome = weld_bodies(model, scene)
+    assert [b.name for b in outcome.model.bodies] == ["rod", "other"]
+    assert words(outcome)["weld"] == "does not move: 'bob' becomes a part of 'rod'"
+    found = apart(run(model, scene), run(outcome.model, outcome.scene))
+    assert max(found.values()) < 1e-12, found
+
+
+def test_a_guide_that_moves_is_not_welded() -> None:
+    assert set(words(weld_bodies(*read(WELDED, "pushed")))) == {"weld"}
+
+
+def test_what_no_output_can_feel_is_dropped() -> None:
+    model, scene = read(WELDED)
+    outcome = drop_unreached(model, scene)
+    assert words(outcome) == {"other": "is dropped: no output can feel it"}
+    assert {j.name for j in outcome.model.joints} == {"pin", "weld", "rail"}
+
+
+def test_nothing_is_dropped_that_a_force_leads_to() -> None:
+    spring = "forces: {cord: {kind: point_spring, bodies: [rod, other], from: [0, 0, 0], to: [0, 2, 0], law: length}}\noutputs:"
+    assert drop_unreached(*read(WELDED.replace("outputs:", spring))).done == ()
+
+
+@pytest.mark.parametrize("reduce", [drop_unreached, weld_bodies, shorten_links, drop_idle_equations, lighten_links])
+def test_passes_leave_what_they_have_done(reduce: Pass) -> None:
+    model = read_model(MODELS / "iltis.yaml")
+    once = reduce(model, model.scenes["simul1"])
+    assert reduce(once.model, once.scene).done == ()
+
+
+def test_plane_loops_need_two_equations() -> None:
+    model = read_model(MODELS / "four_bar.yaml")
+    outcome = drop_idle_equations(model, model.scenes["swing"])
+    assert {j.kind for j in outcome.model.joints if j.cut} == {JointKind.POINT_ON_LINE}
+    found = apart(run(model, model.scenes["swing"]), run(outcome.model, outcome.scene))
+    assert max(found.values()) < 1e-9, found
+
+
+def test_spatial_loops_keep_their_equations() -> None:
+    model = read_model(MODELS / "iltis.yaml")
+    assert drop_idle_equations(model, model.scenes["simul1"]).done == ()
+
+
+def iltis(scene: str) -> tuple[Model, Scene]:
+    model = read_model(MODELS / "iltis.yaml")
+    return model, model.scenes[scene]
+
+
+def test_ladder_of_the_iltis() -> None:
+    """Coordinates and equations of design.md."""
+    rungs = climb(*iltis("simul3"))
+    assert [(r.name, r.unknowns, r.equations, r.exact) for r in rungs] == [("full", 42, 36, True), ("links", 22, 12, True)]
+    assert [r.operations for r in rungs] == [12129, 9045]
+
+
+def test_outputs_keep_their_columns() -> None:
+    model, scene = iltis("simul1")
+    for rung in climb(model, scene):
+        assert [o.column for o in rung.scene.outputs] == [o.column for o in scene.outputs]
+
+
+def test_the_ladder_leaves_what_costs_more() -> None:
+    model = read_model(MODELS / "four_bar.yaml")
+    (rung,) = climb(model, model.scenes["swing"])
+    assert {note.words for note in rung.left} == {"stays: the pass 'plane' would take 490 operations in place of 388"}
+
+
+def columns_of(rung_of: Callable[[Model, Scene], Outcome], scene: str) -> list[str]:
+    model, asked = iltis(scene)
+    outcome = rung_of(model, replace(asked, outputs=asked.outputs[:3]))
+    return [o.column for o in outcome.scene.outputs]
+
+
+def test_fewer_outputs_stay_few() -> None:
+    assert columns_of(weld_bodies, "simul1") == ["chassis.x", "chassis.y", "chassis.z"]
