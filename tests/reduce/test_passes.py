@@ -104,11 +104,12 @@ def test_links_become_distances() -> None:
 
 
 def test_distances_move_as_links_do() -> None:
-    """Index-3 methods hold all equations in every step: nothing but their penalty is left between the two."""
+    """Index-3 methods hold all equations in every step; reactions are told as exactly as a step's multipliers settle."""
     model, scene = read(SPATIAL)
     outcome = shorten_links(model, scene)
     found = apart(run(model, scene, "augmented"), run(outcome.model, outcome.scene, "augmented"))
-    assert max(found.values()) < 1e-9, found
+    assert max(error for name, error in found.items() if not name.endswith("force")) < 1e-12, found
+    assert max(found.values()) < 1e-5, found
 
 
 def test_distances_move_as_links_do_in_the_recursion() -> None:
