@@ -24,7 +24,7 @@ class Reporter:
     Zdd: Mapping[str, Block]
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for a force that the scene has switched off."""
+        """The block of one output; zero for a force that the scene has switched off or that a guard stands for."""
         element = output.element
         for body in self.model.bodies:
             if body.name == element:
@@ -36,7 +36,7 @@ class Reporter:
             if reaction.name == element:
                 loop = next(x for x in self.loops if x.joint.name == reaction.joint)
                 return self._reaction(loop, reaction.body, reaction.direction)
-        if any(force.name == element for force in self.model.forces):
+        if any(force.name == element for force in self.model.force_elements):
             return self.forces.quantities.get(element, {}).get(output.quantity, self.kinematics.builder.zero(1))
         return self._joint(output)
 
