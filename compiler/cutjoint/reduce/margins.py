@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import reduce
+from itertools import combinations
 from typing import TypeAlias
 
 import sympy
@@ -16,7 +17,7 @@ Region: TypeAlias = tuple[Scalar, ...] | None
 
 
 def zero_region(law: Scalar) -> Region:
-    """Where an expression is zero: on all of the region, though not always nowhere else.
+    """Where an expression is zero: on all of the region, though it may be zero elsewhere too.  A region has an inside.
 
     A case is without effect where its value is zero, its condition does not hold, or an earlier one holds; a sum is zero where its terms
     are, a product where a factor is.
@@ -85,7 +86,15 @@ def _all_of(regions: Iterable[Region]) -> Region:
         if region is None:
             return None
         margins += [m for m in region if m not in margins]
-    return tuple(margins)
+    return None if any(_exclude(one, other) for one, other in combinations(margins, 2)) else tuple(margins)
+
+
+def _exclude(one: Scalar, other: Scalar) -> bool:
+    """Whether two margins are positive together nowhere: a law that is zero at one place, as |x|, acts all around it."""
+    if (one + other).has(sympy.Piecewise):
+        return False
+    total, share = sympy.expand(one + other), sympy.cancel(one / other)
+    return bool(total.is_nonpositive or (share.is_number and share.is_negative))
 
 
 def _any_of(regions: Iterable[Region]) -> Region:
