@@ -153,11 +153,10 @@ def generate(
 
 
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
-    """The program of the recursive method; what is called once a step or less stays out of the lanes."""
+    """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_families(equations.builder, equations.topology) if lanes else []
-    evaluate, *others = equations.functions
-    folded = fold(equations.builder, families, evaluate.results)
-    return schedule(equations.builder, [(evaluate.name, folded), *((f.name, f.results) for f in others)])
+    folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in ("evaluate", "guard")}
+    return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions])
 
 
 def generate_lagrangian(
@@ -248,13 +247,16 @@ def compile_scene(
 
     Raises:
         ModelError, TopologyError: the model is wrong.
-        RunError: there is no such method or precision.
+        RunError: there is no such method or precision, or the generic twin is asked to run a model with guards.
         ToolchainError: the C++ side failed.
     """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
     if precision not in PRECISIONS or (precision != "double" and (comparison or implementation == "generic")):
         raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")
+    if implementation == "generic" and model.guards:
+        names = ", ".join(guard.force.name for guard in model.guards)
+        raise RunError(f"the generic twin has no guards: put {names} back into the model")
     # Model -> Source
     begin, packed = perf_counter(), precision in _SIDE_BY_SIDE
     equations, program, source = generate(

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import jinja2
 
 from cutjoint.emit.names import road_names
-from cutjoint.emit.view import FunctionView, Viewer
+from cutjoint.emit.view import FunctionView, Viewer, on_one_line
+from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.locations import templates_folder
 from cutjoint.program.blocks import BindingTime
@@ -86,7 +87,7 @@ class Page:
 def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[str, str]:
     """The class of a mechanism in relative coordinates."""
     viewer = Viewer(program, equations)
-    names = ("evaluate", "close", "report")
+    names = [f.name for f in equations.functions]
     files = page.functions(viewer, names, header=page.stem)
     files[f"{page.stem}.hpp"] = page.render(
         "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.",
@@ -112,6 +113,10 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
         "name_lists": [{"field": field, "names": names} for field, names in lists],
         "parameters": [{"name": p.name, "unit": p.unit, "value": repr(p.value)} for p in equations.parameters],
         "roads": equations.roads,
+        "guards": [
+            {"name": guard.force.name, "place": on_one_line(guard.force.span.place).replace('"', "?")}
+            for guard in guards_of(equations.topology.model, equations.scene)
+        ],
         "columns": equations.columns,
     }
 

@@ -19,6 +19,7 @@ _ABOUT = {
     "close": "Phi, Phid = Phi_q v + Phi_t, and Phidd.",
     "pull": "Phi_q^T w.",
     "report": "The reported columns.",
+    "guard": "The smallest margin of each force that was left out: negative where it would act.",
 }
 
 
@@ -46,13 +47,14 @@ def _header(page: Page) -> str:
 
 def _system_files(page: Page, program: Program, equations: LagrangianEquations, plan: Plan) -> dict[str, str]:
     viewer, header = Viewer(program, equations), _header(page)
-    functions = page.functions(viewer, list(_ABOUT), header=header)
+    names = [f.name for f in equations.functions]
+    functions = page.functions(viewer, names, header=header)
     files = {f"system_{name}": text for name, text in functions.items()}
     files[f"{header}.hpp"] = page.render(
         "system.hpp.jinja", summary=f"Model {page.stem}, formulation {equations.method}.",
         functions=[
-            {"name": name, "about": about, "operations": program.operations(name), "arguments": equations.function(name).arguments}
-            for name, about in _ABOUT.items()
+            {"name": name, "about": _ABOUT[name], "operations": program.operations(name), "arguments": equations.function(name).arguments}
+            for name in names
         ],
         **members(viewer, equations),
     )  # fmt: skip

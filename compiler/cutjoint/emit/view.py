@@ -181,12 +181,12 @@ class Viewer:
         views = []
         for index, group in groupby(statements, key=lambda s: s.section):
             section = self._program.sections[index]
-            notes = tuple(_on_one_line(x) for x in (section.equation, section.source) if x)
+            notes = tuple(on_one_line(x) for x in (section.equation, section.source) if x)
             views.append(SectionView(title=section.title, notes=notes, statements=tuple(_wrapped(s) for s in group)))
         return views
 
 
-def _on_one_line(text: str) -> str:
+def on_one_line(text: str) -> str:
     """Text that stays inside its comment: a file's name may have any character."""
     return "".join(c if c.isprintable() and c != "\\" else "?" for c in text)
 

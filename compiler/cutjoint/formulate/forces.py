@@ -6,11 +6,13 @@ A formulation says how the points move and where the forces go; what the force i
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import reduce
 
 import sympy
 
+from cutjoint.formulate.records import Function, Slot
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import Bushing, Force, PointSpring, Scalar, Scene
+from cutjoint.model.records import Bushing, Force, Guard, Model, PointSpring, Scalar, Scene
 from cutjoint.program.blocks import Block, Builder
 
 LENGTH, RATE = sympy.Symbol("length", real=True), sympy.Symbol("rate", real=True)
@@ -25,6 +27,30 @@ def is_active(force: Force, scene: Scene) -> bool:
     return scene.switches.get(force.name, force.active)
 
 
+def guards_of(model: Model, scene: Scene) -> tuple[Guard, ...]:
+    """The guards of forces that the scene has switched on."""
+    return tuple(guard for guard in model.guards if is_active(guard.force, scene))
+
+
+def smallest_margin(b: Builder, translator: Translator, guard: Guard, values: Mapping[Scalar, Block]) -> Block:
+    """The smallest margin of a guard; ``values`` are those of its law's variables."""
+    known = translator.with_values(values)
+    return reduce(lambda one, other: b.call("where", b.call("lt", one, other), one, other), (known.scalar(m) for m in guard.margins))
+
+
+def guard_function(margins: Mapping[str, Block]) -> tuple[Function, ...]:
+    """The function ``guard``: q, v -> the smallest margin of each guarded force, by name; none if there is no guard."""
+    arguments = ("const Real* q", "const Real* v", "Real* margin")
+    results = {f"margin:{name}": margin for name, margin in margins.items()}
+    return (Function(name="guard", arguments=arguments, results=results),) if margins else ()
+
+
+def margin_slots(model: Model, scene: Scene) -> dict[str, Slot]:
+    """The places of the guards' margins."""
+    names = [guard.force.name for guard in guards_of(model, scene)]
+    return {f"margin:{name}": Slot(array="margin", offset=i, names=("margin",)) for i, name in enumerate(names)}
+
+
 def law_of(translator: Translator, law: Scalar, values: Mapping[Scalar, Block], position: Scalar) -> dict[str, Block]:
     """A law's value and its partial derivatives by position and rate."""
     known = translator.with_values(values)
@@ -35,13 +61,23 @@ def law_of(translator: Translator, law: Scalar, values: Mapping[Scalar, Block], 
     }
 
 
-def spring_pull(b: Builder, translator: Translator, force: PointSpring, way: Block, speed: Block) -> tuple[Block, dict[str, Block]]:
-    """The force (3, 1) on the follower's point at ``way`` (3, 1) from the base's, whose rate is ``speed``; and its quantities."""
+def stretch(b: Builder, way: Block, speed: Block) -> tuple[Block, dict[Scalar, Block]]:
+    """Direction (3, 1) of the way (3, 1) between two points, its length, and the length's rate when the way's is ``speed``."""
     length = b.call("sqrt", b.dot(way, way))
     n = b.scale(b.call("div", b.number(1.0), length), way)
-    rate = b.dot(n, speed)
-    law = law_of(translator, force.law, {LENGTH: length, RATE: rate}, LENGTH)
-    return b.neg(b.scale(law["force"], n)), {**law, "length": length, "rate": rate}
+    return n, {LENGTH: length, RATE: b.dot(n, speed)}
+
+
+def spring_pull(b: Builder, translator: Translator, force: PointSpring, way: Block, speed: Block) -> tuple[Block, dict[str, Block]]:
+    """The force (3, 1) on the follower's point at ``way`` (3, 1) from the base's, whose rate is ``speed``; and its quantities."""
+    n, values = stretch(b, way, speed)
+    law = law_of(translator, force.law, values, LENGTH)
+    return b.neg(b.scale(law["force"], n)), {**law, **named(values)}
+
+
+def named(values: Mapping[Scalar, Block]) -> dict[str, Block]:
+    """The motion that a law depends on, as reported quantities; a coordinate is its joint's."""
+    return {} if POSITION in values else {symbol.name: block for symbol, block in values.items()}
 
 
 def bushing_laws(

@@ -96,6 +96,6 @@ def quantities(element: Element, joints: Mapping[str, Joint]) -> Mapping[str, st
 def unit_of(model: Model, output: Output) -> str:
     """The unit of an output of a validated model."""
     joints = {j.name: j for j in model.joints}
-    groups = (model.bodies, model.markers, model.reactions, model.forces, model.joints)
+    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints)
     element = next(e for group in groups for e in group if e.name == output.element)
     return quantities(element, joints)[output.quantity]

@@ -265,6 +265,22 @@ class Tyre:
 
 Force: TypeAlias = PointSpring | AxialForce | Bushing | BodyLoad | JointForce | Tyre
 
+#: Forces with one law over one position and its rate.
+LawForce: TypeAlias = PointSpring | AxialForce | JointForce
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guard:
+    """A force that was taken out of the model, and what must hold for that.
+
+    ``margins`` are expressions over the variables of the force's law: while none of them is negative, the law is zero.  ``index`` is
+    the force's place among all forces.
+    """
+
+    force: LawForce
+    margins: tuple[Scalar, ...]
+    index: int
+
 
 @dataclass(frozen=True, kw_only=True)
 class Reaction:
@@ -414,7 +430,7 @@ class Model:
     """A validated model: what the file says, flat and in SI units.
 
     Element names are unique over bodies, joints, forces, reactions and markers.  An element of a submodel's
-    instance is called ``instance.element``.
+    instance is called ``instance.element``.  ``guards`` stand for forces that a pass took out: a run stops where one of them would act.
     """
 
     name: str
@@ -428,3 +444,12 @@ class Model:
     scenes: Mapping[str, Scene]
     span: Span
     text: str = field(repr=False)
+    guards: tuple[Guard, ...] = ()
+
+    @property
+    def force_elements(self) -> tuple[Force, ...]:
+        """The forces with those that were taken out, each in its place."""
+        forces = list(self.forces)
+        for guard in self.guards:
+            forces.insert(guard.index, guard.force)
+        return tuple(forces)

@@ -16,7 +16,11 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class FailureReport:
-    """Where a run stopped: ``time`` in s, the ``element`` with the worst residual, and what to try."""
+    """Where a run stopped: ``time`` in s, the ``element`` with the worst residual, and what to try.
+
+    ``guards`` names the forces that were left out of the model and would act there, if that is why it stopped; the residual is then the
+    violation of their margin.
+    """
 
     message: str
     time: float
@@ -24,6 +28,7 @@ class FailureReport:
     element: str
     residual: float
     advice: str
+    guards: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return (

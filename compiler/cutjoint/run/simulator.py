@@ -51,7 +51,7 @@ def failure_of(summary: Mapping[str, Any]) -> FailureReport | None:
         return None
     return FailureReport(
         message=summary["message"], time=_number(summary["time"]), step=summary["step"], element=summary["element"],
-        residual=_number(summary["residual"]), advice=summary["advice"],
+        residual=_number(summary["residual"]), advice=summary["advice"], guards=tuple(summary.get("guards", ())),
     )  # fmt: skip
 
 

@@ -37,7 +37,7 @@ def tree_only(model: Model) -> frozenset[str]:
     """The joints whose coordinates are used, so that they cannot be cut: wanted in the tree, guided, with a force on the coordinate, with
     an initial coordinate or speed, reported; and free joints, which close nothing."""
     wanted = {j.name for j in model.joints if j.cut is False or j.guide is not None or j.kind is JointKind.FREE}
-    forced = {f.joint for f in model.forces if isinstance(f, JointForce)}
+    forced = {f.joint for f in model.force_elements if isinstance(f, JointForce)}
     names = {j.name for j in model.joints}
     used: set[str] = set()
     for scene in model.scenes.values():

@@ -26,6 +26,12 @@ struct Named {
   double value = 0.0;
 };
 
+/// A force that was left out of the model because it does not act, and the line of the model's file where it stands.
+struct Guard {
+  std::string_view force;
+  std::string_view place;
+};
+
 /// Everything about a mechanism that does not change in a run.
 struct Description {
   std::string_view name;
@@ -36,6 +42,7 @@ struct Description {
   std::vector<Named> parameters;              ///< open parameters with defaults, SI units
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
+  std::vector<Guard> guards{};                ///< forces that must not act
 };
 
 /// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).
@@ -55,7 +62,8 @@ class Road;
 /// - `begin_step` what depends on time; `motion` is 1 in a run and 0 where a mechanism is held at rest, which stops guides and drives,
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `close` the residual of the cut joints and its rate,
-/// - `report` the columns.
+/// - `report` the columns,
+/// - `guard` of each force that was left out the smallest margin, which is negative where the force would act.
 template <class M>
 concept Mechanism = requires(M m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
                              const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
@@ -66,6 +74,7 @@ concept Mechanism = requires(M m, typename M::real_type* out, const typename M::
   m.evaluate(in, in, in, out, out);
   m.close(in, in, out, out);
   m.report(in, in, in, in, out);
+  m.guard(in, in, out);
 };
 
 /// The base of generated mechanisms: the same contract behind virtual functions, so that one driver serves all models.
@@ -81,6 +90,7 @@ class AnyMechanism {
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
   virtual void close(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
+  virtual void guard(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with guards have it
 };
 
 /// condition ? yes : no, both evaluated.

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"
@@ -24,19 +25,20 @@ class Recursive {
   using Real = typename M::real_type;
 
   Recursive(M& mechanism, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), file_(file), inputs_(d_, file), state_(d_), residual_(d_.equations.size()),
-        rate_(d_.equations.size()) {
+      : mechanism_(mechanism), d_(mechanism.description()), file_(file), inputs_(d_, file), state_(d_), guards_(mechanism),
+        residual_(d_.equations.size()), rate_(d_.equations.size()) {
     if (file.contains("solver")) throw std::runtime_error("the recursive method has no linear solver to choose; leave 'solver' away");
     inputs_.load_mechanism(mechanism_, file.at("stabilisation"));
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
 
-  /// Take over a start; `motion` is 0 of a mechanism at rest.
+  /// Take over a start; `motion` is 0 of a mechanism at rest.  Throws Failure where a guard is violated.
   void begin(const State<double>& start, double motion) {
     state_ = State<Real>(start);
     origin_ = state_.t;
     mechanism_.begin_step(origin_, Real(motion));
+    guards_.check(state_, 0);
   }
 
   /// Get ready for steps.
@@ -51,6 +53,7 @@ class Recursive {
   void step(long number) {
     integrator_->step(state_, number);
     state_.t = origin_ + Real(number) * dt_;
+    guards_.check(state_, number);
   }
 
   Real time() const { return state_.t; }
@@ -107,6 +110,7 @@ class Recursive {
   const Json& file_;
   Inputs<Real> inputs_;
   State<Real> state_;
+  Guards<M> guards_;
   Real origin_{0}, dt_{0};
   std::optional<Trapezoidal<M>> integrator_;
   std::vector<Real> residual_, rate_;

@@ -51,6 +51,7 @@ class Run {
       summary["element"] = failure.element;
       summary["residual"] = number_or_null(failure.residual);
       summary["advice"] = failure.advice;
+      if (!failure.guards.empty()) summary["guards"] = failure.guards;
     }
     return summary;
   }
@@ -93,8 +94,8 @@ class Run {
       const long last = std::min(first + block, steps);
       try {
         advance(first, last);
-      } catch (const Failure&) {
-        if (steps_ % stride != 0) write(table);  // the last state that converged
+      } catch (const Failure& failure) {
+        if (failure.guards.empty() && steps_ % stride != 0) write(table);  // the last state that converged
         throw;
       }
       if (steps_table_) steps_table_->row(method_.time(), method_.measure_step());

@@ -46,6 +46,7 @@ struct Failure : std::runtime_error {
   std::string element;  ///< the coordinate or equation with the worst residual
   double residual;
   std::string advice;
+  std::vector<std::string> guards{};  ///< forces left out of the model that would act
 
   Failure(const std::string& what, double time_, long step_, std::string element_, double residual_, std::string advice_)
       : std::runtime_error(what), time(time_), step(step_), element(std::move(element_)), residual(residual_), advice(std::move(advice_)) {}

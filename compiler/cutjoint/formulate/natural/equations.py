@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters, report_columns
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix
 from cutjoint.formulate.natural.constraints import Constraint, ConstraintMaker, multipliers
@@ -58,8 +59,10 @@ def formulate_lagrangian(
         b=b, motions=motions, layout=layout, constraints=tuple(_kept(b, ConstraintMaker(motions, model, scene).all(), left_out)),
         elements={e.name: e for e in maker.all()}, masses=tuple(_masses(layout, model)), maker=maker, start=start,
     )  # fmt: skip
+    guarded, margins = maker.guarded()
+    told = system.elements | {e.name: e for e in guarded}
     reporter = NaturalReporter(
-        model=model, scene=scene, motions=motions, elements=system.elements, constraints=system.constraints
+        model=model, scene=scene, motions=motions, elements=told, constraints=system.constraints
     )  # fmt: skip
     tangent = system.augmented() if method == "augmented" else system.classical()
     functions = (
@@ -78,13 +81,14 @@ def formulate_lagrangian(
             name="report", arguments=(*_STATE, "const Real* lambda", "Real* column"),
             results=report_columns(b, reporter.quantity, outputs),
         ),
+        *guard_function(margins),
     )  # fmt: skip
     return LagrangianEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions, method=method,
-        slots={**chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs)}, start=start, layout=layout,
-        correspondence=motions.correspondence, constraints=system.constraints,
+        slots={**chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs), **margin_slots(model, scene)},
+        start=start, layout=layout, correspondence=motions.correspondence, constraints=system.constraints,
         load_arguments=("const Real* parameters", "const Road<Real>* roads"),
     )  # fmt: skip
 
@@ -117,7 +121,7 @@ class _System:
     motions: NodeMotions
     layout: Layout
     constraints: tuple[Constraint, ...]
-    elements: Mapping[str, Element]
+    elements: dict[str, Element]
     masses: tuple[tuple[Node, Node, Scalar], ...]
     maker: ForceMaker
     start: RecursiveEquations

@@ -12,7 +12,20 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.formulate.forces import PLACE, POSITION, RATE, TRAVEL, bushing_laws, is_active, law_of, spring_pull
+from cutjoint.formulate.forces import (
+    PLACE,
+    POSITION,
+    RATE,
+    TRAVEL,
+    bushing_laws,
+    guards_of,
+    is_active,
+    law_of,
+    named,
+    smallest_margin,
+    spring_pull,
+    stretch,
+)  # fmt: skip
 from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.constraints import slide_axis
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
@@ -29,6 +42,7 @@ from cutjoint.model.records import (
     Bushing,
     Joint,
     JointForce,
+    LawForce,
     Model,
     PointSpring,
     Scalar,
@@ -103,10 +117,37 @@ class ForceMaker:
         for force in self._model.forces:
             if is_active(force, self._scene):
                 with self._b.section("force", force.name, _EQUATIONS[type(force)], force.span.place):
-                    elements.append(rules[type(force)](force))
-                    for quantity, block in elements[-1].quantities.items():
-                        self._b.label(block, f"{quantity}_{force.name.replace('.', '_')}")
+                    elements.append(self._labelled(rules[type(force)](force)))
         return elements
+
+    def guarded(self) -> tuple[list[Element], dict[str, Block]]:
+        """The forces that guards stand for, as elements that do nothing but tell where their parts are; and their smallest margins."""
+        elements, margins = [], {}
+        for guard in guards_of(self._model, self._scene):
+            name = guard.force.name
+            with self._b.section("guard", name, "the law is zero while the margin is not negative", guard.force.span.place):
+                values = self._law_values(guard.force)
+                elements.append(self._labelled(Element(name=name, quantities=named(values))))
+                margin = smallest_margin(self._b, self._m.translator, guard, values)
+                margins[name] = self._b.label(margin, f"margin_{name.replace('.', '_')}")
+        return elements, margins
+
+    def _labelled(self, element: Element) -> Element:
+        """The element, each of its quantities under its name."""
+        for quantity, block in element.quantities.items():
+            self._b.label(block, f"{quantity}_{element.name.replace('.', '_')}")
+        return element
+
+    def _law_values(self, force: LawForce) -> dict[Scalar, Block]:
+        """The variables of a force's law: the position that it depends on, and its rate."""
+        match force:
+            case PointSpring():
+                _, way = self._way((force.follower, force.end), (force.base, force.start))
+                return stretch(self._b, way.x, way.v)[1]
+            case AxialForce():
+                return self._travel(*self._axial(force), TRAVEL)
+            case JointForce():
+                return self._coordinate(force)
 
     def weight(self, body: Body) -> tuple[Form, Block]:
         """The weight of a body at its centre of mass."""
@@ -139,38 +180,58 @@ class ForceMaker:
     def _along(self, name: str, end: _Place, start: _Place, axis: Vector, law: Scalar, position: Scalar) -> Element:
         """A law over the way between two points along an axis of the second's body."""
         b, (form, way), (direction, e) = self._b, self._way(end, start), self._direction(start[0], axis)
-        place, rate = b.dot(e.x, way.x), b.add(b.dot(e.x, way.v), b.dot(e.v, way.x))
-        values = law_of(self._m.translator, law, {position: place, RATE: rate}, position)
-        turn = Action(body=start[0], form=direction, force=b.scale(values["force"], way.x))
-        actions = [*self._pair(end, start, b.scale(values["force"], e.x)), turn]
-        named = {"travel": place, "rate": rate} if position == TRAVEL else {}
-        return Element(name=name, actions=actions, by=[(form, way), (direction, e)], quantities={**values, **named})
+        values = self._travel(end, start, axis, position)
+        by_law = law_of(self._m.translator, law, values, position)
+        turn = Action(body=start[0], form=direction, force=b.scale(by_law["force"], way.x))
+        actions = [*self._pair(end, start, b.scale(by_law["force"], e.x)), turn]
+        return Element(name=name, actions=actions, by=[(form, way), (direction, e)], quantities={**by_law, **named(values)})
+
+    def _travel(self, end: _Place, start: _Place, axis: Vector, position: Scalar) -> dict[Scalar, Block]:
+        """The component of the way between two points along an axis of the second's body, as ``position``, and its rate."""
+        b, (_, way), (_, e) = self._b, self._way(end, start), self._direction(start[0], axis)
+        return {position: b.dot(e.x, way.x), RATE: b.add(b.dot(e.x, way.v), b.dot(e.v, way.x))}
+
+    def _axial(self, force: AxialForce) -> tuple[_Place, _Place, Vector]:
+        return (force.follower, force.point), (force.base, force.origin), force.axis
 
     def _axial_force(self, force: AxialForce) -> Element:
-        end, start = (force.follower, force.point), (force.base, force.origin)
-        return self._along(force.name, end, start, force.axis, force.law, TRAVEL)
+        return self._along(force.name, *self._axial(force), force.law, TRAVEL)
+
+    def _slide(self, joint: Joint, coordinate: str) -> tuple[_Place, _Place, Vector]:
+        base, follower = self._m.layout.slide_ends(joint)
+        return (follower, joint.at), (base, joint.at), slide_axis(joint, coordinate)
+
+    def _is_angle(self, force: JointForce) -> bool:
+        return force.coordinate in ANGLES.get(self._joints[force.joint].kind, ())
+
+    def _coordinate(self, force: JointForce) -> dict[Scalar, Block]:
+        """A joint's coordinate and its rate."""
+        joint = self._joints[force.joint]
+        if joint.guide is not None:
+            return self._guided(force, joint)
+        if not self._is_angle(force):
+            return self._travel(*self._slide(joint, force.coordinate), POSITION)
+        motion = self._m.node(self._m.layout.angles[joint.name, force.coordinate])
+        return {POSITION: motion.x, RATE: motion.v}
 
     def _joint_force(self, force: JointForce) -> Element:
         joint = self._joints[force.joint]
+        if joint.guide is None and not self._is_angle(force):
+            return self._along(force.name, *self._slide(joint, force.coordinate), force.law, POSITION)
+        values = law_of(self._m.translator, force.law, self._coordinate(force), POSITION)
         if joint.guide is not None:  # a guided joint moves as it is told
-            return Element(name=force.name, quantities=self._of_guided(force, joint))
-        if force.coordinate not in ANGLES.get(joint.kind, ()):
-            base, follower = self._m.layout.slide_ends(joint)
-            axis = slide_axis(joint, force.coordinate)
-            return self._along(force.name, (follower, joint.at), (base, joint.at), axis, force.law, POSITION)
+            return Element(name=force.name, quantities=values)
         node = self._m.layout.angles[joint.name, force.coordinate]
-        form, motion = {node: 1}, self._m.node(node)
-        values = law_of(self._m.translator, force.law, {POSITION: motion.x, RATE: motion.v}, POSITION)
-        action = Action(body=joint.follower, form=form, force=values["force"])
-        return Element(name=force.name, actions=[action], by=[(form, motion)], quantities=values)
+        action = Action(body=joint.follower, form={node: 1}, force=values["force"])
+        return Element(name=force.name, actions=[action], by=[({node: 1}, self._m.node(node))], quantities=values)
 
-    def _of_guided(self, force: JointForce, joint: Joint) -> dict[str, Block]:
-        """The law at the guide's course."""
+    def _guided(self, force: JointForce, joint: Joint) -> dict[Scalar, Block]:
+        """The coordinate on the guide's course."""
         assert joint.guide is not None
         guide = joint.guide[COORDINATES[joint.kind].index(force.coordinate)]
         motion = self._b.symbol("motion", 1, BindingTime.STEP)
         position, rate, _ = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model, self._scene))
-        return law_of(self._m.translator, force.law, {POSITION: position, RATE: self._b.mul(motion, rate)}, POSITION)
+        return {POSITION: position, RATE: self._b.mul(motion, rate)}
 
     def _bushing(self, force: Bushing) -> Element:
         b = self._b

@@ -225,7 +225,7 @@ class _Builder:
             collector.angle(joint, coordinate)
         for joint in joints:
             collector.joint(joint, idle=joint.kind is JointKind.UNIVERSAL)
-        for force in self._model.forces:
+        for force in self._model.force_elements:
             if is_active(force, scene):
                 collector.force(force)
         for output in outputs:

@@ -102,7 +102,8 @@ def require_told(model: Model, scene: Scene, outputs: Sequence[Output]) -> None:
     """
     rods = {j.name for j in model.joints if j.kind is JointKind.DISTANCE}
     asked = [(o.span, f"output '{o.column}'") for o in outputs if o.element in rods]
-    asked += [(f.span, f"force '{f.name}'") for f in model.forces if isinstance(f, JointForce) and f.joint in rods and is_active(f, scene)]
+    forces = [f for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)]
+    asked += [(f.span, f"force '{f.name}'") for f in forces if f.joint in rods]
     if asked:
         message = "natural coordinates do not have the attitude of a distance joint's rod"
         raise ModelError([
@@ -114,7 +115,7 @@ def asked_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[
     """The joints' angles that laws, screws or outputs use; each becomes a coordinate of its own."""
     joints = {j.name: j for j in model.joints}
     wanted = {(o.element, o.quantity.removesuffix("_rate")) for o in outputs if o.element in joints}
-    wanted |= {(f.joint, f.coordinate) for f in model.forces if isinstance(f, JointForce) and is_active(f, scene)}
+    wanted |= {(f.joint, f.coordinate) for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)}
     wanted |= {(j.name, "angle") for j in model.joints if j.kind is JointKind.SCREW}
     return [
         (joint, name) for joint in model.joints for name in ANGLES.get(joint.kind, ())

@@ -28,7 +28,7 @@ class NaturalReporter:
     constraints: tuple[Constraint, ...]
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for a force that the scene has switched off.
+        """The block of one output; zero for a force that the scene has switched off or that a guard stands for.
 
         Raises:
             ModelError: a reaction that points and vectors alone do not tell.
@@ -43,7 +43,7 @@ class NaturalReporter:
         for reaction in self.model.reactions:
             if reaction.name == name:
                 return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction)
-        if any(force.name == name for force in self.model.forces):
+        if any(force.name == name for force in self.model.force_elements):
             quantities = self.elements[name].quantities if name in self.elements else {}
             return quantities.get(output.quantity, self.motions.builder.zero(1))
         return self._joint(next(j for j in self.model.joints if j.name == name), output.quantity)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
     chart_slots,
     column_slots,
@@ -13,7 +14,7 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.records import Closure, Column, Function, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.branches import BranchSystem
-from cutjoint.formulate.recursive.forces import add_bodies, add_forces
+from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import LoopClosure, add_loops, correct_multipliers, derive_loops
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
@@ -30,7 +31,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
-    rate; ``report``: q, v, vdot, lambda -> the outputs.
+    rate; ``report``: q, v, vdot, lambda -> the outputs; with guards ``guard``: q, v -> margins.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -39,6 +40,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     system = BodySystem(builder=b)
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
+    margins = add_guards(forces, k, model, scene)
     loops = derive_loops(k, topology.cuts, numbers)
     branches = [
         BranchSystem(branch=branch, system=system, k=k, numbers=numbers, loops=[x for x in loops if x.joint.name in branch.cuts])
@@ -67,12 +69,13 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
             name="report", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* column"),
             results=report_columns(b, reporter.quantity, outputs),
         ),
+        *guard_function(margins),
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
         parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
-        slots={**chart_slots(charts, ""), **_closure_slots(closures), **column_slots(outputs)},
+        slots={**chart_slots(charts, ""), **_closure_slots(closures), **column_slots(outputs), **margin_slots(model, scene)},
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip
 

@@ -10,8 +10,21 @@ from dataclasses import dataclass, field
 
 import sympy
 
-from cutjoint.formulate.forces import PLACE, POSITION, RATE, TRAVEL, bushing_laws, is_active, law_of, spring_pull
-from cutjoint.formulate.recursive.kinematics import Kinematics, halves
+from cutjoint.formulate.forces import (
+    PLACE,
+    POSITION,
+    RATE,
+    TRAVEL,
+    bushing_laws,
+    guards_of,
+    is_active,
+    law_of,
+    named,
+    smallest_margin,
+    spring_pull,
+    stretch,
+)  # fmt: skip
+from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.tyre import Wheel, tyre_force
 from cutjoint.model.records import (
@@ -21,8 +34,10 @@ from cutjoint.model.records import (
     BodyLoad,
     Bushing,
     JointForce,
+    LawForce,
     Model,
     PointSpring,
+    Scalar,
     Scene,
     Tyre,
 )  # fmt: skip
@@ -34,6 +49,12 @@ class Forces:
     """Reported quantities by element and name."""
 
     quantities: dict[str, dict[str, Block]] = field(default_factory=dict)
+
+    def add(self, b: Builder, element: str, quantities: dict[str, Block]) -> None:
+        """The quantities of an element, each under its name."""
+        self.quantities[element] = quantities
+        for quantity, block in quantities.items():
+            b.label(block, f"{quantity}_{element.replace('.', '_')}")
 
 
 def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
@@ -80,10 +101,32 @@ def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) ->
         if is_active(force, scene):
             system.source = force.name
             with k.builder.section("force", force.name, _EQUATIONS[type(force)], force.span.place):
-                forces.quantities[force.name] = rules[type(force)](system, k, force)
-                for quantity, block in forces.quantities[force.name].items():
-                    k.builder.label(block, f"{quantity}_{force.name.replace('.', '_')}")
+                forces.add(k.builder, force.name, rules[type(force)](system, k, force))
     return forces
+
+
+def add_guards(forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dict[str, Block]:
+    """The smallest margin of each guarded force; where its parts are joins the reported quantities."""
+    margins = {}
+    for guard in guards_of(model, scene):
+        name, b = guard.force.name, k.builder
+        with b.section("guard", name, "the law is zero while the margin is not negative", guard.force.span.place):
+            values = _law_values(k, guard.force)
+            forces.add(b, name, named(values))
+            margins[name] = b.label(smallest_margin(b, k.translator, guard, values), f"margin_{name.replace('.', '_')}")
+    return margins
+
+
+def _law_values(k: Kinematics, force: LawForce) -> dict[Scalar, Block]:
+    """The variables of a force's law: the position that it depends on, and its rate."""
+    match force:
+        case PointSpring():
+            _, way, speed = _between_ends(k, force)
+            return stretch(k.builder, way, speed)[1]
+        case AxialForce():
+            return _along_axis(k, force)[2]
+        case JointForce():
+            return _of_coordinate(k, force)[2]
 
 
 _EQUATIONS: Mapping[type, str] = {
@@ -121,26 +164,36 @@ def _push_pair(
         system.add_force(force.base, b.stack([[b.zero(3)], [b.neg(torque)]]))
 
 
-def _point_spring(system: BodySystem, k: Kinematics, force: PointSpring) -> dict[str, Block]:
-    b = k.builder
+def _between_ends(k: Kinematics, force: PointSpring) -> tuple[Block, Block, Block]:
+    """The follower's point, the way to it from the base's, and the way's rate."""
     end, start = k.point(force.follower, force.end), k.point(force.base, force.start)
     way = k.between(force.follower, end, force.base, start)
-    speed = b.sub(k.velocity(force.follower, end), k.velocity(force.base, start))
-    pull, quantities = spring_pull(b, k.translator, force, way, speed)
+    return end, way, k.builder.sub(k.velocity(force.follower, end), k.velocity(force.base, start))
+
+
+def _point_spring(system: BodySystem, k: Kinematics, force: PointSpring) -> dict[str, Block]:
+    end, way, speed = _between_ends(k, force)
+    pull, quantities = spring_pull(k.builder, k.translator, force, way, speed)
     _push_pair(system, k, force, end, pull)
     return quantities
 
 
-def _axial_force(system: BodySystem, k: Kinematics, force: AxialForce) -> dict[str, Block]:
+def _along_axis(k: Kinematics, force: AxialForce) -> tuple[Block, Block, dict[Scalar, Block]]:
+    """The axis, the follower's point, and the variables of the law."""
     b = k.builder
     axis, point = k.direction(force.base, force.axis), k.point(force.follower, force.point)
     way = k.between(force.follower, point, force.base, k.point(force.base, force.origin))
     travel = b.dot(axis, way)
     on_base = b.add(point, k.pole_step(force.base, force.follower))
     rate = b.dot(axis, b.sub(k.velocity(force.follower, point), k.velocity(force.base, on_base)))
-    law = law_of(k.translator, force.law, {TRAVEL: travel, RATE: rate}, TRAVEL)
-    _push_pair(system, k, force, point, b.scale(law["force"], axis))
-    return {**law, "travel": travel, "rate": rate}
+    return axis, point, {TRAVEL: travel, RATE: rate}
+
+
+def _axial_force(system: BodySystem, k: Kinematics, force: AxialForce) -> dict[str, Block]:
+    axis, point, values = _along_axis(k, force)
+    law = law_of(k.translator, force.law, values, TRAVEL)
+    _push_pair(system, k, force, point, k.builder.scale(law["force"], axis))
+    return {**law, **named(values)}
 
 
 def _bushing(system: BodySystem, k: Kinematics, force: Bushing) -> dict[str, Block]:
@@ -190,11 +243,16 @@ def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block
     return {name: b.element(components, i) for i, name in enumerate(names)}
 
 
-def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[str, Block]:
-    body = next(name for name, m in k.motions.items() if m.tree_joint.joint.name == force.joint)
-    motion = k.motions[body]
+def _of_coordinate(k: Kinematics, force: JointForce) -> tuple[JointMotion, int, dict[Scalar, Block]]:
+    """The joint, the coordinate's place in it, and the variables of the law."""
+    motion = next(m for m in k.motions.values() if m.tree_joint.joint.name == force.joint)
     index = COORDINATES[motion.tree_joint.joint.kind].index(force.coordinate)
-    law = law_of(k.translator, force.law, {POSITION: motion.position[index], RATE: motion.rate[index]}, POSITION)
+    return motion, index, {POSITION: motion.position[index], RATE: motion.rate[index]}
+
+
+def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[str, Block]:
+    motion, index, values = _of_coordinate(k, force)
+    body, law = motion.tree_joint.child, law_of(k.translator, force.law, values, POSITION)
     if motion.chart is not None:  # a guided joint moves as it is told
         b, before = k.builder, system.joint_forces.get(body)
         speeds = range(len(motion.chart.speed_names))

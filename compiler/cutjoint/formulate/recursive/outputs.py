@@ -24,7 +24,7 @@ class Reporter:
     Zdd: Mapping[str, Block]
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for a force that the scene has switched off."""
+        """The block of one output; zero for a force that the scene has switched off or that a guard stands for."""
         element = output.element
         for body in self.model.bodies:
             if body.name == element:
@@ -35,7 +35,7 @@ class Reporter:
         for reaction in self.model.reactions:
             if reaction.name == element:
                 return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction)
-        if any(force.name == element for force in self.model.forces):
+        if any(force.name == element for force in self.model.force_elements):
             return self.forces.quantities.get(element, {}).get(output.quantity, self.kinematics.builder.zero(1))
         return self._joint(output)
 

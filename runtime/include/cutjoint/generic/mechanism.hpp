@@ -75,6 +75,9 @@ class GenericMechanism {
     reporter_.report({q, v, vdot, lambda}, column);
   }
 
+  /// The compiler does not describe models with guards to this twin.
+  void guard(const Real*, const Real*, Real*) const {}
+
  private:
   void assemble(const Real* q, const Real* v, const Real* lambda) {
     system_.clear();

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/guards.hpp"
 #include "cutjoint/lagrangian/augmented.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/lagrangian/classical.hpp"
@@ -40,7 +41,7 @@ class LagrangianMethod {
 
   LagrangianMethod(S& system, const Json& file)
       : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.coordinates.size(), d_.equations.size()),
-        inputs_(d_, file), figures_(read_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
+        guards_(system), inputs_(d_, file), figures_(read_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
         solver_(choose_solver(system, solver_name_)), newton_(make_newton(system, *solver_, figures_)) {
     inputs_.load_system(system_);
   }
@@ -55,6 +56,7 @@ class LagrangianMethod {
     system_.place(relative.q.data(), relative.v.data(), state_.q.data(), state_.v.data());
     newton_->begin(state_, Real(motion));
     note_residuals();
+    guards_.check(state_, 0);
   }
 
   void prepare() {}
@@ -65,6 +67,7 @@ class LagrangianMethod {
     state_.t = origin_ + Real(number) * Real(figures_.dt);
     iterations_ = newton_->iterations() - before;
     note_residuals();
+    guards_.check(state_, number);
   }
 
   Real time() const { return state_.t; }
@@ -119,6 +122,7 @@ class LagrangianMethod {
   const SystemDescription& d_;
   const Json& file_;
   State<Real> state_;
+  Guards<S> guards_;
   Inputs<Real> inputs_;
   NewtonFigures figures_;
   std::string solver_name_;

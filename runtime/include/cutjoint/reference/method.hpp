@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/reference/controlled.hpp"
 #include "cutjoint/reference/extrapolation.hpp"
@@ -19,13 +20,15 @@ namespace cutjoint::reference {
 /// Whether a run file asks for an accurate solution.
 inline bool is_reference(const Json& file) { return file.value("integrator", "") == "reference"; }
 
-/// Goes on from a start with steps as long as the run file's `tolerance` allows, from one row of the table to the next.
+/// Goes on from a start with steps as long as the run file's `tolerance` allows, from one row of the table to the next; guards are
+/// checked at the rows.
 template <class Dynamics, template <class> class Integrator, class Subject>
 class Reference {
  public:
   using Real = typename Dynamics::Real;
 
-  Reference(Subject& subject, Dynamics& dynamics, const Json& file) : subject_(subject), dynamics_(dynamics), file_(file) {}
+  Reference(Subject& subject, Dynamics& dynamics, const Json& file)
+      : subject_(subject), dynamics_(dynamics), file_(file), guards_(subject) {}
 
   const std::vector<Named>& columns() const { return subject_.description().columns; }
 
@@ -33,6 +36,7 @@ class Reference {
   void begin(const State<Real>& start) {
     y_ = dynamics_.begin(start);
     origin_ = t_ = start.t;
+    check(0);
   }
 
   void prepare() {
@@ -44,6 +48,7 @@ class Reference {
     const Real until = origin_ + Real(number) * dt_;
     controlled_->advance(t_, until, y_, number);
     t_ = until;
+    check(number);
   }
 
   Real time() const { return t_; }
@@ -63,9 +68,14 @@ class Reference {
   }
 
  private:
+  void check(long number) {
+    if (!guards_.empty()) guards_.check(dynamics_.complete(t_, y_), number);
+  }
+
   Subject& subject_;
   Dynamics& dynamics_;
   const Json& file_;
+  Guards<Subject> guards_;
   std::optional<Controlled<Dynamics, Integrator>> controlled_;
   std::vector<Real> y_;
   Real origin_{0}, t_{0}, dt_{0};

@@ -1,0 +1,88 @@
+"""Forces that do not act in a scene are taken out of the model; a guard watches that they would not have acted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from typing import Protocol, TypeVar
+
+from cutjoint.formulate.forces import is_active
+from cutjoint.model.records import Force, Guard, LawForce, Model, Scene
+from cutjoint.reduce.margins import zero_region
+from cutjoint.reduce.records import Note, Outcome
+
+
+class Stop(Protocol):
+    """Why a run stopped: ``guards`` names the forces that would act."""
+
+    @property
+    def guards(self) -> tuple[str, ...]: ...
+
+
+class Run(Protocol):
+    """A run and, unless it came to its end, its failure."""
+
+    @property
+    def failure(self) -> Stop | None: ...
+
+
+R = TypeVar("R", bound=Run)
+
+
+def guardable(model: Model, scene: Scene) -> tuple[str, ...]:
+    """The forces that are switched on and whose law is zero in a part of its range."""
+    return tuple(f.name for f in model.forces if not _reason(f, scene))
+
+
+def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = None) -> Outcome:
+    """Take the named forces, or all that can be, out of the model and put guards in their place.
+
+    Forces, stiffnesses and dampings of what was taken out are reported as zero, where its parts are as in the full model.
+    """
+    asked = guardable(model, scene) if names is None else names
+    reasons = {f.name: _reason(f, scene) for f in model.forces if f.name in asked}
+    places = {f.name: index for index, f in enumerate(model.force_elements)}
+    new = [
+        Guard(force=f, margins=zero_region(f.law) or (), index=places[f.name])
+        for f in model.forces if isinstance(f, LawForce) and reasons.get(f.name) == ""
+    ]  # fmt: skip
+    taken = {guard.force.name for guard in new}
+    return Outcome(
+        model=replace(
+            model, forces=tuple(f for f in model.forces if f.name not in taken),
+            guards=tuple(sorted((*model.guards, *new), key=lambda guard: guard.index)),
+        ),
+        scene=scene,
+        done=tuple(Note(element=g.force.name, words=_words(g), span=g.force.span) for g in new),
+        left=tuple(Note(element=f.name, words=reasons[f.name], span=f.span) for f in model.forces if reasons.get(f.name)),
+    )  # fmt: skip
+
+
+def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], R]) -> tuple[Outcome, R]:
+    """Run without the forces that can be guarded, and again with those whose guards were violated, until none is.
+
+    A run without them that fails otherwise is repeated in full.  Returns the last run and the model that it ran.
+    """
+    out = set(guardable(model, scene))
+    while True:
+        outcome = guard_forces(model, scene, out)
+        result = run(outcome.model, outcome.scene)
+        if result.failure is None or not out:
+            return outcome, result
+        out -= set(result.failure.guards) or out
+
+
+def _words(guard: Guard) -> str:
+    return f"is taken out, guarded by {' and '.join(f'{margin} >= 0' for margin in guard.margins)}"
+
+
+def _reason(force: Force, scene: Scene) -> str:
+    """Why a force stays, "" if it need not."""
+    if not is_active(force, scene):
+        return "stays: it is switched off anyway"
+    if not isinstance(force, LawForce):
+        return "stays: it has no law over one position"
+    region = zero_region(force.law)
+    if region is None:
+        return "stays: its law has no case in which it is zero"
+    return "" if region else "stays: its law is zero everywhere"
