@@ -1,6 +1,9 @@
-"""A mechanism with a plane of symmetry: joints of most kinds and every force, in the plane and in pairs."""
+"""Mechanisms with a plane of symmetry: joints of most kinds and every force, in the plane and in pairs."""
 
 from __future__ import annotations
+
+import json
+from typing import Any
 
 #: A frame that is free to move carries a mast with a pod, a keel that can only swing sideways, and an arm with a hand on either side.
 CARRIAGE = """
@@ -69,3 +72,41 @@ scenes:
     switches: {idle: false}
     numerics: {dt: 0.001, tolerance: 1.0e-11, penalty: 1.0e+5, multiplier_updates: 20}
 """
+
+
+def wings_text(axis: str) -> str:
+    """A free body with a wing on either side of the plane across "x", "y" or "z", hinged in the same sense."""
+    along = "xyz".index(axis) - 1
+
+    def turned(*components: float) -> list[float]:
+        """A vector of the model whose plane is y = 0, with its axes called by other names."""
+        return [components[(i - along) % 3] for i in range(3)]
+
+    def wing(side: int) -> dict[str, Any]:
+        return {"mass": 2, "centre_of_mass": turned(0.1, 0.6 * side, 0), "inertia": turned(0.2, 0.05, 0.2)}
+
+    def hinge(side: int, body: str) -> dict[str, Any]:
+        return {"kind": "revolute", "bodies": ["hull", body], "at": turned(0, 0.2 * side, 0), "axis": turned(-0.6, 0, -0.8)}
+
+    ahead = "xyz"[turned(1, 0, 0).index(1)]
+    angles = {"port_hinge.angle": 0.3, "starboard_hinge.angle": -0.3}
+    rates = {"port_hinge.angle_rate": 0.7, "starboard_hinge.angle_rate": -0.7}
+    return json.dumps({
+        "cutjoint": 1, "name": "wings", "gravity": turned(1, 0, -9.81),
+        "bodies": {
+            "hull": {"mass": 5, "centre_of_mass": turned(0.1, 0, 0), "inertia": turned(1, 1.2, 1.4)},
+            "port": wing(1), "starboard": wing(-1),
+        },
+        "joints": {
+            "hull_free": {"kind": "free", "bodies": ["ground", "hull"], "at": turned(0.1, 0, 0)},
+            "port_hinge": hinge(1, "port"), "starboard_hinge": hinge(-1, "starboard"),
+        },
+        "forces": {
+            "port_spring": {"kind": "joint_force", "joint": "port_hinge", "law": "3 - 20*position - rate"},
+            "starboard_spring": {"kind": "joint_force", "joint": "starboard_hinge", "law": "-3 - 20*position - rate"},
+        },
+        "scenes": {"fall": {
+            "end": 1, "positions": {f"hull_free.{ahead}": 0.1, **angles},
+            "rates": {f"hull_free.v{ahead}": 0.4, f"hull_free.w{axis}": 0.5, **rates},
+        }},
+    })  # fmt: skip

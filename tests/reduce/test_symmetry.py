@@ -11,12 +11,15 @@ import pytest
 
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import JointKind, Model, Output, Scene
+from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Model, Output, Scene
 from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
 from cutjoint.reduce.records import Outcome
 from cutjoint.reduce.symmetry import halve
+from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS
-from tests.mechanisms.symmetric import CARRIAGE
+from tests.mechanisms.symmetric import CARRIAGE, wings_text
+from tests.oracles.dense import Instant, Numerics
+from tests.oracles.evaluation import both as both_ways
 from tests.physics.simulation import completed
 
 ILTIS = MODELS / "iltis.yaml"
@@ -81,6 +84,34 @@ def test_every_column_of_a_half_is_that_of_the_whole(method: str) -> None:
         assert half[column] == pytest.approx(whole[column], abs=accuracy(method, column) * scale), column
 
 
+@pytest.mark.parametrize("axis", "xyz")
+def test_any_of_the_three_planes(axis: str) -> None:
+    """Wings written by hand: where the mirror turns a hinge about, its angle counts the other way.  All that is reported at one instant."""
+    model = read_model_text(wings_text(axis), "wings.yaml")
+    scene = replace(model.scenes["fall"], outputs=tuple(everything(model)))
+    outcome = halve(model, scene)
+    assert [b.name for b in outcome.model.bodies] == ["hull", "port"]
+    whole, half = at_start(model, scene), at_start(outcome.model, outcome.scene)
+    assert list(whole) == list(half)
+    assert whole["starboard_hinge.angle_rate"] == -whole["port_hinge.angle_rate"] == -0.7
+    for column, value in whole.items():
+        assert half[column] == pytest.approx(value, abs=1e-12), column
+
+
+def at_start(model: Model, scene: Scene) -> dict[str, float]:
+    """What a model without cut joints reports at the coordinates and speeds that a scene gives; others are zero."""
+    blocks, dense = both_ways(build_topology(model), scene, outputs=scene.outputs)
+    q, v = np.zeros(dense.nq), np.zeros(dense.nv)
+    for joint in (j for j in model.joints if j.name in dense.layout):
+        place = dense.layout[joint.name]
+        given = [float(scene.positions.get(f"{joint.name}.{name}", 0)) for name in COORDINATES[joint.kind]]
+        q[place.q_slice] = given + ([1.0, 0.0, 0.0, 0.0] if place.ball else [])
+        v[place.v_slice] = [float(scene.rates.get(f"{joint.name}.{name}", 0)) for name in SPEEDS[joint.kind]]
+    at = Instant(q=q, v=v, t=0.0)
+    figures = Numerics(penalty=1.0, damping_ratio=1.0, frequency=1.0)
+    return blocks.report(at, blocks.solve(at, np.zeros(0), figures).vdot, np.zeros(0), figures)
+
+
 def accuracy(method: str, column: str) -> float:
     """What a fixed point leaves open that stops where two different sums have settled; penalties tell reactions less well."""
     if method == "augmented" and column in ("brace_push.force", "left.stay_pull.force", "right.stay_pull.force"):
@@ -88,7 +119,7 @@ def accuracy(method: str, column: str) -> float:
     return {"classical": 1e-8, "augmented": 1e-8, "recursive": 1e-6}[method]
 
 
-@pytest.mark.parametrize(("method", "rounding"), [("classical", 1e-11), ("recursive", 1e-6)])
+@pytest.mark.parametrize(("method", "rounding"), [("classical", 1e-10), ("recursive", 1e-5)])
 def test_half_a_car_climbs_the_ramp_as_the_whole_one(method: str, rounding: float) -> None:
     """Four seconds of simul1 from its equilibrium, as shares of the columns' sizes; what the whole has from its two sides is their mean.
 
@@ -100,13 +131,13 @@ def test_half_a_car_climbs_the_ramp_as_the_whole_one(method: str, rounding: floa
     assert whole.t == pytest.approx(half.t, abs=0)
     for column in whole.columns:
         if column.endswith((".y", ".vy", ".ay", ".roll", ".yaw")):
-            assert np.abs(half[column]).max() == 0.0, column
+            assert np.abs(half[column]).max() < 1e-11, column
             assert np.abs(whole[column]).max() < 1e-6, column
             continue
         other, sign = image(column)
         mean = (whole[column] + sign * whole[other]) / 2
         assert half[column] == pytest.approx(sign * half[other], abs=0), column
-        assert half[column] == pytest.approx(mean, abs=rounding * 100 * float(np.abs(mean).max())), column
+        assert half[column] == pytest.approx(mean, abs=rounding * float(np.abs(mean).max())), column
         assert half[column] == pytest.approx(whole[column], abs=1e-5 * float(np.abs(mean).max())), column
 
 

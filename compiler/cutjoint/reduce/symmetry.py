@@ -3,6 +3,8 @@
 Where a reflection maps a model and all that a scene does to it onto itself, the motion is its own image.  Bodies in the plane move in
 it, with half their mass and half the forces on them; of everything else, one side is enough, and the other side's columns are its own
 but for signs.  The half has the whole one's motion to rounding, and cannot leave the plane where the whole one is unstable.
+Only a start that the scene leaves open may differ: where loops close from positions or speeds that contradict them, the change is the
+smallest one in the coordinates there are.
 """
 
 from __future__ import annotations
