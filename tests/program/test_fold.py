@@ -117,11 +117,12 @@ def small(differ: str) -> tuple[Builder, dict[str, object], list[tuple[object, .
         "a missing term": [b.add(b.scale(b.number(2.0), x[0]), p), b.scale(b.number(3.0), x[1])],
         "an outside block": [b.cross(x[0], p), b.cross(x[1], b.scale(b.number(2.0), p))],
         "an operation": [b.cross(x[0], p), b.add(x[1], p)],
+        "a shape": [b.mul(b.skew(x[0]), b.add(x[0], p)), b.mul(x[1], b.add(b.dot(x[1], p), b.dot(p, p)))],
     }[differ]
     return b, {"sum": b.add(y[0], y[1]), "first": y[0]}, [tuple(y)]  # type: ignore[return-value]
 
 
-@pytest.mark.parametrize("differ", ["constants", "signs", "a missing term", "an outside block", "an operation"])
+@pytest.mark.parametrize("differ", ["constants", "signs", "a missing term", "an outside block", "an operation", "a shape"])
 def test_members_may_differ_in(differ: str) -> None:
     b, results, families = small(differ)
     folded = fold(b, families, results)  # type: ignore[arg-type]

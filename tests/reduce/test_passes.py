@@ -11,10 +11,10 @@ import pytest
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, RodForce, Scene
 from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.reduce.idle import drop_idle_equations
 from cutjoint.reduce.ladder import climb
 from cutjoint.reduce.light import lighten_links
 from cutjoint.reduce.links import shorten_links
-from cutjoint.reduce.plane import drop_idle_equations
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Outcome, Pass
 from cutjoint.reduce.weld import weld_bodies
@@ -217,7 +217,7 @@ def test_outputs_keep_their_columns() -> None:
 def test_the_ladder_leaves_what_costs_more() -> None:
     model = read_model(MODELS / "four_bar.yaml")
     (rung,) = climb(model, model.scenes["swing"])
-    assert {note.words for note in rung.left} == {"stays: the pass 'plane' would take 490 operations in place of 388"}
+    assert {note.words for note in rung.left} == {"stays: the pass 'idle equations' would take 490 operations in place of 388"}
 
 
 def columns_of(rung_of: Callable[[Model, Scene], Outcome], scene: str) -> list[str]:

@@ -76,7 +76,7 @@ class _Folding:
             return _Plan("signed", family, (tuple(b.args[0] if b.op == "neg" else b for b in family),), signs)
         if len(spines[0]) > 1:
             return _Plan("sum", family, self._aligned(spines))
-        if len({(b.op, len(b.args)) for b in family}) == 1 and first.args:
+        if len({(b.op, tuple(a.shape for a in b.args)) for b in family}) == 1 and first.args:
             # each on its own, but from arguments in lanes
             return _Plan("gather", family, tuple(zip(*(b.args for b in family), strict=True)))
         return _Plan("gather", family)

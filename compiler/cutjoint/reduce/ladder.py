@@ -9,9 +9,10 @@ from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import ITERATIONS, generate
+from cutjoint.reduce.half.symmetry import halve
+from cutjoint.reduce.idle import drop_idle_equations
 from cutjoint.reduce.light import lighten_links
 from cutjoint.reduce.links import shorten_links
-from cutjoint.reduce.plane import drop_idle_equations
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
 from cutjoint.reduce.weld import weld_bodies
@@ -30,8 +31,9 @@ class Step:
 STEPS: tuple[Step, ...] = (
     Step(name="reached", reduce=drop_unreached),
     Step(name="welded", reduce=weld_bodies),
+    Step(name="half", reduce=halve),
     Step(name="links", reduce=shorten_links),
-    Step(name="plane", reduce=drop_idle_equations),
+    Step(name="idle equations", reduce=drop_idle_equations),
     Step(name="light", reduce=lighten_links, exact=False),
 )
 

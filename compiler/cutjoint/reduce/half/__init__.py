@@ -1,0 +1,1 @@
+"""Models that are symmetric in their scene, cut in two."""

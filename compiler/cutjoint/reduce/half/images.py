@@ -1,0 +1,163 @@
+"""The image of every element under a reflection, which must be what the mirror shows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+
+from cutjoint.model.expressions import variable
+from cutjoint.model.mirror import coordinate_signs
+from cutjoint.model.records import (
+    COORDINATES,
+    SPEEDS,
+    Body,
+    Force,
+    Joint,
+    JointForce,
+    JointKind,
+    PointSpring,
+    Scalar,
+)  # fmt: skip
+from cutjoint.reduce.half.pairs import Pairs, axis_signs
+from cutjoint.reduce.half.plane import AsymmetryError, Plane, is_same
+
+#: Fields of a force that say who it is and what it acts on.
+_NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Images:
+    """The image of each element by name: itself, or the other one of a pair; a force that is switched off may have none.
+
+    ``turned`` has for each joint, by coordinate and speed, 1 where its image's counts the same way, else -1.
+    """
+
+    bodies: Mapping[str, str]
+    joints: Mapping[str, str]
+    forces: Mapping[str, str]
+    turned: Mapping[str, Mapping[str, int]]
+
+
+def require_images(pairs: Pairs) -> Images:
+    """The images of all elements, which must be what the mirror shows.
+
+    Raises:
+        AsymmetryError: an element has no image, or differs from it.
+    """
+    elements, plane = pairs.elements, pairs.plane
+    for joint in elements.joints:
+        if joint.name not in pairs.joints and (joint.base in pairs.bodies or joint.follower in pairs.bodies):
+            words = f"has no image: no {joint.kind} joint like it stands where the reflection in the plane {plane} puts it"
+            raise AsymmetryError(joint.name, words, joint.span)
+    for body, reflection in zip(elements.bodies, pairs.mirrored.bodies, strict=True):
+        _require_body(reflection, next(b for b in elements.bodies if b.name == pairs.bodies[body.name]), plane)
+    joints = {j.name: j for j in elements.joints}
+    turned = {j.name: _turned(pairs, j, joints[pairs.joints[j.name]]) for j in elements.joints}
+    for joint in elements.joints:
+        _require_joint(joint, joints[pairs.joints[joint.name]], turned[joint.name], plane)
+    forces = _force_images(pairs, turned)
+    return Images(bodies=pairs.bodies, joints=pairs.joints, forces=forces, turned=turned)
+
+
+def _require_body(reflection: Body, image: Body, plane: Plane) -> None:
+    names = {"mass": "mass", "centre_of_mass": "centre of mass", "inertia": "inertia"}
+    differ = [words for name, words in names.items() if not is_same(getattr(reflection, name), getattr(image, name))]
+    if differ and not (reflection.mass == 0 and image.mass == 0):
+        own = reflection.name == image.name
+        words = f"is not symmetric about the plane {plane}" if own else f"is not what the plane {plane} shows of '{image.name}'"
+        raise AsymmetryError(reflection.name, f"{words}: its {differ[0]}{' is not' if own else ' differs'}", reflection.span)
+
+
+def _turned(pairs: Pairs, joint: Joint, image: Joint) -> Mapping[str, int]:
+    """How coordinates and speeds count in the image."""
+    flips = axis_signs(pairs.reflection(joint), image)
+    assert flips is not None
+    by_axes = _flips(joint.kind, flips)
+    mirrored = coordinate_signs(pairs.plane.mirror, joint)
+    signs = {name: mirrored[name] * by_axes.get(name, 1) for name in COORDINATES[joint.kind]}
+    spin = {name: pairs.plane.sign(name) for name in SPEEDS[joint.kind] if name.startswith("w")}
+    return {**signs, **dict(zip(SPEEDS[joint.kind], signs.values(), strict=False)), **spin}
+
+
+def _flips(kind: JointKind, signs: Sequence[int]) -> Mapping[str, int]:
+    """The signs of coordinates when axes are turned about; a planar joint's second tangent is a product with two of them."""
+    match kind:
+        case JointKind.UNIVERSAL:
+            return dict(zip(("angle_1", "angle_2"), signs, strict=True))
+        case JointKind.PLANAR:
+            return {"displacement_1": signs[0], "angle": signs[0]}
+    return dict.fromkeys(COORDINATES[kind], signs[0]) if signs else {}
+
+
+def _require_joint(joint: Joint, image: Joint, turned: Mapping[str, int], plane: Plane) -> None:
+    """Raises AsymmetryError unless the image is cut and guided as the joint is."""
+    if joint.cut is not image.cut:
+        raise AsymmetryError(joint.name, f"is not cut as '{image.name}' is, its image in the plane {plane}", joint.span)
+    if (joint.guide is None) is not (image.guide is None):
+        raise AsymmetryError(joint.name, f"is not guided as '{image.name}' is, its image in the plane {plane}", joint.span)
+    guides = zip(COORDINATES[joint.kind], joint.guide or (), image.guide or (), strict=False)
+    for coordinate, guide, other in guides:
+        if not is_same(turned[coordinate] * guide, other):
+            own = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"
+            words = own if joint.name == image.name else f"is not guided as the plane {plane} shows '{image.name}'"
+            raise AsymmetryError(joint.name, words, joint.span)
+
+
+def _force_images(pairs: Pairs, turned: Mapping[str, Mapping[str, int]]) -> Mapping[str, str]:
+    """The image of each force; one that the scene has switched off needs none."""
+    images: dict[str, str] = {}
+    forces = pairs.elements.forces
+    for force, reflection in zip(forces, pairs.mirrored.forces, strict=True):
+        free = sorted((f for f in forces if f.name not in images and f.active is force.active), key=lambda f: f.name != force.name)
+        like = [f for f in free if _is_attached(pairs, force, f) and _is_image(pairs, force, reflection, f, turned)]
+        if force.name not in images and like:
+            images |= {force.name: like[0].name, like[0].name: force.name}
+    alone = [f for f in forces if f.name not in images]
+    for force in alone:
+        if force.active:
+            raise AsymmetryError(force.name, _why(pairs.plane, force, [f for f in alone if _is_attached(pairs, force, f)]), force.span)
+    return images
+
+
+def _why(plane: Plane, force: Force, attached: Iterable[Force]) -> str:
+    """What is wrong with a force that has no image; ``attached`` are others without one, and itself, that act on the right bodies."""
+    names = [f.name for f in attached]
+    if names == [force.name]:
+        return f"is not symmetric about the plane {plane}, nor has it an image there"
+    if names:
+        other = next(name for name in names if name != force.name)
+        return f"is not what the plane {plane} shows of '{other}': they differ in place or law, or one is switched off"
+    return f"has no image: nothing like it acts where the reflection in the plane {plane} puts it"
+
+
+def ends(force: Force) -> tuple[str, ...]:
+    """The bodies that a force acts on, none for one on a joint's coordinate."""
+    if isinstance(force, JointForce):
+        return ()
+    return (force.body,) if hasattr(force, "body") else (force.base, force.follower)
+
+
+def _is_attached(pairs: Pairs, force: Force, candidate: Force) -> bool:
+    """Whether a candidate is of the same type and acts on the images of what a force acts on."""
+    if isinstance(force, JointForce) and isinstance(candidate, JointForce):
+        return (pairs.joints[force.joint], force.coordinate) == (candidate.joint, candidate.coordinate)
+    images = tuple(pairs.bodies[body] for body in ends(force))
+    swapped = isinstance(force, PointSpring) and images[::-1] == ends(candidate)
+    return type(force) is type(candidate) and (images == ends(candidate) or swapped)
+
+
+def _is_image(pairs: Pairs, force: Force, reflection: Force, candidate: Force, turned: Mapping[str, Mapping[str, int]]) -> bool:
+    if isinstance(force, JointForce) and isinstance(candidate, JointForce):
+        return is_same(turned_law(force.law, turned[force.joint][force.coordinate]), candidate.law)
+    names = [f.name for f in fields(reflection) if f.name not in _NAMING]
+    shown = {name: getattr(reflection, name) for name in names}
+    if isinstance(force, PointSpring) and tuple(pairs.bodies[body] for body in ends(force)) != ends(candidate):
+        shown |= {"start": shown["end"], "end": shown["start"]}
+    return all(is_same(value, getattr(candidate, name)) for name, value in shown.items())
+
+
+def turned_law(law: Scalar, sign: int) -> Scalar:
+    """A law over ``position`` and ``rate`` of a coordinate that counts the other way where ``sign`` is -1."""
+    if sign > 0:
+        return law
+    return -law.xreplace({variable(name): -variable(name) for name in ("position", "rate")})

@@ -1,0 +1,163 @@
+"""What the half of a symmetric model starts from, and the columns of the whole that follow from its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.records import (
+    AxialForce,
+    Body,
+    BodyLoad,
+    Bushing,
+    Force,
+    Joint,
+    JointForce,
+    Marker,
+    Output,
+    PointSpring,
+    Reaction,
+    RodForce,
+    Scalar,
+    Scene,
+    Tyre,
+)  # fmt: skip
+from cutjoint.reduce.half.halves import HALVED
+from cutjoint.reduce.half.model import Half
+from cutjoint.reduce.half.plane import ANGLES, AsymmetryError, is_nought, is_same
+
+#: What of a tyre counts the same way on the other side.
+_EVEN_OF_TYRE = frozenset({"Fz", "deflection"})
+
+
+def half_scene(half: Half, scene: Scene) -> Scene:
+    """The scene of the half.
+
+    Raises:
+        AsymmetryError: it is not symmetric, or asks for what the half does not tell.
+    """
+    _require_road(half, scene)
+    return replace(
+        scene, positions=_states(half, scene.positions), rates=_states(half, scene.rates),
+        switches={name: is_on for name, is_on in scene.switches.items() if name not in half.gone},
+        outputs=tuple(_output(half, o) for o in scene.outputs),
+    )  # fmt: skip
+
+
+def _require_road(half: Half, scene: Scene) -> None:
+    tyres = [f for f in half.model.forces if isinstance(f, Tyre) and scene.switches.get(f.name, f.active)]
+    if tyres and half.plane.axis != "y":
+        raise AsymmetryError(tyres[0].name, "rolls along x, so that the road has no image but in the plane y = 0", tyres[0].span)
+    left, right = ([(s.kind, s.length, s.rise) for s in track] for track in (scene.road.left, scene.road.right))
+    if tyres and left != right:
+        raise AsymmetryError(scene.name, "has a road whose left and right tracks differ", scene.span)
+
+
+def _states(half: Half, states: Mapping[str, Scalar]) -> dict[str, Scalar]:
+    """Initial coordinates or speeds of the half by "joint.component"."""
+    found: dict[str, Scalar] = {}
+    for key, value in states.items():
+        name, _, component = key.rpartition(".")
+        joint = next(j for j in half.model.joints if j.name == name)
+        _require_image(half, states, joint, component)
+        if name in half.in_plane:
+            found |= _in_plane_state(half, joint, component, value)
+        elif name not in half.removed:
+            found[key] = value
+    return found
+
+
+def _require_image(half: Half, states: Mapping[str, Scalar], joint: Joint, component: str) -> None:
+    image, sign = half.images.joints[joint.name], half.images.turned[joint.name][component]
+    other = states.get(f"{image}.{component}")
+    if other is None or not is_same(sign * states[f"{joint.name}.{component}"], other):
+        own = f"starts with a {component} that leaves the plane {half.plane}"
+        words = own if image == joint.name else f"does not start with the {component} that the plane {half.plane} shows of '{image}'"
+        raise AsymmetryError(joint.name, words, joint.span)
+
+
+def _in_plane_state(half: Half, joint: Joint, component: str, value: Scalar) -> dict[str, Scalar]:
+    found = half.in_plane[joint.name]
+    if component in found.kept:
+        name, sign = found.kept[component]
+        return {f"{joint.name}.{name}": sign * value}
+    if not is_nought(value):
+        raise AsymmetryError(joint.name, f"starts with a {component} that its half cannot have", joint.span)
+    return {}
+
+
+def _output(half: Half, output: Output) -> Output:
+    """The column of the half from which one of the whole follows."""
+    model = half.model
+    groups = (model.bodies, model.joints, model.forces, model.reactions, model.markers)
+    element = next(e for group in groups for e in group if e.name == output.element)
+    match element:
+        case Marker():
+            return _scaled(output, half.plane.sign(output.quantity) if element.body in half.removed else 1)
+        case Reaction():
+            return _scaled(output, 2 if half.is_own(element.joint) else 1)
+        case Body():
+            sign = half.plane.sign(output.quantity)
+            return _scaled(output, sign, half.images.bodies[element.name]) if element.name in half.removed else output
+        case Joint():
+            return _joint_output(half, element, output)
+        case RodForce():
+            raise AsymmetryError(element.name, "is told by distances that already stand for a link", element.span)
+    return _force_output(half, element, output)
+
+
+def _scaled(output: Output, factor: float, element: str = "", quantity: str = "") -> Output:
+    """An output that is read from another column, or from another multiple of its own."""
+    read = replace(output, element=element or output.element, quantity=quantity or output.quantity, factor=factor * output.factor)
+    return read if read.column == output.column else replace(read, stands_for=output.column)
+
+
+def _force_output(half: Half, force: Force, output: Output) -> Output:
+    name, sign = force.name, 1
+    if half.kept_force(name) in half.gone:
+        raise AsymmetryError(name, "is asked for, but is not in the half", output.span)
+    if name in half.removed:
+        name, sign = half.images.forces[name], _force_sign(half, force, output.quantity)
+    if half.is_own(force.name) and output.quantity in HALVED:
+        sign = 2 * sign
+    if isinstance(force, JointForce) and output.quantity == "force" and (joint := half.in_plane.get(half.kept_joint(force.joint))):
+        sign *= joint.kept[force.coordinate][1]
+    return _scaled(output, sign, name)
+
+
+def _force_sign(half: Half, force: Force, quantity: str) -> int:
+    """Whether the image of a force's quantity counts the same way."""
+    match force:
+        case PointSpring() | AxialForce():
+            return 1
+        case JointForce():
+            return half.images.turned[force.joint][force.coordinate] if quantity == "force" else 1
+        case Bushing():
+            return half.plane.sign(quantity.replace("r", "M"))
+        case BodyLoad():
+            return half.plane.sign(quantity)
+    return 1 if quantity in _EVEN_OF_TYRE else -1
+
+
+def _joint_output(half: Half, joint: Joint, output: Output) -> Output:
+    name = half.kept_joint(joint.name)
+    sign = 1 if name == joint.name else half.images.turned[joint.name][output.quantity]
+    if name not in half.in_plane:
+        return _scaled(output, sign, name)
+    found = half.in_plane[name]
+    if output.quantity in found.kept:
+        quantity, factor = found.kept[output.quantity]
+        return _scaled(output, sign * factor, name, quantity)
+    if output.quantity in found.unknown:
+        raise AsymmetryError(joint.name, f"is asked for its {output.quantity}, which its half does not tell", output.span)
+    return _zero(half, joint, output)
+
+
+def _zero(half: Half, joint: Joint, output: Output) -> Output:
+    """A coordinate that would leave the plane: what a body of the joint has of the same unit, times nought."""
+    plane = half.plane
+    by_unit = {"m": plane.axis, "m/s": f"v{plane.axis}", "rad": ANGLES[plane.across], "rad/s": f"w{plane.across}"}
+    quantity = by_unit[JOINT_QUANTITIES[joint.kind][output.quantity]]
+    body = next(b.name for b in half.model.bodies if b.name in (joint.base, joint.follower))
+    return _scaled(output, 0, body, quantity)

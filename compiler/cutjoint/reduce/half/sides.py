@@ -1,0 +1,71 @@
+"""The two sides of a symmetric model: which elements of the pairs are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.records import Force, Joint, JointForce, Scalar, Vector
+from cutjoint.reduce.half.images import Images, ends
+from cutjoint.reduce.half.pairs import Pairs
+from cutjoint.reduce.half.plane import AsymmetryError, Plane
+
+
+def join_sides(pairs: Pairs) -> tuple[frozenset[str], ...]:
+    """The groups of paired bodies that joints and forces hold together.
+
+    Raises:
+        AsymmetryError: an element holds a group and its image together.
+    """
+    groups = {name: frozenset({name}) for name, image in pairs.bodies.items() if name != image}
+    forces = (f for f in pairs.elements.forces if f.active)
+    for element, bodies in [*((j, (j.base, j.follower)) for j in pairs.elements.joints), *((f, ends(f)) for f in forces)]:
+        held = frozenset[str]().union(*(groups[b] for b in bodies if b in groups))
+        if any(pairs.bodies[b] in held for b in held):
+            words = f"joins the two sides of the plane {pairs.plane} directly, which cannot be cut in half"
+            raise AsymmetryError(element.name, words, element.span)
+        groups |= dict.fromkeys(held, held)
+    return tuple(dict.fromkeys(groups.values()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heights:
+    """On which side of a plane elements stand: the sums of their points' coordinates at the parameters' ``values``."""
+
+    plane: Plane
+    values: Mapping[Scalar, float]
+
+    def of(self, element: Joint | Force) -> float:
+        """An element's."""
+        names = ("at", "to", "start", "end", "origin", "point", "centre")
+        points: list[Vector] = [p for name in names if (p := getattr(element, name, None)) is not None]
+        return sum(evaluate(p["xyz".index(self.plane.axis)], self.values) for p in points)
+
+    def of_group(self, joints: Iterable[Joint], bodies: frozenset[str]) -> float:
+        """That of the joints at bodies."""
+        return sum(self.of(j) for j in joints if {j.base, j.follower} & bodies)
+
+
+def find_removed(pairs: Pairs, images: Images, heights: Heights, groups: Iterable[frozenset[str]]) -> frozenset[str]:
+    """The names of bodies, joints and forces of the side that is left out: the one with the smaller coordinates."""
+    joints, forces = pairs.elements.joints, pairs.elements.forces
+    removed: set[str] = set()
+    for group in groups:
+        image = frozenset(images.bodies[b] for b in group)
+        if not (group | image) & removed:
+            removed |= image if heights.of_group(joints, group) >= heights.of_group(joints, image) else group
+    removed |= {j.name for j in joints if {j.base, j.follower} & removed}
+    removed |= {f.name for f in forces if (f.joint if isinstance(f, JointForce) else "") in removed or set(ends(f)) & removed}
+    _remove_seconds(joints, images.joints, removed, heights)
+    _remove_seconds(forces, images.forces, removed, heights)
+    return frozenset(removed)
+
+
+def _remove_seconds(elements: Iterable[Joint | Force], images: Mapping[str, str], removed: set[str], heights: Heights) -> None:
+    """Remove the lower one of each pair that is still complete: both act on bodies in the plane."""
+    by_name = {e.name: e for e in elements}
+    for name, element in by_name.items():
+        image = images.get(name, name)
+        if image != name and not {name, image} & removed:
+            removed.add(image if heights.of(element) >= heights.of(by_name[image]) else name)
