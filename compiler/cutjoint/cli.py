@@ -29,6 +29,9 @@ from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
+from cutjoint.reduce.choose import choose, chosen_rung
+from cutjoint.reduce.ladder import Rung, climb
+from cutjoint.reduce.measure import measure_rungs
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
@@ -147,20 +150,29 @@ def simulate(
     checked = read_model(model)
     chosen = pipeline.find_scene(checked, scene)
     asked = method or chosen.method or "recursive"
+
+    def run_with(of: Model, played: Scene, method: str) -> tuple[Artifact, Trajectory]:
+        if method == "recursive" and solver != "emitted":
+            raise RunError(f"--solver {solver}: the recursive method has no linear solver; use --method augmented or classical")
+        with _progress(f"compiling {model.name}"):
+            comparison = solver in pipeline.COMPARISON_SOLVERS
+            artifact = pipeline.compile_scene(
+                of, played, method=method, implementation=implementation, comparison=comparison, precision=precision
+            )
+        with _progress(f"running {played.name}") as progress:
+            return artifact, pipeline.simulate(
+                artifact, out=out, dt=dt, end=end, parameters=parameters, solver=solver, steps=steps, progress=progress
+            )
+
     if asked == "auto":
         _require_own(implementation=implementation, solver=solver, precision=precision, dt=dt, end=end)
-        checked, chosen, asked = _pick(checked, chosen, tolerance, parameters)
-    if asked == "recursive" and solver != "emitted":
-        raise RunError(f"--solver {solver}: the recursive method has no linear solver; use --method augmented or classical")
-    with _progress(f"compiling {model.name}"):
-        comparison = solver in pipeline.COMPARISON_SOLVERS
-        artifact = pipeline.compile_scene(
-            checked, chosen, method=asked, implementation=implementation, comparison=comparison, precision=precision
-        )
-    with _progress(f"running {artifact.scene.name}") as progress:
-        run = pipeline.simulate(
-            artifact, out=out, dt=dt, end=end, parameters=parameters, solver=solver, steps=steps, progress=progress
-        )  # fmt: skip
+        rung = _pick(checked, chosen, tolerance, parameters)
+        artifact, run = run_with(rung.model, rung.scene, rung.method)
+        if run.failure is not None and run.failure.guards and chosen.on_violation == "restart":
+            _err.print(f"{run.failure}; again with the full model", markup=False)
+            artifact, run = run_with(checked, replace(chosen, numerics=rung.scene.numerics), rung.method)
+    else:
+        artifact, run = run_with(checked, chosen, asked)
     _out.print(tables.topology_facts(artifact.topology, find_mobility(artifact.mechanism)))
     _out.print(tables.run_facts(artifact, run))
     _out.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
@@ -179,9 +191,8 @@ def _require_own(**options: Any) -> None:
         raise RunError(f"--{name} cannot go with method auto, which runs what it has measured; use --method")
 
 
-def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: dict[str, float]) -> tuple[Model, Scene, str]:
+def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: dict[str, float]) -> Rung:
     """The model, scene and method that method auto picks; it says what and why."""
-    from cutjoint.reduce.choose import choose, chosen_rung
     from cutjoint.report.ladder import choice_table
 
     wanted = replace(scene, method="auto", tolerance=tolerance or scene.tolerance)
@@ -190,8 +201,7 @@ def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: dict[
     with _progress(f"picking what keeps {wanted.tolerance:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
     _out.print(choice_table(choice, wanted))
-    rung = chosen_rung(model, wanted, choice)
-    return rung.model, rung.scene, rung.method
+    return chosen_rung(model, wanted, choice)
 
 
 @main.command()
@@ -204,8 +214,6 @@ def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: dict[
 @_reports_errors
 def reduce(model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...]) -> None:
     """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every rung."""
-    from cutjoint.reduce.ladder import climb
-    from cutjoint.reduce.measure import measure_rungs
     from cutjoint.report.ladder import ladder_table, note_lines
 
     checked = read_model(model)

@@ -28,7 +28,7 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.families import find_families
 from cutjoint.model.quantities import quantities, unit_of
 from cutjoint.model.read import read_model
-from cutjoint.model.records import Model, Numerics, Output, Road, Scene
+from cutjoint.model.records import Model, Numerics, Output, Road, RodForce, Scene
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
@@ -103,6 +103,11 @@ class NoEquilibriumError(RuntimeError):
     def __init__(self, report: FailureReport) -> None:
         super().__init__(str(report))
         self.report = report
+
+
+def is_reduced(model: Model, scene: Scene) -> bool:
+    """Whether a model has what only passes put in: guards, sensors of rods, columns that stand for others."""
+    return bool(model.guards or any(isinstance(r, RodForce) for r in model.reactions) or any(o.stands_for for o in scene.outputs))
 
 
 def find_scene(model: Model, name: str | None) -> Scene:
@@ -247,16 +252,15 @@ def compile_scene(
 
     Raises:
         ModelError, TopologyError: the model is wrong.
-        RunError: there is no such method or precision, or the generic twin is asked to run a model with guards.
+        RunError: there is no such method or precision, or the generic twin is asked to run a reduced model.
         ToolchainError: the C++ side failed.
     """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
     if precision not in PRECISIONS or (precision != "double" and (comparison or implementation == "generic")):
         raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")
-    if implementation == "generic" and model.guards:
-        names = ", ".join(guard.force.name for guard in model.guards)
-        raise RunError(f"the generic twin has no guards: put {names} back into the model")
+    if implementation == "generic" and is_reduced(model, scene):
+        raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
     # Model -> Source
     begin, packed = perf_counter(), precision in _SIDE_BY_SIDE
     equations, program, source = generate(

@@ -198,7 +198,7 @@ def test_a_run_that_fails_otherwise_is_repeated_in_full() -> None:
 
 
 def test_the_generic_twin_refuses_guards() -> None:
-    with pytest.raises(RunError, match="the generic twin has no guards: put floor, wall back into the model"):
+    with pytest.raises(RunError, match="the generic twin knows neither guards nor columns of reduced models"):
         compile_scene(without("floor", "wall"), hammer().scenes["swing"], implementation="generic")
 
 

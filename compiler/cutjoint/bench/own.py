@@ -78,7 +78,7 @@ def _reduced(case: Case, *, method: str) -> OwnRunner:
     Raises:
         RunError: there is none but the full model.
     """
-    rungs = [rung for rung in climb(case.model, replace(case.scene, outputs=case.outputs), method) if rung.exact]
+    rungs = [rung for rung in climb(case.model, replace(case.scene, outputs=case.outputs), method) if rung.motion == "exact"]
     if len(rungs) == 1:
         raise RunError("no pass makes the model smaller")
     return OwnRunner(artifact=compile_scene(rungs[-1].model, rungs[-1].scene, method=method), parameters=case.parameters)

@@ -190,6 +190,7 @@ class Scene(Part):
     method: Literal["auto", "recursive", "augmented", "classical"] | None = None
     tolerance: Number | None = None
     budget: Number | None = None
+    on_violation: Literal["stop", "restart"] = "stop"
     outputs: tuple[StrictStr, ...] | None = None
 
     @model_validator(mode="after")

@@ -393,7 +393,8 @@ class Numerics:
         """The figures of one method, at its step."""
         given = self.methods.get(method, {})
         dt = given.get("dt", self.dt)
-        followed = {name: float(law.subs(dict.fromkeys(law.free_symbols, dt))) for name, law in self.by_step.items()}
+        laws = self.by_step if dt != self.dt else {}
+        followed = {name: float(law.subs(dict.fromkeys(law.free_symbols, dt))) for name, law in laws.items()}
         return replace(self, **{**followed, **given})  # type: ignore[arg-type]
 
 
@@ -406,6 +407,8 @@ class Scene:
     keeps its parameter's value); ``switches`` turns forces on and off by their full names.  ``method`` is the
     formulation that the scene wants ("" for the default) or "auto", which picks model, formulation and step so
     that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as real time.
+    ``on_violation`` says what follows when the guard of a force is violated that a reduced model leaves out:
+    "stop", or "restart" with the full model.
     """
 
     name: str
@@ -423,6 +426,7 @@ class Scene:
     method: str = ""
     tolerance: float | None = None
     budget: float | None = None
+    on_violation: str = "stop"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -86,6 +86,7 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         method=scene.method or "",
         tolerance=_above_zero(where, scene.tolerance, "tolerance"),
         budget=_above_zero(where, scene.budget, "budget"),
+        on_violation=scene.on_violation,
     )
 
 

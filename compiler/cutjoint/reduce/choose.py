@@ -172,7 +172,8 @@ def _candidates(model: Model, scene: Scene, parameters: Mapping[str, float], tru
         except (ModelError, RunError) as error:
             yield Candidate(rung="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error))
             continue
-        for rung in rungs[-1:] if rungs[-1].exact else [max((r for r in rungs if r.exact), key=rungs.index), rungs[-1]]:
+        last_of = {rung.motion: rung for rung in rungs}
+        for rung in last_of.values():
             yield _try(rung, scene, parameters, truth)
 
 

@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import Force, Guard, LawForce, Model, Scene
+from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.margins import zero_region
 from cutjoint.reduce.records import Note, Outcome
 
@@ -70,6 +71,18 @@ def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], R]) -> t
         if result.failure is None or not out:
             return outcome, result
         out -= set(result.failure.guards) or out
+
+
+def guard_idle(model: Model, scene: Scene) -> Outcome:
+    """The pass: the forces that do not act in the scene at its step, found by runs that put back what does."""
+    if not guardable(model, scene):
+        return Outcome(model=model, scene=scene)
+    outcome, run = speculate(model, scene, lambda m, s: simulate(compile_scene(m, s)))
+    if run.failure is not None:
+        return Outcome(model=model, scene=scene)
+    acting = set(guardable(model, scene)) - {note.element for note in outcome.done}
+    left = tuple(Note(element=f.name, words="stays: it acts in this scene", span=f.span) for f in model.forces if f.name in acting)
+    return replace(outcome, left=outcome.left + left)
 
 
 def _words(guard: Guard) -> str:

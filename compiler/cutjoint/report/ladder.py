@@ -27,7 +27,7 @@ def ladder_table(rungs: Sequence[Rung], costs: Sequence[Cost]) -> Table:
     table = _table(f"{full.model.name}, scene {full.scene.name}, method {full.method}", headings, 2)
     for rung, cost in zip(rungs, costs, strict=True):
         table.add_row(
-            rung.name, "exact" if rung.exact else "approximate", str(rung.unknowns), str(rung.equations), str(rung.operations),
+            rung.name, rung.motion, str(rung.unknowns), str(rung.equations), str(rung.operations),
             f"{100 * rung.operations / full.operations:.0f} %", f"{1e3 * cost.seconds:.2f}", f"{costs[0].seconds / cost.seconds:.2f}",
             cost.failure or (f"{cost.error:.1e}" if rung is not full else "-"),
         )  # fmt: skip
