@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test sanitize fuzz bench methods report flags verification lint setup clean
+.PHONY: demo test sanitize fuzz bench methods report choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -29,6 +29,9 @@ methods: setup
 report: setup
 	$(BIN)/pip install --quiet --editable '.[peers]'
 	$(BIN)/python -m benchmarks.report
+
+choice: setup
+	$(BIN)/python -m benchmarks.choice
 
 verification: setup
 	$(BIN)/python -m benchmarks.verification

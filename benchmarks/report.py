@@ -7,7 +7,7 @@ takes about an hour; run it on a machine that does nothing else.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from cutjoint.bench.failures.situations import try_situations
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
+from cutjoint.report.bench.charts import draw_work_precision
 from cutjoint.report.bench.page import render_page
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -39,13 +40,14 @@ LINKS = {"*.leaf_link": 2.0, "*.tie_rod": 1.0}
 def paper() -> Plan:
     """The paper's scenes.  Rows are 7.5 ms apart, of which its other steps are multiples now and then."""
     cases = [make_case(MODELS / "iltis.yaml", scene, row=0.0075) for scene in PAPER]
-    return Plan(cases=cases, contenders=choose(["generated", "scalar"]), reference="extended")
+    return Plan(cases=cases, contenders=choose(["generated", "scalar", "reduced"]), reference="extended")
 
 
 def vehicle() -> Plan:
     """A vehicle that all tools can run, ours in the same variant."""
     case = make_case(MODELS / "iltis.yaml", IAVSD, row=0.005, parameters={"chassis_mass": 1248.0}, link_masses=LINKS)
-    return Plan(cases=[case], contenders=choose(["generated", "peer"]), reference="extended", title="with link masses, and peers")
+    contenders = choose(["generated", "reduced", "peer"])
+    return Plan(cases=[case], contenders=contenders, reference="extended", title="with link masses, and peers")
 
 
 def verification() -> Plan:
@@ -95,6 +97,10 @@ STUDIES: dict[str, Callable[[], Plan]] = {
 }  # fmt: skip
 
 
+#: The studies whose charts are kept as pictures too.
+PICTURES = ("vehicle", "chain", "verification", "governor")
+
+
 @click.command()
 @click.option("--only", type=click.Choice([*STUDIES, "situations"]), multiple=True, help="Of these alone.")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=ROOT / "docs" / "bench", show_default=True)
@@ -107,15 +113,18 @@ def main(only: tuple[str, ...], out: Path) -> None:
         def say(text: str) -> None:
             progress.update(task, description=text)
 
-        data = merge(perform(STUDIES[name](), store, say) for name in STUDIES if not only or name in only)
+        studies = {name: perform(STUDIES[name](), store, say) for name in STUDIES if not only or name in only}
+        data = merge(studies.values())
         if not only or "situations" in only:
             data["situations"] = try_situations(store, say)
     out.mkdir(parents=True, exist_ok=True)
     (out / "bench.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     (out / "bench.html").write_text(render_page(data), encoding="utf-8")
+    for case in (case for name in PICTURES if name in studies for case in studies[name]["cases"]):
+        (out / f"{case['model']}_{case['scene']}.svg").write_text(draw_work_precision(case), encoding="utf-8")
 
 
-def merge(parts: Iterator[dict[str, Any]]) -> dict[str, Any]:
+def merge(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
     """The studies' results as one."""
     merged: dict[str, Any] = {"machine": {}, "cases": [], "drifts": [], "atlases": [], "situations": []}
     for part in parts:

@@ -81,6 +81,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:15
   const Real c_coupler_1_bar_x = R_coupler_1_bar_xx*Real(0.5) - R_crank_0_pin_xy_negated;
   const Real c_coupler_1_bar_y = R_crank_0_pin_xx + R_coupler_1_bar_xy_negated*Real(0.5);
+  const Real Mc_coupler_1_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_1_bar_y*c_coupler_1_bar_y + c_coupler_1_bar_x*c_coupler_1_bar_x);
   const Real coupler_1_bar_1 = Z_coupler_1_bar_wz*(bv_coupler_1_pin_vy + Z_coupler_1_bar_wz*c_coupler_1_bar_x);
   const Real coupler_1_bar_2 = Real(9.81) + Z_coupler_1_bar_wz*(bv_coupler_1_pin_vx - Z_coupler_1_bar_wz*c_coupler_1_bar_y);
 
@@ -97,6 +98,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:15
   const Real c_coupler_2_bar_x = R_coupler_2_bar_xx*Real(0.5) - R_crank_1_pin_xy_negated;
   const Real c_coupler_2_bar_y = R_crank_1_pin_xx + R_coupler_2_bar_xy_negated*Real(0.5);
+  const Real Mc_coupler_2_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_2_bar_y*c_coupler_2_bar_y + c_coupler_2_bar_x*c_coupler_2_bar_x);
   const Real coupler_2_bar_1 = Z_coupler_2_bar_wz*(bv_coupler_2_pin_vy + Z_coupler_2_bar_wz*c_coupler_2_bar_x);
   const Real coupler_2_bar_2 = Real(9.81) + Z_coupler_2_bar_wz*(bv_coupler_2_pin_vx - Z_coupler_2_bar_wz*c_coupler_2_bar_y);
 
@@ -105,8 +107,11 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:15
   const Real c_crank_2_bar_x_negated = R_crank_2_pin_xy_negated*Real(0.5);
   const Real c_crank_2_bar_y = R_crank_2_pin_xx*Real(0.5);
-  const Real crank_2_bar_1 = c_crank_2_bar_y*(v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_x_negated)) -
-      c_crank_2_bar_x_negated*(v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_y) - Real(9.81));
+  const Real Mc_crank_2_bar_wz_wz = Real(0.08333333333333333) + (c_crank_2_bar_y*c_crank_2_bar_y +
+      c_crank_2_bar_x_negated*c_crank_2_bar_x_negated);
+  const Real Fc_crank_2_bar_vx_negated = v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_x_negated);
+  const Real Fc_crank_2_bar_vy = v_crank_2_pin_angle_rate*(v_crank_2_pin_angle_rate*c_crank_2_bar_y) - Real(9.81);
+  const Real Fc_crank_2_bar_wz = c_crank_2_bar_y*Fc_crank_2_bar_vx_negated - c_crank_2_bar_x_negated*Fc_crank_2_bar_vy;
 
   // closure: closure_1
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
@@ -140,209 +145,151 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
       Z_closure_2_wz*Phid_closure_2_vx_negated + (loaded_.value_3*Phi_closure_2_vy -
       loaded_.value_2*Phid_closure_2_vy_negated);
 
-  // closure: closure_1
-  //   M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)
-  //   four_bar.yaml:30
-  const Real K_closure_1_vx_wz_negated = loaded_.penalty*R_crank_1_pin_xx;
-  const Real K_closure_1_vy_wz_negated = loaded_.penalty*R_crank_1_pin_xy_negated;
-  const Real K_closure_1_wz_wz = R_crank_1_pin_xx*K_closure_1_vx_wz_negated + R_crank_1_pin_xy_negated*K_closure_1_vy_wz_negated;
-  const Real dQ1_closure_1_crank_1_bar_vx_negated = lambda_closure_1_x + loaded_.penalty*s_closure_1_vx;
-  const Real dQ1_closure_1_crank_1_bar_vy_negated = lambda_closure_1_y + loaded_.penalty*s_closure_1_vy;
-  const Real dQ1_closure_1_crank_1_bar_wz = R_crank_1_pin_xx*dQ1_closure_1_crank_1_bar_vx_negated +
-      R_crank_1_pin_xy_negated*dQ1_closure_1_crank_1_bar_vy_negated;
-  const Real dM1_closure_1_coupler_1_bar_vy_wz_negated = K_closure_1_vy_wz_negated - loaded_.penalty;
-  const Real dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated = K_closure_1_wz_wz - K_closure_1_vy_wz_negated;
-  const Real dM1_closure_1_coupler_1_bar_wz_wz = dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated - dM1_closure_1_coupler_1_bar_vy_wz_negated;
-  const Real M_coupler_1_bar_vz_wx = c_coupler_1_bar_y + K_closure_1_vx_wz_negated;
-  const Real M_coupler_1_bar_vz_wy_negated = c_coupler_1_bar_x - dM1_closure_1_coupler_1_bar_vy_wz_negated;
-  const Real dQ1_closure_1_coupler_1_bar_wz = dQ1_closure_1_crank_1_bar_vy_negated - dQ1_closure_1_crank_1_bar_wz;
-
-  // closure: closure_2
-  //   M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)
-  //   four_bar.yaml:31
-  const Real K_closure_2_vx_wz_negated = loaded_.penalty*R_crank_2_pin_xx;
-  const Real K_closure_2_vy_wz_negated = loaded_.penalty*R_crank_2_pin_xy_negated;
-  const Real K_closure_2_wz_wz = R_crank_2_pin_xx*K_closure_2_vx_wz_negated + R_crank_2_pin_xy_negated*K_closure_2_vy_wz_negated;
-  const Real dQ1_closure_2_crank_2_bar_vx_negated = lambda_closure_2_x + loaded_.penalty*s_closure_2_vx;
-  const Real dQ1_closure_2_crank_2_bar_vy_negated = lambda_closure_2_y + loaded_.penalty*s_closure_2_vy;
-  const Real dQ1_closure_2_crank_2_bar_wz = R_crank_2_pin_xx*dQ1_closure_2_crank_2_bar_vx_negated +
-      R_crank_2_pin_xy_negated*dQ1_closure_2_crank_2_bar_vy_negated;
-  const Real M_crank_2_bar_wz_wz = Real(0.08333333333333333) + (c_crank_2_bar_y*c_crank_2_bar_y +
-      c_crank_2_bar_x_negated*c_crank_2_bar_x_negated) + K_closure_2_wz_wz;
-  const Real dM1_closure_2_coupler_2_bar_vy_wz_negated = K_closure_2_vy_wz_negated - loaded_.penalty;
-  const Real dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated = K_closure_2_wz_wz - K_closure_2_vy_wz_negated;
-  const Real dM1_closure_2_coupler_2_bar_wz_wz = dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated - dM1_closure_2_coupler_2_bar_vy_wz_negated;
-  const Real M_coupler_2_bar_vz_wx = c_coupler_2_bar_y + K_closure_2_vx_wz_negated;
-  const Real M_coupler_2_bar_vz_wy_negated = c_coupler_2_bar_x - dM1_closure_2_coupler_2_bar_vy_wz_negated;
-  const Real Q_crank_2_bar_wz = crank_2_bar_1 + dQ1_closure_2_crank_2_bar_wz;
-  const Real dQ1_closure_2_coupler_2_bar_wz = dQ1_closure_2_crank_2_bar_vy_negated - dQ1_closure_2_crank_2_bar_wz;
-
-  // condensation: crank_2.pin
-  //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
-  //   four_bar.yaml:20
-  const Real Dinv_crank_2_bar = Real(1.0)/M_crank_2_bar_wz_wz;
-  const Real crank_2_pin_1 = Q_crank_2_bar_wz*Dinv_crank_2_bar;
-  const Real dQ2_crank_2_bar_coupler_2_bar_vx_negated = K_closure_2_vx_wz_negated*crank_2_pin_1;
-  const Real dQ2_crank_2_bar_coupler_2_bar_vy_negated = K_closure_2_vy_wz_negated*crank_2_pin_1;
-  const Real dQ2_crank_2_bar_coupler_2_bar_wz = dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated*crank_2_pin_1;
-  const Real Q_coupler_2_bar_vx = coupler_2_bar_1 + dQ1_closure_2_crank_2_bar_vx_negated - dQ2_crank_2_bar_coupler_2_bar_vx_negated;
-  const Real Q_coupler_2_bar_vy = dQ1_closure_2_crank_2_bar_vy_negated - coupler_2_bar_2 - dQ2_crank_2_bar_coupler_2_bar_vy_negated;
-  const Real Q_coupler_2_bar_wz = dQ1_closure_2_coupler_2_bar_wz - (c_coupler_2_bar_y*coupler_2_bar_1 + c_coupler_2_bar_x*coupler_2_bar_2) +
-      dQ2_crank_2_bar_coupler_2_bar_wz;
-  const Real crank_2_pin_2 = K_closure_2_vy_wz_negated*Dinv_crank_2_bar;
-  const Real crank_2_pin_3 = dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated*Dinv_crank_2_bar;
-  const Real dM1_crank_2_bar_coupler_2_bar_vx_vx_negated = K_closure_2_vx_wz_negated*(K_closure_2_vx_wz_negated*Dinv_crank_2_bar);
-  const Real dM1_crank_2_bar_coupler_2_bar_vx_vy_negated = K_closure_2_vx_wz_negated*crank_2_pin_2;
-  const Real dM1_crank_2_bar_coupler_2_bar_vx_wz = K_closure_2_vx_wz_negated*crank_2_pin_3;
-  const Real dM1_crank_2_bar_coupler_2_bar_vy_vy_negated = K_closure_2_vy_wz_negated*crank_2_pin_2;
-  const Real dM1_crank_2_bar_coupler_2_bar_vy_wz = K_closure_2_vy_wz_negated*crank_2_pin_3;
-  const Real dM1_crank_2_bar_coupler_2_bar_wz_wz_negated = dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated*crank_2_pin_3;
-  const Real M_coupler_2_bar_vx_vx = loaded_.M_crank_2_bar_vx_vx - dM1_crank_2_bar_coupler_2_bar_vx_vx_negated;
-  const Real M_coupler_2_bar_vx_wz = dM1_crank_2_bar_coupler_2_bar_vx_wz - M_coupler_2_bar_vz_wx;
-  const Real M_coupler_2_bar_vy_vy = loaded_.M_crank_2_bar_vx_vx - dM1_crank_2_bar_coupler_2_bar_vy_vy_negated;
-  const Real M_coupler_2_bar_vy_wz = M_coupler_2_bar_vz_wy_negated + dM1_crank_2_bar_coupler_2_bar_vy_wz;
-  const Real M_coupler_2_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_2_bar_y*c_coupler_2_bar_y + c_coupler_2_bar_x*c_coupler_2_bar_x) +
-      dM1_closure_2_coupler_2_bar_wz_wz - dM1_crank_2_bar_coupler_2_bar_wz_wz_negated;
-
   // condensation: coupler_2.pin
-  //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
+  //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
   //   four_bar.yaml:20
-  const Real dQ1_coupler_2_bar_crank_1_bar_vx = Q_coupler_2_bar_vx + (d_coupler_2_bar_vx_negated*M_coupler_2_bar_vx_vx +
-      d_coupler_2_bar_vy*dM1_crank_2_bar_coupler_2_bar_vx_vy_negated);
-  const Real dQ1_coupler_2_bar_crank_1_bar_vy = Q_coupler_2_bar_vy - (d_coupler_2_bar_vx_negated*dM1_crank_2_bar_coupler_2_bar_vx_vy_negated +
-      d_coupler_2_bar_vy*M_coupler_2_bar_vy_vy);
-  const Real dQ1_coupler_2_bar_crank_1_bar_wz = Q_coupler_2_bar_wz - (d_coupler_2_bar_vy*M_coupler_2_bar_vy_wz -
-      d_coupler_2_bar_vx_negated*M_coupler_2_bar_vx_wz);
-  const Real Y_coupler_2_bar_crank_1_bar_0_vx = M_coupler_2_bar_vx_wz + (R_crank_1_pin_xx*M_coupler_2_bar_vx_vx -
-      R_crank_1_pin_xy_negated*dM1_crank_2_bar_coupler_2_bar_vx_vy_negated);
-  const Real Y_coupler_2_bar_crank_1_bar_0_vy = M_coupler_2_bar_vy_wz + (R_crank_1_pin_xy_negated*M_coupler_2_bar_vy_vy -
-      R_crank_1_pin_xx*dM1_crank_2_bar_coupler_2_bar_vx_vy_negated);
-  const Real Y_coupler_2_bar_crank_1_bar_0_wz = M_coupler_2_bar_wz_wz + (R_crank_1_pin_xx*M_coupler_2_bar_vx_wz +
-      R_crank_1_pin_xy_negated*M_coupler_2_bar_vy_wz);
-  const Real Dinv_coupler_2_bar = Real(1.0)/(Y_coupler_2_bar_crank_1_bar_0_wz + (R_crank_1_pin_xx*Y_coupler_2_bar_crank_1_bar_0_vx +
-      R_crank_1_pin_xy_negated*Y_coupler_2_bar_crank_1_bar_0_vy));
-  const Real g_coupler_2_bar = dQ1_coupler_2_bar_crank_1_bar_wz + (R_crank_1_pin_xx*dQ1_coupler_2_bar_crank_1_bar_vx +
-      R_crank_1_pin_xy_negated*dQ1_coupler_2_bar_crank_1_bar_vy);
-  const Real dQ2_coupler_2_bar_crank_1_bar_wz_negated = Y_coupler_2_bar_crank_1_bar_0_wz*(Dinv_coupler_2_bar*g_coupler_2_bar);
-  const Real Q_crank_1_bar_wz = crank_1_bar_1 + dQ1_closure_1_crank_1_bar_wz + dQ1_coupler_2_bar_crank_1_bar_wz -
-      dQ2_coupler_2_bar_crank_1_bar_wz_negated;
-  const Real dM2_coupler_2_bar_crank_1_bar_wz_wz_negated = Y_coupler_2_bar_crank_1_bar_0_wz*(Y_coupler_2_bar_crank_1_bar_0_wz*Dinv_coupler_2_bar);
-  const Real M_crank_1_bar_wz_wz = Real(0.08333333333333333) + (c_crank_1_bar_y*c_crank_1_bar_y +
-      c_crank_1_bar_x_negated*c_crank_1_bar_x_negated) + K_closure_1_wz_wz + M_coupler_2_bar_wz_wz -
-      dM2_coupler_2_bar_crank_1_bar_wz_wz_negated;
+  const Real Fc_coupler_2_bar_vx = d_coupler_2_bar_vx_negated + coupler_2_bar_1;
+  const Real Fc_coupler_2_bar_vy_negated = d_coupler_2_bar_vy + coupler_2_bar_2;
+  const Real Fc_coupler_2_bar_wz_negated = c_coupler_2_bar_y*coupler_2_bar_1 + c_coupler_2_bar_x*coupler_2_bar_2 +
+      (d_coupler_2_bar_vx_negated*c_coupler_2_bar_y + d_coupler_2_bar_vy*c_coupler_2_bar_x);
+  const Real G_coupler_2_bar_vx = R_crank_1_pin_xx - c_coupler_2_bar_y;
+  const Real G_coupler_2_bar_vy = R_crank_1_pin_xy_negated + c_coupler_2_bar_x;
+  const Real G_coupler_2_bar_wz = Mc_coupler_2_bar_wz_wz + (R_crank_1_pin_xy_negated*c_coupler_2_bar_x - R_crank_1_pin_xx*c_coupler_2_bar_y);
 
   // condensation: crank_1.pin
-  //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
+  //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
   //   four_bar.yaml:20
-  const Real Dinv_crank_1_bar = Real(1.0)/M_crank_1_bar_wz_wz;
-  const Real crank_1_pin_1 = Q_crank_1_bar_wz*Dinv_crank_1_bar;
-  const Real dQ2_crank_1_bar_coupler_1_bar_vx_negated = K_closure_1_vx_wz_negated*crank_1_pin_1;
-  const Real dQ2_crank_1_bar_coupler_1_bar_vy_negated = K_closure_1_vy_wz_negated*crank_1_pin_1;
-  const Real dQ2_crank_1_bar_coupler_1_bar_wz = dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated*crank_1_pin_1;
-  const Real Q_coupler_1_bar_vx = coupler_1_bar_1 + dQ1_closure_1_crank_1_bar_vx_negated - dQ2_crank_1_bar_coupler_1_bar_vx_negated;
-  const Real Q_coupler_1_bar_vy = dQ1_closure_1_crank_1_bar_vy_negated - coupler_1_bar_2 - dQ2_crank_1_bar_coupler_1_bar_vy_negated;
-  const Real Q_coupler_1_bar_wz = dQ1_closure_1_coupler_1_bar_wz - (c_coupler_1_bar_y*coupler_1_bar_1 + c_coupler_1_bar_x*coupler_1_bar_2) +
-      dQ2_crank_1_bar_coupler_1_bar_wz;
-  const Real crank_1_pin_2 = K_closure_1_vy_wz_negated*Dinv_crank_1_bar;
-  const Real crank_1_pin_3 = dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated*Dinv_crank_1_bar;
-  const Real dM1_crank_1_bar_coupler_1_bar_vx_vx_negated = K_closure_1_vx_wz_negated*(K_closure_1_vx_wz_negated*Dinv_crank_1_bar);
-  const Real dM1_crank_1_bar_coupler_1_bar_vx_vy_negated = K_closure_1_vx_wz_negated*crank_1_pin_2;
-  const Real dM1_crank_1_bar_coupler_1_bar_vx_wz = K_closure_1_vx_wz_negated*crank_1_pin_3;
-  const Real dM1_crank_1_bar_coupler_1_bar_vy_vy_negated = K_closure_1_vy_wz_negated*crank_1_pin_2;
-  const Real dM1_crank_1_bar_coupler_1_bar_vy_wz = K_closure_1_vy_wz_negated*crank_1_pin_3;
-  const Real dM1_crank_1_bar_coupler_1_bar_wz_wz_negated = dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated*crank_1_pin_3;
-  const Real M_coupler_1_bar_vx_vx = loaded_.M_crank_2_bar_vx_vx - dM1_crank_1_bar_coupler_1_bar_vx_vx_negated;
-  const Real M_coupler_1_bar_vx_wz = dM1_crank_1_bar_coupler_1_bar_vx_wz - M_coupler_1_bar_vz_wx;
-  const Real M_coupler_1_bar_vy_vy = loaded_.M_crank_2_bar_vx_vx - dM1_crank_1_bar_coupler_1_bar_vy_vy_negated;
-  const Real M_coupler_1_bar_vy_wz = M_coupler_1_bar_vz_wy_negated + dM1_crank_1_bar_coupler_1_bar_vy_wz;
-  const Real M_coupler_1_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_1_bar_y*c_coupler_1_bar_y + c_coupler_1_bar_x*c_coupler_1_bar_x) +
-      dM1_closure_1_coupler_1_bar_wz_wz - dM1_crank_1_bar_coupler_1_bar_wz_wz_negated;
+  const Real Mc_crank_1_bar_wz_wz = Real(0.08333333333333333) + (c_crank_1_bar_y*c_crank_1_bar_y +
+      c_crank_1_bar_x_negated*c_crank_1_bar_x_negated) + Mc_coupler_2_bar_wz_wz;
+  const Real Fc_crank_1_bar_wz = crank_1_bar_1 - Fc_coupler_2_bar_wz_negated;
 
   // condensation: coupler_1.pin
-  //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
+  //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
   //   four_bar.yaml:20
-  const Real dQ1_coupler_1_bar_crank_0_bar_vx = Q_coupler_1_bar_vx + (d_coupler_1_bar_vx_negated*M_coupler_1_bar_vx_vx +
-      d_coupler_1_bar_vy*dM1_crank_1_bar_coupler_1_bar_vx_vy_negated);
-  const Real dQ1_coupler_1_bar_crank_0_bar_vy = Q_coupler_1_bar_vy - (d_coupler_1_bar_vx_negated*dM1_crank_1_bar_coupler_1_bar_vx_vy_negated +
-      d_coupler_1_bar_vy*M_coupler_1_bar_vy_vy);
-  const Real dQ1_coupler_1_bar_crank_0_bar_wz = Q_coupler_1_bar_wz - (d_coupler_1_bar_vy*M_coupler_1_bar_vy_wz -
-      d_coupler_1_bar_vx_negated*M_coupler_1_bar_vx_wz);
-  const Real Y_coupler_1_bar_crank_0_bar_0_vx = M_coupler_1_bar_vx_wz + (R_crank_0_pin_xx*M_coupler_1_bar_vx_vx -
-      R_crank_0_pin_xy_negated*dM1_crank_1_bar_coupler_1_bar_vx_vy_negated);
-  const Real Y_coupler_1_bar_crank_0_bar_0_vy = M_coupler_1_bar_vy_wz + (R_crank_0_pin_xy_negated*M_coupler_1_bar_vy_vy -
-      R_crank_0_pin_xx*dM1_crank_1_bar_coupler_1_bar_vx_vy_negated);
-  const Real Y_coupler_1_bar_crank_0_bar_0_wz = M_coupler_1_bar_wz_wz + (R_crank_0_pin_xx*M_coupler_1_bar_vx_wz +
-      R_crank_0_pin_xy_negated*M_coupler_1_bar_vy_wz);
-  const Real Dinv_coupler_1_bar = Real(1.0)/(Y_coupler_1_bar_crank_0_bar_0_wz + (R_crank_0_pin_xx*Y_coupler_1_bar_crank_0_bar_0_vx +
-      R_crank_0_pin_xy_negated*Y_coupler_1_bar_crank_0_bar_0_vy));
-  const Real g_coupler_1_bar = dQ1_coupler_1_bar_crank_0_bar_wz + (R_crank_0_pin_xx*dQ1_coupler_1_bar_crank_0_bar_vx +
-      R_crank_0_pin_xy_negated*dQ1_coupler_1_bar_crank_0_bar_vy);
-  const Real dQ2_coupler_1_bar_crank_0_bar_wz_negated = Y_coupler_1_bar_crank_0_bar_0_wz*(Dinv_coupler_1_bar*g_coupler_1_bar);
-  const Real Q_crank_0_bar_wz = crank_0_bar_1 + dQ1_coupler_1_bar_crank_0_bar_wz - dQ2_coupler_1_bar_crank_0_bar_wz_negated;
-  const Real dM2_coupler_1_bar_crank_0_bar_wz_wz_negated = Y_coupler_1_bar_crank_0_bar_0_wz*(Y_coupler_1_bar_crank_0_bar_0_wz*Dinv_coupler_1_bar);
-  const Real M_crank_0_bar_wz_wz = Real(0.08333333333333333) + (c_crank_0_bar_y*c_crank_0_bar_y +
-      c_crank_0_bar_x_negated*c_crank_0_bar_x_negated) + M_coupler_1_bar_wz_wz -
-      dM2_coupler_1_bar_crank_0_bar_wz_wz_negated;
+  const Real Fc_coupler_1_bar_vx = d_coupler_1_bar_vx_negated + coupler_1_bar_1;
+  const Real Fc_coupler_1_bar_vy_negated = d_coupler_1_bar_vy + coupler_1_bar_2;
+  const Real Fc_coupler_1_bar_wz_negated = c_coupler_1_bar_y*coupler_1_bar_1 + c_coupler_1_bar_x*coupler_1_bar_2 +
+      (d_coupler_1_bar_vx_negated*c_coupler_1_bar_y + d_coupler_1_bar_vy*c_coupler_1_bar_x);
+  const Real G_coupler_1_bar_vx = R_crank_0_pin_xx - c_coupler_1_bar_y;
+  const Real G_coupler_1_bar_vy = R_crank_0_pin_xy_negated + c_coupler_1_bar_x;
+  const Real G_coupler_1_bar_wz = Mc_coupler_1_bar_wz_wz + (R_crank_0_pin_xy_negated*c_coupler_1_bar_x - R_crank_0_pin_xx*c_coupler_1_bar_y);
 
   // condensation: crank_0.pin
-  //   D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)
+  //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
   //   four_bar.yaml:20
-  const Real Dinv_crank_0_bar = Real(1.0)/M_crank_0_bar_wz_wz;
-  const Real vdot_crank_0_pin = Q_crank_0_bar_wz*Dinv_crank_0_bar;
+  const Real Mc_crank_0_bar_wz_wz = Real(0.08333333333333333) + (c_crank_0_bar_y*c_crank_0_bar_y +
+      c_crank_0_bar_x_negated*c_crank_0_bar_x_negated) + Mc_coupler_1_bar_wz_wz;
+  const Real Fc_crank_0_bar_wz = crank_0_bar_1 - Fc_coupler_1_bar_wz_negated;
 
-  // accelerations: coupler_1.pin
-  //   zdd = D^-1 ( g - y_p Zdd_p - sum_j y_j Zdd_j ),  Zdd = Zdd_p + b zdd + d  (eqs. 27, 33)
-  //   four_bar.yaml:20
-  const Real vdot_coupler_1_pin = Dinv_coupler_1_bar*(g_coupler_1_bar - Y_coupler_1_bar_crank_0_bar_0_wz*vdot_crank_0_pin);
-  const Real Zdd_coupler_1_bar_vx = R_crank_0_pin_xx*vdot_coupler_1_pin - d_coupler_1_bar_vx_negated;
-  const Real Zdd_coupler_1_bar_vy = d_coupler_1_bar_vy + R_crank_0_pin_xy_negated*vdot_coupler_1_pin;
-  const Real Zdd_coupler_1_bar_wz = vdot_crank_0_pin + vdot_coupler_1_pin;
+  // closure: closure_1
+  //   J = A S, s' = s + A (a_f - a_b)
+  //   four_bar.yaml:30
+  const Real J_closure_1_vx_3_negated = R_crank_0_pin_xx - R_crank_1_pin_xx;
+  const Real J_closure_1_vy_3_negated = Real(1.0) + R_crank_0_pin_xy_negated - R_crank_1_pin_xy_negated;
+  const Real J_closure_1_vy_4_negated = Real(1.0) - R_crank_1_pin_xy_negated;
+  const Real drift_closure_1_vx = d_coupler_1_bar_vx_negated + s_closure_1_vx;
+  const Real drift_closure_1_vy = s_closure_1_vy - d_coupler_1_bar_vy;
 
-  // accelerations: crank_1.pin
-  //   zdd = D^-1 ( g - y_p Zdd_p - sum_j y_j Zdd_j ),  Zdd = Zdd_p + b zdd + d  (eqs. 27, 33)
-  //   four_bar.yaml:20
-  const Real crank_1_pin_4 = Q_crank_1_bar_wz - (K_closure_1_vx_wz_negated*Zdd_coupler_1_bar_vx +
-      K_closure_1_vy_wz_negated*Zdd_coupler_1_bar_vy -
-      dC1_closure_1_crank_1_bar_coupler_1_bar_wz_wz_negated*Zdd_coupler_1_bar_wz);
-  const Real vdot_crank_1_pin = Dinv_crank_1_bar*crank_1_pin_4;
+  // closure: closure_2
+  //   J = A S, s' = s + A (a_f - a_b)
+  //   four_bar.yaml:31
+  const Real J_closure_2_vx_1_negated = R_crank_1_pin_xx - R_crank_2_pin_xx;
+  const Real J_closure_2_vy_1_negated = Real(1.0) + R_crank_1_pin_xy_negated - R_crank_2_pin_xy_negated;
+  const Real J_closure_2_vy_2_negated = Real(1.0) - R_crank_2_pin_xy_negated;
+  const Real drift_closure_2_vx = d_coupler_2_bar_vx_negated + s_closure_2_vx;
+  const Real drift_closure_2_vy = s_closure_2_vy - d_coupler_2_bar_vy;
 
-  // accelerations: coupler_2.pin
-  //   zdd = D^-1 ( g - y_p Zdd_p - sum_j y_j Zdd_j ),  Zdd = Zdd_p + b zdd + d  (eqs. 27, 33)
+  // condensation: crank_0.pin
+  //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
-  const Real vdot_coupler_2_pin = Dinv_coupler_2_bar*(g_coupler_2_bar - Y_coupler_2_bar_crank_1_bar_0_wz*vdot_crank_1_pin);
-  const Real Zdd_coupler_2_bar_vx = R_crank_1_pin_xx*vdot_coupler_2_pin - d_coupler_2_bar_vx_negated;
-  const Real Zdd_coupler_2_bar_vy = d_coupler_2_bar_vy + R_crank_1_pin_xy_negated*vdot_coupler_2_pin;
-  const Real Zdd_coupler_2_bar_wz = vdot_crank_1_pin + vdot_coupler_2_pin;
+  const Real crank_0_pin_1 = loaded_.penalty*R_crank_1_pin_xx;
+  const Real crank_0_pin_2 = loaded_.penalty*J_closure_1_vx_3_negated;
+  const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_vy_3_negated;
+  const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_vy_4_negated;
+  const Real crank_0_pin_5 = R_crank_1_pin_xx*crank_0_pin_1;
+  const Real H_crank_0_bar_2_3 = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_xy_negated*crank_0_pin_3;
+  const Real H_crank_0_bar_2_4 = R_crank_1_pin_xy_negated*crank_0_pin_4 - crank_0_pin_5;
+  const Real H_crank_0_bar_3_3 = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_xy_negated*G_coupler_1_bar_vy) +
+      (J_closure_1_vx_3_negated*crank_0_pin_2 + J_closure_1_vy_3_negated*crank_0_pin_3);
+  const Real H_crank_0_bar_3_4 = G_coupler_1_bar_wz + (J_closure_1_vy_3_negated*crank_0_pin_4 - J_closure_1_vx_3_negated*crank_0_pin_1);
+  const Real H_crank_0_bar_4_4 = Mc_crank_0_bar_wz_wz + (crank_0_pin_5 + J_closure_1_vy_4_negated*crank_0_pin_4);
+  const Real crank_0_pin_6 = loaded_.penalty*R_crank_2_pin_xx;
+  const Real crank_0_pin_7 = loaded_.penalty*J_closure_2_vx_1_negated;
+  const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_vy_1_negated;
+  const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_vy_2_negated;
+  const Real crank_0_pin_10 = R_crank_2_pin_xx*crank_0_pin_6;
+  const Real H_crank_0_bar_0_1 = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_xy_negated*crank_0_pin_8;
+  const Real H_crank_0_bar_0_2 = R_crank_2_pin_xy_negated*crank_0_pin_9 - crank_0_pin_10;
+  const Real H_crank_0_bar_0_0 = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_xy_negated*(loaded_.penalty*R_crank_2_pin_xy_negated));
+  const Real H_crank_0_bar_1_1 = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_xy_negated*G_coupler_2_bar_vy) +
+      (J_closure_2_vx_1_negated*crank_0_pin_7 + J_closure_2_vy_1_negated*crank_0_pin_8);
+  const Real H_crank_0_bar_1_2 = G_coupler_2_bar_wz + (J_closure_2_vy_1_negated*crank_0_pin_9 - J_closure_2_vx_1_negated*crank_0_pin_6);
+  const Real H_crank_0_bar_2_2 = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_xy_negated*(loaded_.penalty*R_crank_1_pin_xy_negated)) +
+      (crank_0_pin_10 + J_closure_2_vy_2_negated*crank_0_pin_9);
+  const Real crank_0_pin_11 = lambda_closure_1_x + loaded_.penalty*drift_closure_1_vx;
+  const Real crank_0_pin_12 = lambda_closure_1_y + loaded_.penalty*drift_closure_1_vy;
+  const Real crank_0_pin_13 = R_crank_1_pin_xx*crank_0_pin_11;
+  const Real h_crank_0_bar_3 = R_crank_0_pin_xx*Fc_coupler_1_bar_vx - R_crank_0_pin_xy_negated*Fc_coupler_1_bar_vy_negated -
+      Fc_coupler_1_bar_wz_negated + (J_closure_1_vx_3_negated*crank_0_pin_11 +
+      J_closure_1_vy_3_negated*crank_0_pin_12);
+  const Real h_crank_0_bar_4 = Fc_crank_0_bar_wz - (crank_0_pin_13 - J_closure_1_vy_4_negated*crank_0_pin_12);
+  const Real crank_0_pin_14 = lambda_closure_2_x + loaded_.penalty*drift_closure_2_vx;
+  const Real crank_0_pin_15 = lambda_closure_2_y + loaded_.penalty*drift_closure_2_vy;
+  const Real crank_0_pin_16 = R_crank_2_pin_xx*crank_0_pin_14;
+  const Real h_crank_0_bar_0 = Fc_crank_2_bar_wz + (crank_0_pin_16 + R_crank_2_pin_xy_negated*crank_0_pin_15);
+  const Real h_crank_0_bar_1 = R_crank_1_pin_xx*Fc_coupler_2_bar_vx - R_crank_1_pin_xy_negated*Fc_coupler_2_bar_vy_negated -
+      Fc_coupler_2_bar_wz_negated + (J_closure_2_vx_1_negated*crank_0_pin_14 +
+      J_closure_2_vy_1_negated*crank_0_pin_15);
+  const Real h_crank_0_bar_2 = Fc_crank_1_bar_wz + (crank_0_pin_13 + R_crank_1_pin_xy_negated*crank_0_pin_12) - (crank_0_pin_16 -
+      J_closure_2_vy_2_negated*crank_0_pin_15);
+  const Real Dinv_crank_0_bar_0 = Real(1.0)/H_crank_0_bar_0_0;
+  const Real crank_0_pin_17 = H_crank_0_bar_0_1*Dinv_crank_0_bar_0;
+  const Real crank_0_pin_18 = H_crank_0_bar_0_2*Dinv_crank_0_bar_0;
+  const Real Dinv_crank_0_bar_1 = Real(1.0)/(H_crank_0_bar_1_1 - H_crank_0_bar_0_1*crank_0_pin_17);
+  const Real crank_0_pin_19 = H_crank_0_bar_1_2 - H_crank_0_bar_0_2*crank_0_pin_17;
+  const Real crank_0_pin_20 = Dinv_crank_0_bar_1*crank_0_pin_19;
+  const Real Dinv_crank_0_bar_2 = Real(1.0)/(H_crank_0_bar_2_2 - (H_crank_0_bar_0_2*crank_0_pin_18 + crank_0_pin_19*crank_0_pin_20));
+  const Real crank_0_pin_21 = H_crank_0_bar_2_3*Dinv_crank_0_bar_2;
+  const Real crank_0_pin_22 = H_crank_0_bar_2_4*Dinv_crank_0_bar_2;
+  const Real Dinv_crank_0_bar_3 = Real(1.0)/(H_crank_0_bar_3_3 - H_crank_0_bar_2_3*crank_0_pin_21);
+  const Real crank_0_pin_23 = H_crank_0_bar_3_4 - H_crank_0_bar_2_4*crank_0_pin_21;
+  const Real crank_0_pin_24 = Dinv_crank_0_bar_3*crank_0_pin_23;
+  const Real Dinv_crank_0_bar_4 = Real(1.0)/(H_crank_0_bar_4_4 - (H_crank_0_bar_2_4*crank_0_pin_22 + crank_0_pin_23*crank_0_pin_24));
+  const Real g_crank_0_bar_1 = h_crank_0_bar_1 - h_crank_0_bar_0*crank_0_pin_17;
+  const Real g_crank_0_bar_2 = h_crank_0_bar_2 - (h_crank_0_bar_0*crank_0_pin_18 + crank_0_pin_20*g_crank_0_bar_1);
+  const Real g_crank_0_bar_3 = h_crank_0_bar_3 - crank_0_pin_21*g_crank_0_bar_2;
+  const Real g_crank_0_bar_4 = h_crank_0_bar_4 - (crank_0_pin_22*g_crank_0_bar_2 + crank_0_pin_24*g_crank_0_bar_3);
 
-  // accelerations: crank_2.pin
-  //   zdd = D^-1 ( g - y_p Zdd_p - sum_j y_j Zdd_j ),  Zdd = Zdd_p + b zdd + d  (eqs. 27, 33)
+  // accelerations: crank_0.pin
+  //   zdd = H^-1 (h - G^T Zdd_P)
   //   four_bar.yaml:20
-  const Real crank_2_pin_4 = Q_crank_2_bar_wz - (K_closure_2_vx_wz_negated*Zdd_coupler_2_bar_vx +
-      K_closure_2_vy_wz_negated*Zdd_coupler_2_bar_vy -
-      dC1_closure_2_crank_2_bar_coupler_2_bar_wz_wz_negated*Zdd_coupler_2_bar_wz);
-  const Real vdot_crank_2_pin = Dinv_crank_2_bar*crank_2_pin_4;
+  const Real zdd_crank_0_bar_4 = Dinv_crank_0_bar_4*g_crank_0_bar_4;
+  const Real zdd_crank_0_bar_3 = Dinv_crank_0_bar_3*g_crank_0_bar_3 - crank_0_pin_24*zdd_crank_0_bar_4;
+  const Real zdd_crank_0_bar_2 = Dinv_crank_0_bar_2*g_crank_0_bar_2 - (crank_0_pin_21*zdd_crank_0_bar_3 + crank_0_pin_22*zdd_crank_0_bar_4);
+  const Real zdd_crank_0_bar_1 = Dinv_crank_0_bar_1*g_crank_0_bar_1 - crank_0_pin_20*zdd_crank_0_bar_2;
+  const Real zdd_crank_0_bar_0 = h_crank_0_bar_0*Dinv_crank_0_bar_0 - (crank_0_pin_17*zdd_crank_0_bar_1 + crank_0_pin_18*zdd_crank_0_bar_2);
 
   // multipliers: closure_1
-  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  //   lambda <- lambda + a (J zdd + s')
   //   four_bar.yaml:30
-  const Real closure_1_1 = vdot_crank_1_pin - Zdd_coupler_1_bar_wz;
-  const Real correction_closure_1_vx = loaded_.penalty*(s_closure_1_vx - (Zdd_coupler_1_bar_vx + R_crank_1_pin_xx*closure_1_1));
-  const Real correction_closure_1_vy = loaded_.penalty*(s_closure_1_vy - (Zdd_coupler_1_bar_vy + Zdd_coupler_1_bar_wz +
-      R_crank_1_pin_xy_negated*closure_1_1));
+  const Real correction_closure_1_vx = loaded_.penalty*(drift_closure_1_vx + (R_crank_1_pin_xx*zdd_crank_0_bar_4 -
+      (R_crank_1_pin_xx*zdd_crank_0_bar_2 + J_closure_1_vx_3_negated*zdd_crank_0_bar_3)));
+  const Real correction_closure_1_vy = loaded_.penalty*(drift_closure_1_vy - (R_crank_1_pin_xy_negated*zdd_crank_0_bar_2 +
+      J_closure_1_vy_3_negated*zdd_crank_0_bar_3 + J_closure_1_vy_4_negated*zdd_crank_0_bar_4));
 
   // multipliers: closure_2
-  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  //   lambda <- lambda + a (J zdd + s')
   //   four_bar.yaml:31
-  const Real closure_2_1 = vdot_crank_2_pin - Zdd_coupler_2_bar_wz;
-  const Real correction_closure_2_vx = loaded_.penalty*(s_closure_2_vx - (Zdd_coupler_2_bar_vx + R_crank_2_pin_xx*closure_2_1));
-  const Real correction_closure_2_vy = loaded_.penalty*(s_closure_2_vy - (Zdd_coupler_2_bar_vy + Zdd_coupler_2_bar_wz +
-      R_crank_2_pin_xy_negated*closure_2_1));
+  const Real correction_closure_2_vx = loaded_.penalty*(drift_closure_2_vx + (R_crank_2_pin_xx*zdd_crank_0_bar_2 -
+      (R_crank_2_pin_xx*zdd_crank_0_bar_0 + J_closure_2_vx_1_negated*zdd_crank_0_bar_1)));
+  const Real correction_closure_2_vy = loaded_.penalty*(drift_closure_2_vy - (R_crank_2_pin_xy_negated*zdd_crank_0_bar_0 +
+      J_closure_2_vy_1_negated*zdd_crank_0_bar_1 + J_closure_2_vy_2_negated*zdd_crank_0_bar_2));
 
-  vdot[0] = vdot_crank_0_pin;
-  vdot[1] = vdot_coupler_1_pin;
-  vdot[2] = vdot_crank_1_pin;
-  vdot[3] = vdot_coupler_2_pin;
-  vdot[4] = vdot_crank_2_pin;
+  vdot[0] = zdd_crank_0_bar_4;
+  vdot[1] = zdd_crank_0_bar_3;
+  vdot[2] = zdd_crank_0_bar_2;
+  vdot[3] = zdd_crank_0_bar_1;
+  vdot[4] = zdd_crank_0_bar_0;
   correction[0] = correction_closure_1_vx;
   correction[1] = correction_closure_1_vy;
   correction[2] = Real(0.0);

@@ -24,7 +24,7 @@ class FourBar final : public AnyMechanism<Real> {
   void begin_step(Real t, Real motion) override;
 
   /// Accelerations for given multipliers, and the correction that the augmented update adds to these.
-  /// 394 operations.
+  /// 388 operations.
   void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const override;
 
   /// Residual of the cut joints and its rate.  50 operations.
@@ -39,7 +39,6 @@ class FourBar final : public AnyMechanism<Real> {
     Real penalty{};
     Real value_2{};
     Real value_3{};
-    Real M_crank_2_bar_vx_vx{};
   } loaded_;
 
   /// Values that depend on time.

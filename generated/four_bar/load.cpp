@@ -9,15 +9,9 @@ void FourBar<Real>::load(const Real* parameters, const Stabilisation<Real>& stab
   (void)parameters;
   using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp, std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
 
-  // closure: closure_1
-  //   M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)
-  //   four_bar.yaml:30
-  const Real M_crank_2_bar_vx_vx = stabilisation.penalty + Real(1.0);
-
   loaded_.penalty = stabilisation.penalty;
   loaded_.value_2 = Real(2.0)*(stabilisation.damping_ratio*stabilisation.frequency);
   loaded_.value_3 = stabilisation.frequency*stabilisation.frequency;
-  loaded_.M_crank_2_bar_vx_vx = M_crank_2_bar_vx_vx;
   roads_ = roads;
 }
 

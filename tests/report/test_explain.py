@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -121,10 +122,18 @@ def test_elimination_goes_from_the_leaves_to_the_ground(one: Explained) -> None:
     topology = one.equations.topology
     coupled = eliminate(topology.tree, topology.cuts)
     *steps, total = one.table("step")
-    assert [row[1] for row in steps] == list(reversed(topology.order))
-    assert [set(re.findall(r"[\w.]+", row[4])) for row in steps] == [set(coupled[body]) for body in reversed(topology.order)]
-    operations = {s.element: n for s, n in one.program.operations_by_section("evaluate").items() if s.stage == "condensation"}
-    assert [int(row[6]) for row in steps] == [operations[topology.joint_of[row[1]].joint.name] for row in steps]
+    bodies = [re.findall(r"[\w.]+", row[1]) for row in steps]
+    assert sorted(b for row in bodies for b in row) == sorted(topology.order)
+    place = {body: i for i, row in enumerate(bodies) for body in row}
+    assert all(place[t.child] <= place[t.parent] for t in topology.tree if t.parent in place)
+    assert {tuple(row) for row in bodies if len(row) > 1} == {branch.bodies for branch in topology.branches if len(branch.bodies) > 1}
+    for row, (body, *others) in zip(steps, bodies, strict=True):
+        assert others or set(re.findall(r"[\w.]+", row[4])) == set(coupled[body])
+    operations: Counter[str] = Counter()
+    for section, count in one.program.operations_by_section("evaluate").items():
+        operations[section.element] += count * (section.stage == "condensation")
+    spent = [sum(operations.get(topology.joint_of[body].joint.name, 0) for body in row) for row in bodies]
+    assert [int(row[6]) for row in steps] == spent
     assert int(total[6]) == sum(operations.values())
 
 

@@ -30,8 +30,9 @@ pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("n
 MODELS = Path(__file__).resolve().parents[2] / "models"
 
 #: Largest difference of accelerations and corrections, relative to the largest element, by penalty.  The penalty costs all
-#: implementations digits alike: masses are known to about penalty * 1e-16 kg.
-TOLERANCES = {1e4: 1e-10, 1e9: 2e-7}
+#: implementations digits alike: masses are known to about penalty * 1e-16 kg.  The twin eliminates joint by joint what the block program
+#: eliminates at once, so that both roundings count in full.
+TOLERANCES = {1e4: 1e-10, 1e9: 4e-7}
 
 #: The same of residuals, rates and columns, which have no such loss.
 EXACT = 1e-11

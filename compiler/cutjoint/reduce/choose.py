@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
-from math import ceil, floor, inf
+from math import ceil, floor, inf, log
 from typing import Any
 
 from cutjoint.bench.cases import common_step
@@ -33,6 +33,9 @@ SETTLED = 0.1
 
 #: Steps are tried as multiples of the scene's own for the method: from longer ones down.
 LONGEST, SHORTEST = 16, 2**-9
+
+#: From one step that is tried to the next.
+RATIO = 2**0.5
 
 #: The truth's step is halved at most so often.
 MOST_HALVINGS = 9
@@ -97,14 +100,16 @@ def _from_json(data: dict[str, Any]) -> Choice:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Truth:
+class Truth:
+    """A run of the full model that halving its step moves by ``settled`` (m, rad) only."""
+
     run: Trajectory
     settled: float
 
 
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
     assert scene.tolerance is not None
-    truth = _find_truth(model, scene, parameters)
+    truth = find_truth(model, scene, parameters)
     evidence = tuple(_candidates(model, scene, parameters, truth))
     good = [c for c in evidence if not c.failure]
     if not good:
@@ -130,8 +135,12 @@ def _run(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Traj
     return simulate(replace(artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step))), dt=dt, parameters=parameters)
 
 
-def _find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> _Truth:
-    """The full model by the first method that settles, Lagrangian ones first: they hold loops by the equations themselves."""
+def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Truth:
+    """The full model of a scene with a tolerance by the first method that settles, Lagrangian ones first: they hold loops by the equations.
+
+    Raises:
+        RunError: none settles.
+    """
     assert scene.tolerance is not None
     reasons = []
     for method in (*METHODS[1:], METHODS[0]):
@@ -143,7 +152,7 @@ def _find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> 
     raise RunError(f"{scene.span}: scene '{scene.name}': no truth to measure by: " + "; ".join(reasons))
 
 
-def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], enough: float) -> _Truth:
+def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], enough: float) -> Truth:
     before: Trajectory | None = None
     moved = inf
     for halving in range(MOST_HALVINGS + 1):
@@ -156,7 +165,7 @@ def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], e
         moved = distance(before, run) if before is not None else inf
         before = run
         if moved <= enough:
-            return _Truth(run=run, settled=moved)
+            return Truth(run=run, settled=moved)
     raise RunError(f"the motion still changes by {moved:.2g} at the smallest step")
 
 
@@ -165,7 +174,7 @@ def _fraction(row: float, about: float) -> float:
     return row * floor(about / row * (1 + 1e-9)) if about >= row else row / ceil(row / about * (1 - 1e-9))
 
 
-def _candidates(model: Model, scene: Scene, parameters: Mapping[str, float], truth: _Truth) -> Iterator[Candidate]:
+def _candidates(model: Model, scene: Scene, parameters: Mapping[str, float], truth: Truth) -> Iterator[Candidate]:
     for method in METHODS:
         try:
             rungs = climb(model, scene, method, approximate=True)
@@ -174,15 +183,15 @@ def _candidates(model: Model, scene: Scene, parameters: Mapping[str, float], tru
             continue
         last_of = {rung.motion: rung for rung in rungs}
         for rung in last_of.values():
-            yield _try(rung, scene, parameters, truth)
+            yield try_rung(rung, scene, parameters, truth)
 
 
-def _try(rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: _Truth) -> Candidate:
-    """The longest step that keeps the tolerance, and what a run takes there."""
+def try_rung(rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: Truth, *, ratio: float = RATIO) -> Candidate:
+    """The longest step that keeps the scene's tolerance, and what a run takes there; steps fall by ``ratio``."""
     assert scene.tolerance is not None
     artifact = compile_scene(rung.model, rung.scene, method=rung.method)
     of = Candidate(rung=rung.name, method=rung.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
-    for dt in _falling(rung.scene, rung.method):
+    for dt in _falling(rung.scene, rung.method, ratio):
         try:
             run = _run(artifact, dt, parameters)
         except SimulatorError as problem:
@@ -196,9 +205,10 @@ def _try(rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: _Trut
     return of
 
 
-def _falling(scene: Scene, method: str) -> list[float]:
-    """Steps that share rows with the truth, long ones first: in a ratio of about 1.4."""
+def _falling(scene: Scene, method: str, ratio: float) -> list[float]:
+    """Steps that share rows with the truth, long ones first."""
     own = scene.numerics.of_method(method).dt
     longest = min(LONGEST * own, scene.end / 8)
-    steps = {_fraction(scene.output_step, longest * 2 ** (-k / 2)) for k in range(40)}
-    return sorted((s for s in steps if s >= SHORTEST * own), reverse=True)
+    count = ceil(log(longest / (SHORTEST * own)) / log(ratio)) + 1
+    steps = {_fraction(scene.output_step, longest / ratio**k) for k in range(count)}
+    return sorted(steps, reverse=True)

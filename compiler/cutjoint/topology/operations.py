@@ -48,7 +48,7 @@ def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[J
         + sum(PLACING[t.joint.kind][t.parent in turning] for t in moving)
         + sum(_condensation(t, coupled[t.child] - still, t.parent not in still) for t in moving if t.child not in within)
         + _closing(tree, closing, still)
-        + sum(_branched(branch, tree, cuts) for branch in branches)
+        + sum(_branched(branch, tree, cuts, {b.name for b in model.bodies if b.mass != 0}) for branch in branches)
     )
 
 
@@ -105,14 +105,18 @@ def _projection(t: TreeJoint, s: int, inner: bool) -> int:
 EQUATION = 45
 
 
-def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> int:
-    """Operations of composing and factorising the matrix of a branch, of what it passes on, and of its way back."""
+def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint], massive: set[str]) -> int:
+    """Operations of composing and factorising the matrix of a branch, of what it passes on, and of its way back.
+
+    A body that neither has mass nor carries any adds nothing to it but its equations.
+    """
     joint_of = {t.child: t for t in tree}
     carriers = {body: _carriers(body, branch, joint_of) for body in branch.bodies}
     unknowns = {body: degrees(joint_of[body].joint) for body in branch.bodies}
     n = sum(unknowns.values())
-    total = sum(30 + 40 * k for k in unknowns.values())
-    total += sum(11 * unknowns[i] * unknowns[j] for j in branch.bodies for i in carriers[j])
+    laden = {i for j in branch.bodies if j in massive for i in carriers[j]}
+    total = sum(30 + 40 * unknowns[j] for j in laden)
+    total += sum(11 * unknowns[i] * unknowns[j] for j in laden for i in carriers[j])
     for cut in (c for c in cuts if c.name in branch.cuts):
         ends = [set(carriers.get(body, ())) for body in (cut.base, cut.follower)]
         m, w = 6 - len(SPEEDS[cut.kind]), sum(unknowns[body] for body in ends[0] ^ ends[1])

@@ -13,8 +13,8 @@ from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
 from cutjoint.report.explain.groups import Counterparts
 from cutjoint.report.explain.views import Entry, Table, code, make_table, plural
-from cutjoint.topology.elimination import eliminate
-from cutjoint.topology.records import SubtreeClass, Topology, TreeJoint
+from cutjoint.topology.elimination import degrees, eliminate
+from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint
 
 #: The formulas of cutjoint.formulate.recursive.recursion.
 _ELIMINATION = (
@@ -31,6 +31,19 @@ _NOTES = (
     "$C$ the couplings that cut joints bring.",
     "Body $i$ with parent $p$, coupled to bodies $j$ and $k$, gives up its unknowns $z$, leaves first; the last line then runs from the "
     "ground outwards (eqs. 28-42). The operations are those of this step alone.",
+)
+
+#: The formulas of cutjoint.formulate.recursive.branches.
+_BRANCHES = (
+    r"G_j = M^c_j S_j, \quad H_{ij} = S_i^T G_j, \quad h_j = S_j^T F^c_j + \tau_j, \quad J = A S",
+    r"H \leftarrow H + J^T \alpha J, \quad h \leftarrow h - J^T (\lambda + \alpha s'), \quad s' = s + A (a_f - a_b)",
+    r"M_P \leftarrow M_P + M^c - G H^{-1} G^T, \quad Q_P \leftarrow Q_P + F^c - G H^{-1} h, \quad \ddot z = H^{-1} (h - G^T \ddot Z_P)",
+)
+
+_AT_ONCE = (
+    "Loops that stay among subtrees of one body $P$ are eliminated at once, in joint space: their equations do not have the motion of $P$. "
+    "$S_j$ is the subspace of body $j$'s joint, $M^c_j$ and $F^c_j$ are the sums of $M$ and of $Q - M a$ over body $j$ and all that it "
+    "carries, $a$ what known motions add to the acceleration relative to $P$.",
 )
 
 
@@ -133,15 +146,29 @@ def _class_entry(members: SubtreeClass, rows: Sequence[Counterparts]) -> Entry:
 def elimination(topology: Topology, operations: dict[tuple[str, str], int]) -> Entry:
     """The order of elimination; ``operations`` by stage and element."""
     coupled = eliminate(topology.tree, topology.cuts)
-    steps = [
-        (str(i), code(t.child), code(t.joint.name), _speeds(t), code(x for x in topology.order if x in coupled[t.child]),
-         code(t.parent), str(operations.get(("condensation", t.joint.name), 0)))
-        for i, t in enumerate(reversed(topology.tree), 1)
-    ]  # fmt: skip
+    branch_of = {body: branch for branch in topology.branches for body in branch.bodies}
+    rows: list[tuple[str, ...]] = []
+    for t in reversed(topology.tree):
+        if t.child not in branch_of:
+            others = code(x for x in topology.order if x in coupled[t.child])
+            spent = operations.get(("condensation", t.joint.name), 0)
+            rows.append((code(t.child), code(t.joint.name), _speeds(t), others, code(t.parent), str(spent)))
+        elif t.child == branch_of[t.child].bodies[-1]:
+            rows.append(_branch_row(topology, branch_of[t.child], operations))
     total = sum(n for (stage, _), n in operations.items() if stage == "condensation")
     headings = ("step", "body", "joint", "unknowns", "coupled to", "passed on to", "operations")
+    steps = [(str(i), *row) for i, row in enumerate(rows, 1)]
     table = make_table(headings, [*steps, ("", "**sum**", "", "", "", "", f"**{total}**")])
-    return Entry(title="Order of elimination", notes=_NOTES, formulas=_ELIMINATION, table=table)
+    notes, formulas = (_NOTES, _ELIMINATION) if len(branch_of) < len(topology.tree) else (_NOTES[:1], ())
+    at_once = bool(topology.branches)
+    return Entry(title="Order of elimination", notes=notes + _AT_ONCE * at_once, formulas=formulas + _BRANCHES * at_once, table=table)
+
+
+def _branch_row(topology: Topology, branch: Branch, operations: dict[tuple[str, str], int]) -> tuple[str, ...]:
+    joints = [topology.joint_of[body].joint for body in branch.bodies]
+    count = sum(degrees(joint) for joint in joints)
+    spent = sum(operations.get(("condensation", joint.name), 0) for joint in joints)
+    return code(branch.bodies), code(j.name for j in joints), f"{count} at once", "", code(branch.carrier), str(spent)
 
 
 def _speeds(t: TreeJoint) -> str:

@@ -1,0 +1,139 @@
+"""`method: auto` keeps its tolerance, measured by references of another make, and says so when it cannot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.bench.exact.chain import Chain, crank_motion
+from cutjoint.bench.exact.elliptic import quarter_period
+from cutjoint.cli import main
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.reduce.choose import Choice, choose, chosen_rung
+from cutjoint.reduce.measure import distance
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError
+from tests.conftest import MODELS
+
+PENDULUM = """\
+cutjoint: 1
+name: pendulum
+gravity: [0, 0, -9.81]
+bodies: {bob: {mass: 1, centre_of_mass: [1, 0, 0]}}
+joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
+outputs: [bob.x, bob.z]
+scenes: {swing: {end: 4, output_step: 0.02, method: auto, tolerance: 1 mm}}
+"""
+
+
+def auto(name: str, tolerance: float, end: float) -> tuple[Model, Scene]:
+    model = read_model(MODELS / f"{name}.yaml")
+    (scene,) = model.scenes.values()
+    return model, replace(scene, method="auto", tolerance=tolerance, end=end)
+
+
+def picked_run(model: Model, scene: Scene, choice: Choice) -> Trajectory:
+    rung = chosen_rung(model, scene, choice)
+    run = simulate(compile_scene(rung.model, rung.scene, method=rung.method))
+    assert run.failure is None
+    return run
+
+
+def test_the_pendulum_keeps_its_tolerance() -> None:
+    """Against its period 4 K(1/2)/sqrt(g): it is back where it began."""
+    model = read_model_text(PENDULUM, "pendulum.yaml")
+    scene = model.scenes["swing"]
+    choice = choose(model, scene)
+    run = picked_run(model, scene, choice)
+    period = 4 * quarter_period(0.5) / np.sqrt(9.81)
+    x = np.interp(period + np.array([-0.04, 0.0, 0.04]), run.t, run["bob.x"])
+    assert x[1] == pytest.approx(1, abs=3e-3)  # interpolated between rows
+    assert np.hypot(run["bob.x"], run["bob.z"]) == pytest.approx(1, abs=1e-9)
+    assert choice.picked in choice.evidence
+    assert all(c.failure or c.error <= 0.8e-3 for c in choice.evidence)
+
+
+def test_the_chain_keeps_its_tolerance_across_its_singular_pose() -> None:
+    """Against elliptic functions."""
+    model, scene = auto("four_bar", 1e-3, 2.0)
+    run = picked_run(model, scene, choose(model, scene))
+    angle, _ = crank_motion(Chain(windows=2), run.t)
+    assert np.abs(run["tip.x"] - np.sin(angle)).max() <= 1e-3
+    assert np.abs(run["tip.y"] - np.cos(angle)).max() <= 1e-3
+
+
+def test_a_choice_is_kept() -> None:
+    model = read_model_text(PENDULUM, "pendulum.yaml")
+    scene = model.scenes["swing"]
+    assert choose(model, scene) == choose(model, scene)
+
+
+def test_an_impossible_tolerance_says_what_came_nearest() -> None:
+    model = read_model_text(PENDULUM, "pendulum.yaml")
+    with pytest.raises(RunError, match=r"scene .swing.: no truth to measure by: .*still changes by .* at the smallest step"):
+        choose(model, replace(model.scenes["swing"], tolerance=1e-15))
+
+
+def test_an_impossible_budget_says_what_is_possible() -> None:
+    model = read_model_text(PENDULUM, "pendulum.yaml")
+    with pytest.raises(RunError, match=r"budget 1e\+12: the fastest that keeps the tolerance is .* times as fast as real time"):
+        choose(model, replace(model.scenes["swing"], budget=1e12))
+
+
+def test_outputs_without_places_cannot_be_compared() -> None:
+    model = read_model_text(PENDULUM.replace("[bob.x, bob.z]", "[bob.vx]"), "pendulum.yaml")
+    with pytest.raises(RunError, match="no output is a place or an angle to compare runs by"):
+        choose(model, model.scenes["swing"])
+
+
+def test_runs_are_as_far_apart_as_their_worst_place() -> None:
+    t = np.array([0.0, 0.1, 0.2])
+    columns = {"a.x": np.zeros(3), "a.vx": np.zeros(3), "tyre.slip": np.zeros(3)}
+    units = {"a.x": "m", "a.vx": "m/s", "tyre.slip": "rad"}
+    truth = Trajectory(t=t, columns=columns, units=units, steps=2, evaluations=2, seconds=0.0, undetermined=(), failure=None)
+    other = replace(truth, columns={"a.x": np.array([0.0, 0.3, -0.5]), "a.vx": np.full(3, 9.0), "tyre.slip": np.full(3, 9.0)})
+    assert distance(other, truth) == 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--dt", "0.1"], "--dt cannot go with method auto"),
+        (["--precision", "quad"], "--precision cannot go with method auto"),
+    ],
+)
+def test_options_that_auto_picks(tmp_path: Path, options: list[str], message: str) -> None:
+    path = tmp_path / "pendulum.yaml"
+    path.write_text(PENDULUM)
+    result = CliRunner().invoke(main, ["simulate", str(path), *options, "--out", str(tmp_path / "out.csv")])
+    assert result.exit_code == 1
+    assert message in result.output
+
+
+def test_auto_needs_a_tolerance(tmp_path: Path) -> None:
+    path = tmp_path / "pendulum.yaml"
+    path.write_text(PENDULUM.replace(", method: auto, tolerance: 1 mm", ""))
+    result = CliRunner().invoke(main, ["simulate", str(path), "--method", "auto", "--out", str(tmp_path / "out.csv")])
+    assert result.exit_code == 1
+    assert "scene 'swing': method auto needs a tolerance; write tolerance: 1 mm, or use --tolerance" in result.output
+
+
+def test_the_command_runs_what_it_picks(tmp_path: Path) -> None:
+    path, out = tmp_path / "pendulum.yaml", tmp_path / "out.csv"
+    path.write_text(PENDULUM)
+    result = CliRunner().invoke(main, ["simulate", str(path), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    assert "picked" in result.output
+    assert out.read_text().startswith("t,bob.x,bob.z\n")
+
+
+def test_reduce_prints_the_ladder() -> None:
+    result = CliRunner().invoke(main, ["reduce", str(MODELS / "flyball.yaml")])
+    assert result.exit_code == 0, result.output
+    assert "welded" in result.output
