@@ -40,7 +40,13 @@ LINKS = {"*.leaf_link": 2.0, "*.tie_rod": 1.0}
 def paper() -> Plan:
     """The paper's scenes.  Rows are 7.5 ms apart, of which its other steps are multiples now and then."""
     cases = [make_case(MODELS / "iltis.yaml", scene, row=0.0075) for scene in PAPER]
-    return Plan(cases=cases, contenders=choose(["generated", "scalar", "reduced"]), reference="extended")
+    return Plan(cases=cases, contenders=choose(["generated"]), reference="extended")
+
+
+def ladder() -> Plan:
+    """One of the paper's scenes, with and without lanes, in full and reduced."""
+    case = make_case(MODELS / "iltis.yaml", "simul1", row=0.0075)
+    return Plan(cases=[case], contenders=choose(["generated", "scalar", "reduced"]), reference="extended", title="lanes and reduced models")
 
 
 def vehicle() -> Plan:
@@ -93,7 +99,7 @@ def _chain(windows: int) -> Case:
 
 
 STUDIES: dict[str, Callable[[], Plan]] = {
-    study.__name__: study for study in (paper, vehicle, verification, governor, chain, twins, precisions, failures)
+    study.__name__: study for study in (paper, ladder, vehicle, verification, governor, chain, twins, precisions, failures)
 }  # fmt: skip
 
 

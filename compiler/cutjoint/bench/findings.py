@@ -36,12 +36,11 @@ def order(line: Line, name: str = "position") -> float:
 def time_at(line: Line, error: float) -> float | None:
     """Seconds of CPU time at which a line reaches an error of position: between two of its points on the logarithmic chart, else None.
 
-    Of several crossings the fastest counts; a line whose coarsest point is accurate enough takes that point's time.
+    The fastest counts of all crossings and of all points that are more accurate.
     """
     points = [(p["errors"]["position"], median(p["seconds"])) for p in timed(line) if p["errors"]["position"]]
     times = [_crossing(a, b, error) for a, b in pairwise(points) if (a[0] - error) * (b[0] - error) <= 0]
-    if points and points[0][0] <= error:
-        times.append(points[0][1])
+    times += [seconds for found, seconds in points if found <= error]
     return min(times) if times else None
 
 

@@ -98,7 +98,7 @@ def _own_seconds(case: Case, contender: str) -> float | None:
 def tabulate_paper(cases: Sequence[Case]) -> BenchTable | None:
     """Our CPU time at the paper's steps and our largest steps, beside Table I of the paper; None without its scenes."""
     rows = []
-    for case in cases:
+    for case in [c for i, c in enumerate(cases) if c["name"] not in {other["name"] for other in cases[:i]}]:
         for method, (seconds, dt) in PAPER.get(case["name"], {}).items():
             line = next((x for x in case["lines"] if x["contender"] == method and "refused" not in x), None)
             point = next((p for p in timed(line) if p["dt"] == dt), None) if line else None
