@@ -23,7 +23,7 @@ def _table(title: str, headings: Sequence[str], left: int) -> Table:
 def ladder_table(rungs: Sequence[Rung], costs: Sequence[Cost]) -> Table:
     """One row a rung: what is left of the model, what it costs, and how far it is from the full one."""
     full = rungs[0]
-    headings = ("rung", "motion", "coordinates", "equations", "operations", "share", "ms", "faster", "error")
+    headings = ("rung", "motion", "unknowns", "equations", "ops", "share", "ms", "faster", "error")
     table = _table(f"{full.model.name}, scene {full.scene.name}, method {full.method}", headings, 2)
     for rung, cost in zip(rungs, costs, strict=True):
         table.add_row(
