@@ -96,7 +96,7 @@ def spread(seconds: Sequence[float]) -> tuple[float, float]:
 
 def machine() -> Mapping[str, str]:
     """Where this runs: processor, its cores, system."""
-    return {"processor": _processor(), "system": f"{platform.system()} {platform.release()}", "python": platform.python_version()}
+    return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
 
 
 def _processor() -> str:

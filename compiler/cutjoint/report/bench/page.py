@@ -23,6 +23,9 @@ from cutjoint.report.bench.tables import (
 
 Data = Mapping[str, Any]
 
+#: Distances (m) of the routes of a reference that tell of a jump of speed, and of kinks in a road.
+_JUMP, _KINK = 1e-3, 1e-8
+
 
 def render_page(data: Data) -> str:
     """The page of what `bench.study.perform` returned."""
@@ -76,7 +79,9 @@ def _reference(case: Data) -> str:
 
 def _impact(apart: float) -> str:
     """Why routes are far apart."""
-    return " (where a guide's speed jumps, only the first takes the impact at once)" if apart > 1e-6 else ""
+    if apart > _JUMP:
+        return " (where a guide's speed jumps, only the first takes the impact at once)"
+    return " (each meets the kinks of a road between steps of its own)" if apart > _KINK else ""
 
 
 def describe(case: Data) -> list[str]:
