@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 from cutjoint.analysis.inertia import require_inertia
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
@@ -20,10 +20,11 @@ from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.generic_natural import describe_generic_natural
 from cutjoint.emit.source import Source, emit
 from cutjoint.emit.system import emit_system
+from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.natural.equations import formulate_lagrangian, without
-from cutjoint.formulate.natural.families import find_natural_families
+from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.natural.records import LagrangianEquations
-from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.families import find_families
 from cutjoint.model.quantities import quantities, unit_of
@@ -37,16 +38,18 @@ from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.sparse.pattern import Pattern
 from cutjoint.sparse.pivoting import NoPivotError, SingularError
-from cutjoint.sparse.plan import Plan, plan_symmetric, plan_unsymmetric
+from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
 from cutjoint.sparse.tangent import places, settle_entries
 from cutjoint.toolchain.build import FLAGS, PRECISIONS, Binary, Kind, build, build_generic
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
 
-METHODS = ("recursive", "augmented", "classical")
+E = TypeVar("E", bound=SystemEquations)
+
+METHODS = ("recursive", "recursive-newton", "augmented", "classical")
 
 #: What each iteration of a step calls, by method.
-ITERATIONS = {"recursive": "evaluate", "augmented": "linearise", "classical": "linearise"}
+ITERATIONS = {"recursive": "evaluate", "recursive-newton": "linearise", "augmented": "linearise", "classical": "linearise"}
 
 #: Linear solvers of the Lagrangian methods: the emitted factorisation, and libraries.
 SOLVERS = ("emitted", "eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack")
@@ -93,8 +96,8 @@ class Artifact:
     def mechanism(self) -> RecursiveEquations:
         """The recursive equations: the method's own, or those that start its runs."""
         equations = self.equations
-        assert isinstance(equations, RecursiveEquations | LagrangianEquations)
-        return equations.start if isinstance(equations, LagrangianEquations) else equations
+        assert isinstance(equations, RecursiveEquations | SystemEquations)
+        return equations.start if isinstance(equations, SystemEquations) else equations
 
 
 class NoEquilibriumError(RuntimeError):
@@ -150,7 +153,7 @@ def generate(
     recursive = formulate_recursive(topology, scene, tuple(outputs) if method == "recursive" else ())
     require_inertia(recursive)
     if method != "recursive":
-        return generate_lagrangian(recursive, method, tuple(outputs), lanes=lanes, straight_line=straight_line)
+        return generate_system(recursive, method, tuple(outputs), lanes=lanes, straight_line=straight_line)
     # Equations -> Program
     program = schedule_recursive(recursive, lanes=lanes)
     # Program -> Source
@@ -164,24 +167,32 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
     return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions])
 
 
-def generate_lagrangian(
+def generate_system(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool, straight_line: int = STRAIGHT_LINE
-) -> tuple[LagrangianEquations, Program, Source]:
-    """The same for the Lagrangian methods; ``start`` finds where a run begins."""
+) -> tuple[SystemEquations, Program, Source]:
+    """The same for the methods with Newton's iteration; ``start`` finds where a run begins."""
     # Topology -> Equations
-    equations = formulate_lagrangian(start, method, outputs)
-    states = closed_states(equations) if method == "classical" else []
-    if method == "classical":
-        equations = without(equations, dependent_equations(equations, states))
+    equations, states = formulate_system(start, method, outputs)
     # Equations -> Program -> Plan
-    equations, program, plan = plan_lagrangian(equations, states, lanes=lanes)
+    equations, program, plan = plan_system(equations, states, lanes=lanes)
     # Program, Plan -> Source
     return equations, program, emit_system(schedule_recursive(start, lanes=lanes), program, equations, plan, straight_line=straight_line)
 
 
-def plan_lagrangian(
-    equations: LagrangianEquations, states: Sequence[NaturalState], *, lanes: bool
-) -> tuple[LagrangianEquations, Program, Plan]:
+def formulate_system(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...]
+) -> tuple[SystemEquations, list[NaturalState]]:
+    """The equations, and the states where the pivots of ``classical`` are tried."""
+    if method == "recursive-newton":
+        return formulate_implicit(start, outputs), []
+    equations = formulate_lagrangian(start, method, outputs)
+    if method == "augmented":
+        return equations, []
+    states = closed_states(equations)
+    return without(equations, dependent_equations(equations, states)), states
+
+
+def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program, Plan]:
     """The program of a system and the plan of its factorisation; ``states`` are where the pivots of ``classical`` are tried.
 
     The equations returned know where the entries of their tangent stand.
@@ -190,14 +201,15 @@ def plan_lagrangian(
         RunError: the equations depend on each other in one of the states.
         MissingLibraryError: a library that orders matrices is not installed.
     """
-    families = find_natural_families(equations.correspondence, equations.topology) if lanes else []
+    families = find_corresponding(equations.correspondence, equations.topology) if lanes else []
     functions = [(f.name, fold(equations.builder, families, f.results)) for f in equations.functions]
     program, pattern = settle_entries(
         schedule(equations.builder, functions), len(equations.row_names), symmetric=equations.method == "augmented"
     )  # fmt: skip
     equations = equations.with_tangent(places(pattern))
-    plan = plan_symmetric(pattern) if pattern.symmetric else _plan_with_pivots(equations, pattern, states)
-    return equations, program, plan
+    if isinstance(equations, LagrangianEquations) and equations.method == "classical":
+        return equations, program, _plan_with_pivots(equations, pattern, states)
+    return equations, program, plan_definite(pattern)
 
 
 def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:
@@ -329,7 +341,7 @@ def simulate(
 def _check_integrator(artifact: Artifact, integrator: str) -> None:
     if integrator not in INTEGRATORS:
         raise RunError(f"no integrator '{integrator}'; there is {', '.join(INTEGRATORS)}")
-    if integrator == "reference" and (artifact.method == "augmented" or artifact.implementation == "generic"):
+    if integrator == "reference" and (artifact.method in ("augmented", "recursive-newton") or artifact.implementation == "generic"):
         raise RunError("the reference integrator takes generated code of the method recursive or classical")
 
 
@@ -337,7 +349,7 @@ def _solver(artifact: Artifact, solver: str) -> str:
     """What a run file names as solver; the generic twin has no emitted factorisation and takes a library's in its place."""
     if artifact.method == "recursive":
         return ""
-    library = {"augmented": "eigen-ldlt", "classical": "klu"}[artifact.method]
+    library = {"augmented": "eigen-ldlt", "recursive-newton": "eigen-lu", "classical": "klu"}[artifact.method]
     return library if solver == "emitted" and artifact.implementation == "generic" else solver
 
 

@@ -23,7 +23,7 @@ from cutjoint.report.explain.natural.layout import explain_layout
 from cutjoint.report.explain.natural.shapes import explain_shapes
 from cutjoint.report.explain.natural.sharing import count_sharing
 from cutjoint.report.explain.natural.summary import factorisation_rows
-from cutjoint.sparse.plan import plan_symmetric
+from cutjoint.sparse.plan import plan_definite
 from tests.conftest import MODELS, ROOT
 from tests.hash_seeds import outputs
 from tests.mechanisms import random_models
@@ -153,7 +153,7 @@ def test_the_table_of_operations_adds_up_to_the_program(one: Explained) -> None:
 
 
 def test_what_the_factorisation_takes(iltis: Explained) -> None:
-    plan = plan_symmetric(iltis.derivation.plan.pattern)
+    plan = plan_definite(iltis.derivation.plan.pattern)
     (_, orders), (_, work) = factorisation_rows(plan)
     assert orders.startswith(f"`{plan.trials[0].name}` with {plan.trials[0].operations} operations in four lanes; ")
     assert sorted(re.findall(r"`(\w+)` with \d+", orders)) == ["amd", "metis", "symamd"]

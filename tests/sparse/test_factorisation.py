@@ -12,7 +12,7 @@ import pytest
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.sparse.pattern import make_pattern
-from cutjoint.sparse.plan import Plan, plan_symmetric, plan_unsymmetric
+from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
 from tests.hash_seeds import outputs
 from tests.sparse.compiled import PAGE, Factorisation, emit, names
 from tests.sparse.matrices import Array, kkt_matrix, nearby, pattern_of, spd_matrix, values_of
@@ -22,7 +22,7 @@ FORMS = pytest.mark.parametrize("tables", [False, True], ids=["straight", "table
 
 def spd_plan(seed: int, branches: int = 2, nodes: int = 4) -> tuple[Plan, Array]:
     matrix = spd_matrix(seed, branches, nodes)
-    return plan_symmetric(pattern_of(matrix, symmetric=True)), matrix
+    return plan_definite(pattern_of(matrix, symmetric=True)), matrix
 
 
 def kkt_plan(seed: int, branches: int = 2, nodes: int = 4) -> tuple[Plan, Array]:
@@ -181,4 +181,4 @@ def test_same_bytes_under_any_hash_seed() -> None:
 
 def test_an_unsymmetric_pattern_has_no_symmetric_plan() -> None:
     with pytest.raises(ValueError, match="L D L\\^T takes a symmetric pattern"):
-        plan_symmetric(make_pattern(2, [(0, 0), (1, 1)], symmetric=False))
+        plan_definite(make_pattern(2, [(0, 0), (1, 1)], symmetric=False))

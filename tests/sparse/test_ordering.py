@@ -9,7 +9,7 @@ import pytest
 
 from cutjoint.sparse.ordering import MissingLibraryError, order_columns, order_symmetric
 from cutjoint.sparse.pattern import make_pattern
-from cutjoint.sparse.plan import plan_symmetric, plan_unsymmetric
+from cutjoint.sparse.plan import plan_definite, plan_unsymmetric
 from cutjoint.sparse.symbolic import eliminate
 from tests.sparse.matrices import kkt_matrix, pattern_of, spd_matrix
 
@@ -52,7 +52,7 @@ def test_matrices_without_couplings(size: int) -> None:
 
 
 def test_the_cheapest_order_is_taken_and_all_are_recorded() -> None:
-    trials = plan_symmetric(pattern_of(spd_matrix(1, 6, 9), symmetric=True)).trials
+    trials = plan_definite(pattern_of(spd_matrix(1, 6, 9), symmetric=True)).trials
     assert {trial.name for trial in trials} == {"amd", "symamd", "metis"}
     assert [trial.operations for trial in trials] == sorted(trial.operations for trial in trials)
     assert trials[0].multiply_adds < trials[-1].multiply_adds
@@ -60,7 +60,7 @@ def test_the_cheapest_order_is_taken_and_all_are_recorded() -> None:
 
 def test_at_equal_work_the_first_method_is_taken() -> None:
     diagonal = make_pattern(4, [(k, k) for k in range(4)], symmetric=True)
-    assert [trial.name for trial in plan_symmetric(diagonal).trials] == ["amd", "symamd", "metis"]
+    assert [trial.name for trial in plan_definite(diagonal).trials] == ["amd", "symamd", "metis"]
     whole = make_pattern(4, [(k, k) for k in range(4)], symmetric=False)
     names = [trial.name for trial in plan_unsymmetric(whole, [np.ones(4)]).trials]
     assert names == ["markowitz", "likeness 0", "likeness 1", "likeness 2", "colamd", "amd", "metis"]
@@ -70,4 +70,4 @@ def test_a_missing_library_is_named_with_its_packages(monkeypatch: pytest.Monkey
     monkeypatch.setattr(ctypes.util, "find_library", lambda name: None)
     message = "missing: libamd, which orders sparse matrices; apt-get install libsuitesparse-dev libmetis5"
     with pytest.raises(MissingLibraryError, match=message):
-        plan_symmetric(pattern_of(spd_matrix(1, 1, 1), symmetric=True))
+        plan_definite(pattern_of(spd_matrix(1, 1, 1), symmetric=True))

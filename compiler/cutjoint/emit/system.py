@@ -1,4 +1,4 @@
-"""Programs of a Lagrangian method -> C++ files: the system in natural coordinates, and the mechanism that starts its runs."""
+"""Programs of a method with a tangent -> C++ files: the system, and the mechanism that starts its runs."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import replace
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.source import Page, Source, description, mechanism_files, members, sources
 from cutjoint.emit.view import Viewer
-from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.records import SystemEquations
 from cutjoint.program.records import Program
 from cutjoint.sparse.pattern import Pattern
 from cutjoint.sparse.plan import Plan
 
 _ABOUT = {
-    "place": "Natural coordinates and their rates from relative coordinates and speeds.",
+    "place": "The system's coordinates and their rates from relative coordinates and speeds.",
     "balance": "M vdot + Phi_q^T (penalty Phi + lambda) - Q, and Phi.",
     "linearise": "The same, and the entries of the tangent.",
     "close": "Phi, Phid = Phi_q v + Phi_t, and Phidd.",
@@ -24,7 +25,7 @@ _ABOUT = {
 
 
 def emit_system(
-    start: Program, program: Program, equations: LagrangianEquations, plan: Plan, *, straight_line: int = STRAIGHT_LINE
+    start: Program, program: Program, equations: SystemEquations, plan: Plan, *, straight_line: int = STRAIGHT_LINE
 ) -> Source:
     """The C++ of a system: class, factorisation, starting mechanism, main program and CMake project.
 
@@ -45,7 +46,7 @@ def _header(page: Page) -> str:
     return f"{page.stem}_system"
 
 
-def _system_files(page: Page, program: Program, equations: LagrangianEquations, plan: Plan) -> dict[str, str]:
+def _system_files(page: Page, program: Program, equations: SystemEquations, plan: Plan) -> dict[str, str]:
     viewer, header = Viewer(program, equations), _header(page)
     names = [f.name for f in equations.functions]
     functions = page.functions(viewer, names, header=header)
@@ -60,10 +61,17 @@ def _system_files(page: Page, program: Program, equations: LagrangianEquations, 
     )  # fmt: skip
     lists = [("coordinates", equations.coordinate_names), ("equations", equations.equation_names)]
     files["system_description.cpp"] = page.render(
-        "system_description.cpp.jinja", header=header, method=equations.method,
+        "system_description.cpp.jinja", header=header, method=equations.method.replace("-", "_"), **_relative(equations),
         pattern=_pattern(plan.pattern, equations.row_names), **description(equations, lists),
     )  # fmt: skip
     return files
+
+
+def _relative(equations: SystemEquations) -> dict[str, object]:
+    """What only systems in relative coordinates say of themselves."""
+    if not isinstance(equations, ImplicitEquations):
+        return {"charts": (), "speed_lists": ()}
+    return {"charts": equations.start.charts, "speed_lists": [{"field": "speeds", "names": equations.start.speed_names}]}
 
 
 def _pattern(pattern: Pattern, names: tuple[str, ...]) -> dict[str, object]:

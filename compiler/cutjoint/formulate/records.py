@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
+from cutjoint.formulate.correspondence import Correspondence
 from cutjoint.model.records import Output, Parameter, Scene
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
@@ -126,3 +128,36 @@ class RecursiveEquations(Equations):
     def equation_names(self) -> tuple[str, ...]:
         """A name for each cut-joint equation."""
         return tuple(f"{c.joint}.{n}" for c in self.closures for n in c.names)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemEquations(Equations):
+    """An index-3 formulation that Newton's iteration solves, see runtime/include/cutjoint/lagrangian/system.hpp.
+
+    ``start`` are the recursive equations that find where a run begins.  The results ``tangent:row,column`` are the tangent's candidates, of a
+    symmetric tangent the lower triangle; their slots follow from its pattern.
+    """
+
+    method: str
+    start: RecursiveEquations
+    correspondence: Correspondence
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each element of q."""
+        raise NotImplementedError
+
+    @property
+    def equation_names(self) -> tuple[str, ...]:
+        """A name for each constraint equation."""
+        raise NotImplementedError
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        """A name for each row of the tangent."""
+        raise NotImplementedError
+
+    def with_tangent(self, places: Mapping[str, int]) -> Self:
+        """The equations with a slot for each entry of the tangent that is not always zero."""
+        slots = {name: Slot(array="tangent", offset=place, names=(name,)) for name, place in places.items()}
+        return replace(self, slots={**self.slots, **slots})

@@ -172,7 +172,7 @@ class Numerics(Part):
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
-    methods: dict[Literal["recursive", "augmented", "classical"], MethodNumerics] = Field(default={})
+    methods: dict[Literal["recursive", "recursive-newton", "augmented", "classical"], MethodNumerics] = Field(default={})
 
 
 class Scene(Part):
@@ -187,7 +187,7 @@ class Scene(Part):
     switches: dict[StrictStr, StrictBool] = Field(default={})
     road: Road = Road()
     numerics: Numerics = Numerics()
-    method: Literal["auto", "recursive", "augmented", "classical"] | None = None
+    method: Literal["auto", "recursive", "recursive-newton", "augmented", "classical"] | None = None
     tolerance: Number | None = None
     budget: Number | None = None
     on_violation: Literal["stop", "restart"] = "stop"

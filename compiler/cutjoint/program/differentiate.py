@@ -99,8 +99,8 @@ class Differentiator:
         data: Any = block.data
         if data[0] == "where":
             return self._choice(block)
-        partials = _partials(self._b, block, *data)
-        return self._combined([(partial(self._b.scale, p), self.jacobian(a)) for p, a in zip(partials, block.args, strict=True)])
+        slopes = partial_derivatives(self._b, block)
+        return self._combined([(partial(self._b.scale, p), self.jacobian(a)) for p, a in zip(slopes, block.args, strict=True)])
 
     def _choice(self, block: Block) -> Jacobian:
         b, (condition, yes, no) = self._b, block.args
@@ -129,8 +129,14 @@ _RULES: Mapping[str, Callable[[Differentiator, Block], Jacobian]] = {
 }  # fmt: skip
 
 
-def _partials(b: Builder, y: Block, function: str, table: str | None) -> list[Block]:
-    """The partial derivatives of a scalar function's value y by its arguments."""
+def partial_derivatives(b: Builder, y: Block) -> list[Block]:
+    """The partial derivatives of a scalar function's value y, a ``call``, by its arguments.
+
+    Raises:
+        ValueError: the function has none.
+    """
+    data: Any = y.data
+    function, table = data
     if function in ("road_height", "road_slope"):
         return [b.call(f"{function}_dx", *y.args, table=table), b.zero(1)]
     if function not in _PARTIALS:

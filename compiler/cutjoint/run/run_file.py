@@ -80,7 +80,7 @@ def _figures(numerics: Numerics, method: str) -> dict[str, float | None]:
     figures: dict[str, float | None] = {
         name: getattr(own, name) for name in ("dt", "penalty", "tolerance", "iterations", "multiplier_updates")
     }
-    if method == "augmented":
+    if method in ("augmented", "recursive-newton"):
         figures["penalty"] = given.get("penalty")
         figures["multiplier_updates"] = given.get("multiplier_updates", AUGMENTED_UPDATES)
     return figures

@@ -42,17 +42,17 @@ class Plan:
         return self.trials[0].multiply_adds
 
 
-def plan_symmetric(pattern: Pattern) -> Plan:
-    """The plan for positive definite matrices of a symmetric pattern: no pivoting.
+def plan_definite(pattern: Pattern) -> Plan:
+    """The plan for positive definite matrices, symmetric or not, whose pivots are those of the diagonal: no pivoting.
 
     Raises:
         MissingLibraryError: a library that orders matrices is not installed.
-        ValueError: the pattern is not symmetric.
+        ValueError: an entry of the diagonal is always zero.
     """
-    if not pattern.symmetric:
-        raise ValueError("L D L^T takes a symmetric pattern")
-    orders = order_symmetric(pattern)
-    return _cheapest(pattern, [(o.name, eliminate(pattern, o.order, o.order), 1.0) for o in orders])
+    entries = set(pattern.entries())
+    if any((i, i) not in entries for i in range(pattern.size)):
+        raise ValueError("a definite matrix has no zeros on its diagonal")
+    return _cheapest(pattern, [(o.name, eliminate(pattern, o.order, o.order), 1.0) for o in order_symmetric(pattern)])
 
 
 def plan_unsymmetric(pattern: Pattern, samples: Sequence[Sequence[float] | Array]) -> Plan:

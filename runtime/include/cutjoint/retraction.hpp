@@ -31,4 +31,18 @@ void retract(std::span<const Chart> charts, const Real* q_0, const Real* delta, 
   }
 }
 
+/// How fast the turn of `retract` changes with its rotation vector: d(turn) = T d(theta), T = (1 + theta~/2)/(1 + |theta|^2/4), of each ball's
+/// share of delta, by rows.
+template <class Real>
+void turn_matrices(std::span<const Chart> charts, const Real* delta, Real* T) {
+  for (const Chart& chart : charts) {
+    if (!chart.ball) continue;
+    const Real* theta = delta + chart.v + chart.scalars;
+    const Real x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2;
+    const Real scale = Real(1) / (Real(1) + x * x + y * y + z * z);
+    const Real rows[9] = {Real(1), -z, y, z, Real(1), -x, -y, x, Real(1)};
+    for (const Real entry : rows) *T++ = scale * entry;
+  }
+}
+
 }  // namespace cutjoint

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cutjoint.formulate.natural.families import Correspondence
+from cutjoint.formulate.correspondence import Correspondence
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
 from cutjoint.formulate.translate import Translator

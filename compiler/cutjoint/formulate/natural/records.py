@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from cutjoint.formulate.natural.constraints import Constraint
-from cutjoint.formulate.natural.families import Correspondence
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import NodeKind
-from cutjoint.formulate.records import Equations, RecursiveEquations, Slot
+from cutjoint.formulate.records import SystemEquations
 
 
 @dataclass(frozen=True, kw_only=True)
-class LagrangianEquations(Equations):
+class LagrangianEquations(SystemEquations):
     """An index-3 formulation in natural coordinates; ``method`` is "augmented" or "classical".
 
     Inputs by symbol: ``node:name``, ``node_rate:name``, ``node_acceleration:name``, ``lambda:constraint``, ``w:constraint``, ``penalty``,
@@ -21,11 +19,8 @@ class LagrangianEquations(Equations):
     tangent the lower triangle; their slots follow from its pattern.  ``start`` are the recursive equations that find where a run begins.
     """
 
-    method: str
     layout: Layout
     constraints: tuple[Constraint, ...]
-    start: RecursiveEquations
-    correspondence: Correspondence
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
@@ -43,8 +38,3 @@ class LagrangianEquations(Equations):
     def row_names(self) -> tuple[str, ...]:
         """A name for each row of the tangent."""
         return self.coordinate_names + (self.equation_names if self.method == "classical" else ())
-
-    def with_tangent(self, places: Mapping[str, int]) -> LagrangianEquations:
-        """The equations with a slot for each entry of the tangent that is not always zero."""
-        slots = {name: Slot(array="tangent", offset=place, names=(name,)) for name, place in places.items()}
-        return replace(self, slots={**self.slots, **slots})

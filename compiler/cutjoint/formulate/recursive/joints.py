@@ -84,6 +84,17 @@ def derive_joint(tree_joint: TreeJoint) -> JointKernel:
     )  # fmt: skip
 
 
+def motion_groups(tree_joint: TreeJoint) -> tuple[tuple[int, ...], ...]:
+    """The places among a joint's speeds of its elementary motions, those next to the inner body first; a ball is one motion."""
+    kind, is_reversed = tree_joint.joint.kind, tree_joint.reversed
+    scalars = list(range(len(COORDINATES[kind])))
+    if is_reversed and kind in _UNDONE:
+        scalars.reverse()
+    ball = tuple(range(len(scalars), len(SPEEDS[kind])))
+    moving = [m for m in _motions(kind, is_reversed) if not isinstance(m, _Offset)]
+    return tuple(ball if isinstance(m, _Ball) else (scalars.pop(0),) for m in moving)
+
+
 @cache
 def _derive_kind(kind: JointKind, is_reversed: bool) -> JointKernel:
     """The kernel of any joint of a kind, over the symbols of its directions and its pitch."""

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "cutjoint/lagrangian/newton.hpp"
@@ -19,22 +20,24 @@ class AugmentedNewton final : public Newton<S> {
   using typename Base::Real;
 
   AugmentedNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Base(system, solver, figures), alpha_(figures.penalty), gap_(m_), closing_(m_), still_(m_), unused_(m_), zero_(n_) {}
+      : Base(system, solver, figures), alpha_(figures.penalty), gap_(m_), ways_(passes * n_), closings_(passes * m_), still_(m_), unused_(m_), zero_(n_) {}
 
  private:
   using Base::d_, Base::dt_, Base::f_, Base::figures_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::passes, Base::phi_, Base::phidd_,
-      Base::system_, Base::tangent_, Base::weight_, Base::x_;
+      Base::system_, Base::tangent_, Base::turns_, Base::weight_, Base::x_;
 
-  const char* name() const override { return "augmented"; }
-  Weights<Real> weights() const override { return {dt_ / 2, k_, k_ * alpha_}; }
-  Weights<Real> start_weights() const override { return {Real(0), Real(0), start_alpha_}; }
+  const char* name() const override { return d_.method == Lagrangian::augmented ? "augmented" : "recursive-newton"; }
+  Weights<Real> weights() const override { return {dt_ / 2, k_, k_ * alpha_, turns_.data()}; }
+  Weights<Real> start_weights() const override { return {Real(0), Real(0), start_alpha_, turns_.data()}; }
 
   /// The start weighs the equations against the heaviest coordinate, and so does a step whose penalty is not given, alpha dt^2/4 being what
   /// stands beside the masses in its tangent.
   void choose_weights(const State<Real>& state) override {
-    this->linearise(state, Real(0), {Real(0), Real(0), Real(0)});
+    this->linearise(state, Real(0), {Real(0), Real(0), Real(0), turns_.data()});
     Real heaviest(0);
-    for (std::size_t j = 0; j < n_; ++j) heaviest = std::max(heaviest, tangent_[static_cast<std::size_t>(d_.pattern.first[j])]);
+    for (std::size_t j = 0; j < n_; ++j)
+      for (auto k = static_cast<std::size_t>(d_.pattern.first[j]); k < static_cast<std::size_t>(d_.pattern.first[j + 1]); ++k)
+        if (static_cast<std::size_t>(d_.pattern.row[k]) == j) heaviest = std::max(heaviest, tangent_[k]);
     start_alpha_ = overweight * (heaviest > Real(0) ? heaviest : Real(1));
     if (!(figures_.penalty > 0)) alpha_ = start_alpha_ / (k_ > Real(0) ? k_ : Real(1));
   }
@@ -56,14 +59,24 @@ class AugmentedNewton final : public Newton<S> {
   /// when that iteration evaluates it; but lambda_(i+1) + alpha Phi_(i+1) = lambda_i + 2 alpha Phi_(i+1), so that evaluating with
   /// twice the penalty and the old multipliers gives the f that belongs to the new ones.  The first iteration has no Phi before
   /// its own: it keeps what was predicted, since the penalty of a predicted pose is no force of the mechanism.
-  void approach(const State<Real>& state, int iteration) override {
+  void approach(const State<Real>& state, int iteration, bool renewed) override {
     iteration_ = iteration;
-    const bool updated = iteration > 1 && iteration - 1 <= figures_.multiplier_updates;
-    this->linearise(state, updated ? 2 * alpha_ : alpha_, weights());
+    if (iteration == 1) updates_ = 0;
+    const bool updated = iteration > 1 && iteration - 1 <= figures_.multiplier_updates && (d_.method == Lagrangian::augmented || this->is_near());
+    const Real penalty = updated ? 2 * alpha_ : alpha_;
+    if (renewed)
+      this->linearise(state, penalty, weights());
+    else
+      this->balance(state, penalty);
+    updates_ += updated;
     if (updated)
       for (std::size_t i = 0; i < m_; ++i) lambda_[i] += alpha_ * phi_[i];
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * f_[i];
   }
+
+  bool renews_always() const override { return d_.method == Lagrangian::augmented; }
+
+  bool may_end() const override { return d_.method == Lagrangian::augmented || m_ == 0 || updates_ > 0 || figures_.multiplier_updates == 0; }
 
   /// What acts is lambda + alpha Phi.  The multipliers take it over when the last iteration was still one that corrects them.
   void settle(State<Real>& state) override {
@@ -81,47 +94,59 @@ class AugmentedNewton final : public Newton<S> {
   }
 
   /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the gap Phid.  It is the first step, of length
-  /// dt^2/4 alpha, of an iteration for w in  S w = Phid, S = Phi_q f_q^-1 Phi_q^T, dv = -f_q^-1 Phi_q^T w; conjugate gradients take
-  /// steps of the best length at the same price, a back-substitution each, and close gaps where that length closes next to nothing.
+  /// dt^2/4 alpha, of an iteration for w in  S w = Phid, S = Phi_q f_q^-1 Phi_q^T, dv = -f_q^-1 Phi_q^T w; conjugate residuals take steps of
+  /// the best length at the same price, a back-substitution each, and close gaps where that length closes next to nothing.  They are those
+  /// of Eisenstat, Elman, Schultz (SIAM J. Numer. Anal. 20 (1983) 345-357), since f_q need not be symmetric, nor belong to this very pose.
   ///
   /// A direction far weaker than others belongs to equations that depend on each other, or nearly do: it is left as it is, since closing
-  /// it would take a leap in the rates.  How strong it is, the penalty hides: without it S is S / (1 - dt^2/4 alpha S).
+  /// it would take a leap in the rates.  How strong it is, the penalty hides: without it S is S / (1 - dt^2/4 alpha S).  (Those that move no
+  /// mass at all are strong without limit, which says nothing of others.)
   void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) override {
     const bool rates = &values == &state.v;
     Real strongest(0);
     if (rates) share_left_ = Real(0);
-    gap_ = weight_ = gap;
-    for (int pass = 0; pass < passes && this->largest(gap_) > this->rounding(values); ++pass) {
-      follow_weight(state);
-      const Real square = dot(gap_, gap_), closed = dot(weight_, closing_), strength = closed / dot(weight_, weight_);
+    gap_ = gap;
+    for (std::size_t pass = 0; pass < passes && this->largest(gap_) > this->rounding(values); ++pass) {
+      const std::span<Real> way(ways_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
+      follow(state, gap_, way, closing);
+      const Real strength = dot(gap_, closing) / dot(gap_, gap_);
       if (rates) share_left_ = std::max(share_left_, 1 - k_ * alpha_ * strength);
       const Real free = strength / std::max(1 - k_ * alpha_ * strength, std::numeric_limits<Real>::epsilon());
       if (!(free > Real(1e-4) * strongest)) break;
-      strongest = std::max(strongest, free);
-      const Real length = square / closed;
-      for (std::size_t i = 0; i < n_; ++i) values[i] -= length * x_[i];
-      for (std::size_t i = 0; i < m_; ++i) gap_[i] -= length * closing_[i];
-      const Real next = dot(gap_, gap_) / square;
-      for (std::size_t i = 0; i < m_; ++i) weight_[i] = gap_[i] + next * weight_[i];
+      strongest = std::max(strongest, std::min(free, overweight / (k_ * alpha_)));
+      for (std::size_t before = 0; before < pass; ++before) {
+        const std::span<Real> old_way(ways_.data() + before * n_, n_), old(closings_.data() + before * m_, m_);
+        const Real share = dot(closing, old) / dot(old, old);
+        subtract(share, old_way, way);
+        subtract(share, old, closing);
+      }
+      const Real length = dot(gap_, closing) / dot(closing, closing);
+      subtract(length, way, values);
+      subtract(length, closing, gap_);
     }
   }
 
-  /// x = f_q^-1 Phi_q^T w and closing = Phi_q x = S w, which is Phid(x) - Phi_t.
-  void follow_weight(const State<Real>& state) {
-    system_.pull(state.q.data(), weight_.data(), x_.data());
+  /// way = f_q^-1 Phi_q^T w and closing = Phi_q way = S w, which is Phid(way) - Phi_t.
+  void follow(const State<Real>& state, const std::vector<Real>& w, std::span<Real> way, std::span<Real> closing) {
+    system_.pull(state.q.data(), w.data(), x_.data());
     this->solve();
-    system_.close(state.q.data(), x_.data(), zero_.data(), unused_.data(), closing_.data(), unused_.data());
-    for (std::size_t i = 0; i < m_; ++i) closing_[i] -= still_[i];
+    std::copy_n(x_.begin(), n_, way.begin());
+    system_.close(state.q.data(), way.data(), zero_.data(), unused_.data(), closing.data(), unused_.data());
+    for (std::size_t i = 0; i < m_; ++i) closing[i] -= still_[i];
   }
 
-  static Real dot(const std::vector<Real>& a, const std::vector<Real>& b) {
+  static Real dot(std::span<const Real> a, std::span<const Real> b) {
     Real sum(0);
     for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
     return sum;
   }
 
+  static void subtract(Real factor, std::span<const Real> a, std::span<Real> from) {
+    for (std::size_t i = 0; i < a.size(); ++i) from[i] -= factor * a[i];
+  }
+
   [[noreturn]] void report_breakdown(Breakdown broken) override {
-    const std::string_view coordinate = broken.row < 0 ? "" : d_.coordinates[static_cast<std::size_t>(broken.row)];
+    const std::string_view coordinate = broken.row < 0 ? "" : d_.unknowns()[static_cast<std::size_t>(broken.row)];
     const char* loose = "this coordinate has neither mass nor stiffness, and no equation holds it";
     if (broken.kind == Breakdown::Kind::singular) this->fail("the tangent is singular", coordinate, Real(0), loose);
     this->fail("a pivot of the tangent is not positive", coordinate, Real(0),
@@ -131,9 +156,10 @@ class AugmentedNewton final : public Newton<S> {
   static constexpr Real overweight{1e4};
 
   Real start_alpha_{1}, alpha_;
-  int iteration_ = 0;
+  int iteration_ = 0, updates_ = 0;  ///< of a step, and those that corrected the multipliers
   Real share_left_{0};             ///< of the gap by a projection of length dt^2/4 alpha, where most is left
-  std::vector<Real> gap_, closing_;
+  std::vector<Real> gap_;             ///< what a projection has left
+  std::vector<Real> ways_, closings_;  ///< its increments, and what they close
   std::vector<Real> still_;        ///< Phi_t
   std::vector<Real> unused_, zero_;
 };

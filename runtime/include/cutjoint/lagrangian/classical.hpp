@@ -40,7 +40,7 @@ class ClassicalNewton final : public Newton<S> {
   }
 
   /// f_x (dq; dlambda) = -dt^2/4 (M vdot + Phi_q^T lambda - Q; Phi)                                          [eqs. 18-20]
-  void approach(const State<Real>& state, int) override {
+  void approach(const State<Real>& state, int, bool) override {
     this->linearise(state, Real(0), weights());
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * f_[i];
     for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * phi_[i];
@@ -56,7 +56,7 @@ class ClassicalNewton final : public Newton<S> {
   /// the last iteration, whose pose differs from the final one.
   void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) override {
     Real last = std::numeric_limits<Real>::infinity();
-    for (int pass = 0; pass < passes; ++pass) {
+    for (std::size_t pass = 0; pass < passes; ++pass) {
       const Real size = this->largest(gap);
       if (size <= this->rounding(values) || !(size <= last / 2)) break;
       last = size;

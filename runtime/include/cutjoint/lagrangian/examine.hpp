@@ -41,7 +41,8 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   const State<Real> x = read_state<Real>(at);
   const Json& weights = at.at("weights");
   const Real penalty = read_number<Real>(at, "penalty");
-  std::vector<Real> f(d.coordinates.size()), phi(d.equations.size()), phid(phi.size()), phidd(phi.size()), tangent(d.pattern.row.size());
+  std::vector<Real> turns = unit_turns<Real>(d.charts);
+  std::vector<Real> f(d.unknowns().size()), phi(d.equations.size()), phid(phi.size()), phidd(phi.size()), tangent(d.pattern.row.size());
   Json result;
   system.begin_step(x.t, Real(1));
   system.balance(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, f.data(), phi.data());
@@ -50,7 +51,8 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   system.linearise(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty,
                    {.damping = read_number<Real>(weights, "damping"),
                     .stiffness = read_number<Real>(weights, "stiffness"),
-                    .constraint = read_number<Real>(weights, "constraint")},
+                    .constraint = read_number<Real>(weights, "constraint"),
+                    .turns = turns.data()},
                    f.data(), phi.data(), tangent.data());
   result["linearised_balance"] = f;
   result["linearised_residual"] = phi;
@@ -66,7 +68,7 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   result["columns"] = columns;
   if (at.contains("relative")) {
     const Json& relative = at.at("relative");
-    std::vector<Real> q(f.size()), v(f.size());
+    std::vector<Real> q(d.coordinates.size()), v(f.size());
     system.place(read_array<Real>(relative, "q").data(), read_array<Real>(relative, "v").data(), q.data(), v.data());
     result["placed"] = Json{{"q", q}, {"v", v}};
   }
@@ -103,7 +105,7 @@ Json time_parts(S& system, std::string_view name, const State<typename S::real_t
   const SystemDescription& d = system.description();
   const int batches = file.value("batches", 9), repetitions = file.value("repetitions", 100);
   const auto solver = choose_solver(system, name);
-  std::vector<Real> f(d.coordinates.size()), phi(d.equations.size()), tangent(d.pattern.row.size());
+  std::vector<Real> f(d.unknowns().size()), phi(d.equations.size()), tangent(d.pattern.row.size());
   std::vector<Real> right(static_cast<std::size_t>(d.pattern.size));
   const auto assemble = [&] {
     system.linearise(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, weights, f.data(), phi.data(), tangent.data());

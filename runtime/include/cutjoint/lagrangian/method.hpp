@@ -20,8 +20,8 @@ namespace cutjoint {
 /// The integrator of the method that a system was made for.
 template <class S>
 std::unique_ptr<Newton<S>> make_newton(S& system, LinearSolver<typename S::real_type>& solver, const NewtonFigures& figures) {
-  if (system.description().method == Lagrangian::augmented) return std::make_unique<AugmentedNewton<S>>(system, solver, figures);
-  return std::make_unique<ClassicalNewton<S>>(system, solver, figures);
+  if (system.description().method == Lagrangian::classical) return std::make_unique<ClassicalNewton<S>>(system, solver, figures);
+  return std::make_unique<AugmentedNewton<S>>(system, solver, figures);
 }
 
 /// The figures of a run file; tasks without steps can do without those of steps.
@@ -40,7 +40,7 @@ class LagrangianMethod {
   using Real = typename S::real_type;
 
   LagrangianMethod(S& system, const Json& file)
-      : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.coordinates.size(), d_.equations.size()),
+      : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
         guards_(system), inputs_(d_, file), figures_(read_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
         solver_(choose_solver(system, solver_name_)), newton_(make_newton(system, *solver_, figures_)) {
     inputs_.load_system(system_);
@@ -85,7 +85,7 @@ class LagrangianMethod {
   /// What the run took, and the largest residuals that any of its states has.
   void summarise(Json& summary) const {
     summary["solver"] = solver_name_;
-    if (d_.method == Lagrangian::augmented)
+    if (d_.method != Lagrangian::classical)
       summary["penalty"] = number_or_null(static_cast<double>(newton_->step_weights().constraint / newton_->step_weights().stiffness));
     summary["evaluations"] = newton_->evaluations();
     summary["iterations"] = newton_->iterations();

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cutjoint/lagrangian/workspace.hpp"
+#include "cutjoint/retraction.hpp"
 
 namespace cutjoint {
 
@@ -45,7 +46,7 @@ class Newton : public Workspace<S> {
   using typename Workspace<S>::Real;
 
   Newton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt), k_(dt_ * dt_ / 4), lambda_before_(m_), before_(n_, n_, m_) {}
+      : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt), k_(dt_ * dt_ / 4), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), before_(d_.coordinates.size(), n_, m_), delta_(n_) {}
 
   /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
   void begin(State<Real>& state, Real motion) {
@@ -63,8 +64,8 @@ class Newton : public Workspace<S> {
       this->close(state);
       if (iteration > 0) correct_start();
       if (settled) break;
-      if (iteration == 200) fail("the accelerations at the start do not settle", d_.coordinates[worst_], change_, "take a larger penalty");
-      this->balance(state);
+      if (iteration == 200) fail("the accelerations at the start do not settle", d_.unknowns()[worst_], change_, "take a larger penalty");
+      this->balance(state, Real(0));
       right_of_start(state);
       this->solve();
       take(Real(1), state);
@@ -115,8 +116,11 @@ class Newton : public Workspace<S> {
   virtual void examine() {}         ///< throw Failure when the matrix of the start is singular without its solver having noticed
   virtual void correct_start() {}   ///< multipliers from Phidd
   virtual void right_of_start(const State<Real>& state) = 0;
-  virtual void approach(const State<Real>& state, int iteration) = 0;  ///< tangent and right-hand side of an iteration
+  /// Right-hand side of an iteration, and the tangent where it is renewed.
+  virtual void approach(const State<Real>& state, int iteration, bool renewed) = 0;
+  virtual bool renews_always() const { return true; }                  ///< whether each iteration has a tangent of its own
   virtual bool extrapolates() const { return true; }                   ///< whether multipliers go on as in the step before
+  virtual bool may_end() const { return true; }                        ///< whether a step may end with this iteration
   virtual void take_multipliers() {}                                   ///< those of the solution
   virtual void settle(State<Real>& state) = 0;                         ///< multipliers at the end of a step, whose Phi is known
 
@@ -125,12 +129,16 @@ class Newton : public Workspace<S> {
 
   virtual void explain() {}  ///< throw Failure when there is more to say of an iteration that did not converge
 
+  /// Whether the last iteration changed the accelerations by little already.
+  bool is_near() const { return change_ <= Real(1e-3) * size_; }
+
   /// Passes of a projection, and the gap beside a quantity of this size that is only rounding.
-  static constexpr int passes = 10;
+  static constexpr std::size_t passes = 10;
   static Real rounding(const std::vector<Real>& values) { return rounding_like(1e-11) * (Real(1) + largest(values)); }
 
   NewtonFigures figures_;
-  Real dt_, k_;  ///< step and dt^2/4
+  Real dt_, k_;              ///< step and dt^2/4
+  std::vector<Real> turns_;  ///< of the balls, in relative coordinates
   std::vector<Real> lambda_before_;  ///< multipliers of the step before
 
  private:
@@ -139,15 +147,17 @@ class Newton : public Workspace<S> {
     predict();
     change_ = smallest_ = std::numeric_limits<Real>::infinity();
     growing_ = idle_ = 0;
+    slow_ = false;
     for (int iteration = 1;; ++iteration) {
       follow(state);
-      approach(state, iteration);
-      if (iteration > 1 && !finite(largest(x_))) fail(infinite, d_.coordinates[worst_], change_, "take a smaller dt");
-      this->factor();
+      const bool renewed = renews_always() || iteration == 1 || slow_ || !is_near();
+      approach(state, iteration, renewed);
+      if (iteration > 1 && !finite(largest(x_))) fail(infinite, d_.unknowns()[worst_], change_, "take a smaller dt");
+      if (renewed) this->factor();
       this->solve();
       take(Real(1) / k_, state);
       ++iterations_;
-      if (converged(state)) break;
+      if (converged(state) && may_end()) break;
       if (!finite(change_)) give_up(infinite);
       if (growing_ >= 5 && change_ > Real(1e3) * smallest_) give_up("Newton's iteration diverges");
       if (iteration >= figures_.iterations) give_up("Newton's iteration did not converge in " + std::to_string(iteration) + " iterations");
@@ -166,12 +176,18 @@ class Newton : public Workspace<S> {
   }
 
   /// Coordinates and rates that belong to the state's accelerations.
-  void follow(State<Real>& state) const {
+  void follow(State<Real>& state) {
     for (std::size_t i = 0; i < n_; ++i) {
       const Real sum = before_.vdot[i] + state.vdot[i];
       state.v[i] = before_.v[i] + dt_ / 2 * sum;
-      state.q[i] = before_.q[i] + (dt_ * before_.v[i] + k_ * sum);
+      delta_[i] = dt_ * before_.v[i] + k_ * sum;
     }
+    if (d_.charts.empty()) {
+      for (std::size_t i = 0; i < n_; ++i) state.q[i] = before_.q[i] + delta_[i];
+      return;
+    }
+    retract<Real>(d_.charts, before_.q.data(), delta_.data(), state.q.data());
+    turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
   }
 
   void take(Real scale, State<Real>& state) {
@@ -189,6 +205,7 @@ class Newton : public Workspace<S> {
     growing_ = change_ > last ? growing_ + 1 : 0;
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
+    slow_ = !(change_ <= Real(0.2) * last);
     if (change_ <= Real(figures_.tolerance) * size_) return true;
     const Real digits = (idle_ >= 4 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
     return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
@@ -239,15 +256,17 @@ class Newton : public Workspace<S> {
 
   [[noreturn]] void give_up(const std::string& what) {
     explain();
-    fail(what, d_.coordinates[worst_], change_,
+    fail(what, d_.unknowns()[worst_], change_,
          idle_ == 0                       ? "it was still getting closer: allow more iterations, or take a smaller dt"
          : change_ <= Real(1e-4) * size_ ? "what is left may be rounding: take a larger tolerance"
                                           : "take a smaller dt; look at the forces on this coordinate");
   }
 
   State<Real> before_;
+  std::vector<Real> delta_;  ///< the integrals of the speeds over a step
   Residuals residuals_;
   Real change_{0}, smallest_{0}, size_{1};
+  bool slow_ = false;  ///< whether the factors in use bring the iteration on too slowly
   int growing_ = 0, idle_ = 0;  ///< iterations in a row whose change grew, and since it last fell by half
   std::size_t worst_ = 0;
   long iterations_ = 0;

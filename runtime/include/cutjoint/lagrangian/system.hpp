@@ -1,4 +1,4 @@
-// What a system in natural coordinates is to the runtime: the contract between generated code (or the generic twin) and the
+// What a system with a tangent is to the runtime: the contract between generated code (or the generic twin) and the
 // Lagrangian integrators.
 #pragma once
 
@@ -17,8 +17,9 @@ struct Pattern {
   std::vector<int> row;    ///< the row of each entry
 };
 
-/// The two Lagrangian methods of Cuadrado et al. 2000: augmented (section 2.1) and classical (section 2.2).
-enum class Lagrangian { augmented, classical };
+/// The Lagrangian methods of Cuadrado et al. 2000 in natural coordinates, augmented (section 2.1) and classical (section 2.2), and the former in
+/// the relative coordinates of the recursion.
+enum class Lagrangian { augmented, classical, recursive_newton };
 
 /// Everything about a system that does not change in a run: n coordinates, m equations.
 struct SystemDescription {
@@ -26,30 +27,47 @@ struct SystemDescription {
   Lagrangian method;
   std::vector<std::string_view> coordinates;  ///< names of q
   std::vector<std::string_view> equations;    ///< names of Phi
+  std::vector<Chart> charts{};                ///< of relative coordinates; natural ones are their own
+  std::vector<std::string_view> speeds{};     ///< names of v in relative coordinates
   std::vector<Named> parameters;              ///< open parameters with defaults, SI units
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
   std::vector<Guard> guards{};                ///< forces that must not act
   Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
   int factors;                                ///< length of the array that `factor` fills
+
+  /// Names of v, vdot and the balance.
+  const std::vector<std::string_view>& unknowns() const { return charts.empty() ? coordinates : speeds; }
 };
 
 /// Weights of the terms of a tangent, A = M + damping C + stiffness K with K = -dQ/dq, C = -dQ/dqd:
 ///
 /// - augmented: A + constraint Phi_q^T Phi_q, the symmetric part of C and K,
 /// - classical: [A, constraint Phi_q^T; constraint Phi_q, 0].
+///
+/// In relative coordinates the tangent is whole, and `turns` has for each ball the 3x3 matrix of `turn_matrices` (retraction.hpp), by rows.
 template <class Real>
 struct Weights {
   Real damping;
   Real stiffness;
   Real constraint;
+  const Real* turns = nullptr;
 };
+
+/// The turns of a pose that is not stepped to, unit matrices.
+template <class Real>
+std::vector<Real> unit_turns(const std::vector<Chart>& charts) {
+  std::vector<Real> turns;
+  for (const Chart& chart : charts)
+    if (chart.ball) turns.insert(turns.end(), {Real(1), Real(0), Real(0), Real(0), Real(1), Real(0), Real(0), Real(0), Real(1)});
+  return turns;
+}
 
 template <class Real>
 class Road;
 
-/// A system M qdd + Phi_q^T lambda = Q(q, qd, t), Phi(q, t) = 0 with constant M.  q, v, vdot have n elements, lambda, residuals and
-/// multiplier-like arrays m; all arrays belong to the caller and nothing allocates.
+/// A system M qdd + Phi_q^T lambda = Q(q, qd, t), Phi(q, t) = 0; in natural coordinates M is constant.  v and vdot have n elements, and q in
+/// natural coordinates, lambda, residuals and multiplier-like arrays m; all arrays belong to the caller and nothing allocates.
 ///
 /// - `load` computes what depends on parameters alone, `begin_step` what depends on time (`motion` as in `Mechanism`),
 /// - `place` finds natural coordinates and their rates from relative coordinates and speeds (those of the mechanism that starts the run),

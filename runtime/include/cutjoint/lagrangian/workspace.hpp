@@ -19,7 +19,7 @@ class Workspace {
   using Real = typename S::real_type;
 
   Workspace(S& system, LinearSolver<Real>& solver)
-      : system_(system), solver_(solver), d_(system.description()), n_(d_.coordinates.size()), m_(d_.equations.size()), f_(n_), phi_(m_),
+      : system_(system), solver_(solver), d_(system.description()), n_(d_.unknowns().size()), m_(d_.equations.size()), f_(n_), phi_(m_),
         phid_(m_), phidd_(m_), weight_(m_), lambda_(m_), x_(static_cast<std::size_t>(d_.pattern.size)), tangent_(d_.pattern.row.size()) {}
 
   Workspace(const Workspace&) = delete;
@@ -41,9 +41,9 @@ class Workspace {
                       tangent_.data());
   }
 
-  void balance(const State<Real>& state) {
+  void balance(const State<Real>& state, Real penalty) {
     ++evaluations_;
-    system_.balance(state.q.data(), state.v.data(), state.vdot.data(), lambda_.data(), Real(0), f_.data(), phi_.data());
+    system_.balance(state.q.data(), state.v.data(), state.vdot.data(), lambda_.data(), penalty, f_.data(), phi_.data());
   }
 
   void close(const State<Real>& state) {
@@ -68,14 +68,14 @@ class Workspace {
   /// Throws Failure where the balance or the tangent has an entry that is no number.
   void require_finite() const {
     for (std::size_t i = 0; i < n_; ++i)
-      if (!finite(f_[i])) fail("the balance has no finite value", d_.coordinates[i], f_[i], advice_finite());
+      if (!finite(f_[i])) fail("the balance has no finite value", d_.unknowns()[i], f_[i], advice_finite());
     bool all = true;
     for (const Real value : tangent_) all &= value - value == Real(0);  // without branches, since this is asked of every tangent
     if (all) return;
     for (std::size_t i = 0; i < tangent_.size(); ++i)
       if (!finite(tangent_[i])) {
         const auto row = static_cast<std::size_t>(d_.pattern.row[i]);
-        fail("the tangent has no finite value", row < n_ ? d_.coordinates[row] : d_.equations[row - n_], tangent_[i], advice_finite());
+        fail("the tangent has no finite value", row < n_ ? d_.unknowns()[row] : d_.equations[row - n_], tangent_[i], advice_finite());
       }
   }
 
@@ -102,7 +102,7 @@ class Workspace {
   S& system_;
   LinearSolver<Real>& solver_;
   const SystemDescription& d_;
-  std::size_t n_, m_;                                  ///< coordinates and equations
+  std::size_t n_, m_;                                  ///< unknowns and equations
   std::vector<Real> f_, phi_, phid_, phidd_, weight_;  ///< balance, equations and their rates, and room for what pulls on the equations
   std::vector<Real> lambda_;
   std::vector<Real> x_, tangent_;  ///< right-hand side and then solution, and the matrix

@@ -10,7 +10,7 @@ from cutjoint.formulate.natural.layout import Group
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Body, Model, Scene
-from cutjoint.pipeline import plan_lagrangian
+from cutjoint.pipeline import plan_system
 from cutjoint.program.records import Program
 from cutjoint.sparse.plan import Plan
 from cutjoint.topology.build import build_topology
@@ -55,12 +55,12 @@ def derive_natural(model: Model, scene: Scene, method: str) -> Derivation:
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
         ModelError: an output or a force that natural coordinates do not tell.
-        RunError, MissingLibraryError: as for plan_lagrangian.
+        RunError, MissingLibraryError: as for plan_system.
     """
     # Model -> Equations
     full = formulate_lagrangian(formulate_recursive(build_topology(model), scene, ()), method, scene.outputs)
     states = closed_states(full)
     dependent = dependent_equations(full, states)
     # Equations -> Program -> Plan
-    equations, program, plan = plan_lagrangian(without(full, dependent if method == "classical" else ()), states, lanes=False)
+    equations, program, plan = plan_system(without(full, dependent if method == "classical" else ()), states, lanes=False)
     return Derivation(full=full, equations=equations, dependent=dependent, program=program, plan=plan)

@@ -29,7 +29,7 @@ class Correspondence:
         return block
 
 
-def find_natural_families(correspondence: Correspondence, topology: Topology) -> list[Family]:
+def find_corresponding(correspondence: Correspondence, topology: Topology) -> list[Family]:
     """A family for every block of a class's first member that has a counterpart in all others."""
     families = []
     for members in (group for subtrees in independent_classes(topology) for group in grouped_members(subtrees.members)):

@@ -1,0 +1,230 @@
+"""Topology -> Equations: the recursion's mechanics as an index-3 augmented Lagrangian in relative coordinates, with its exact tangent.
+
+With the joints' unknowns and the cut joints' Phi = 0, a step solves
+
+    S^T sum F + J^T (penalty Phi + lambda) = tau
+
+The balance is that of the Newton-Euler recursion, and its tangent
+
+    (balance)_vdot + damping (balance)_v + stiffness (balance)_q + constraint J^T J
+
+is complete: it has the turning of the joints' axes and of the multipliers' directions.  (The semi-recursive method of Cuadrado, Dopico,
+Gonzalez, Naya, Multibody System Dynamics 12 (2004) 117-132, leaves those out.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from cutjoint.formulate.forces import guard_function, margin_slots
+from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, pulls, weights
+from cutjoint.formulate.implicit.inertia import Composite, composites, inertial_tangent
+from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions
+from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.wrenches import SharedForces, ways, wrench_tangent
+from cutjoint.formulate.inputs import Numbers, chart_slots, column_slots, make_translator, open_parameters, report_columns
+from cutjoint.formulate.correspondence import Correspondence
+from cutjoint.formulate.records import Column, Function, RecursiveEquations, Slot
+from cutjoint.formulate.recursive.forces import Forces, add_bodies, add_forces, add_guards
+from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
+from cutjoint.formulate.recursive.loops import LoopClosure, derive_loops, transport
+from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
+from cutjoint.model.quantities import unit_of
+from cutjoint.model.records import GROUND, Output, Tyre
+from cutjoint.program.blocks import BindingTime, Block, Builder
+
+_STATE = ("const Real* q", "const Real* v", "const Real* vdot")
+_BALANCE = (*_STATE, "const Real* lambda", "Real penalty")
+
+
+def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> ImplicitEquations:
+    """The functions of a system in relative coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
+
+    ``start`` are the recursive equations of the same model and scene.
+    """
+    topology, scene = start.topology, start.scene
+    model, b = topology.model, Builder()
+    k = derive_kinematics(b, make_translator(b, model, scene), topology, scene, {c.joint: c for c in start.charts})
+    system = SharedForces(builder=b)
+    add_bodies(system, k, model)
+    masses, weights_of_masses = dict(system.M), dict(system.Q)
+    forces = add_forces(system, k, model, scene)
+    margins = add_guards(forces, k, model, scene)
+    still = b.zero(1)
+    loops = derive_loops(k, topology.cuts, Numbers(penalty=still, damping_ratio=still, frequency=still))
+    penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
+    system_of = _System(
+        b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, penalty) for loop in loops),
+        Zdd=given_accelerations(k), correspondence=Correspondence(), M=masses, Q=weights_of_masses,
+    )  # fmt: skip
+    reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
+    balance = system_of.balance()
+    functions = (
+        Function(name="place", arguments=("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"), results=_place(b, start)),
+        Function(name="balance", arguments=(*_BALANCE, "Real* balance", "Real* residual"), results=balance),
+        Function(
+            name="linearise", arguments=(*_BALANCE, "const Weights<Real>& weights", "Real* balance", "Real* residual", "Real* tangent"),
+            results={**balance, **system_of.tangent()},
+        ),
+        Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate", "Real* curvature"), results=system_of.closure()),
+        Function(name="pull", arguments=("const Real* q", "const Real* w", "Real* force"), results=system_of.pull()),
+        Function(
+            name="report", arguments=(*_STATE, "const Real* lambda", "Real* column"),
+            results=report_columns(b, reporter.quantity, outputs),
+        ),
+        *guard_function(margins),
+    )  # fmt: skip
+    return ImplicitEquations(
+        topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
+        roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
+        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions, method="recursive-newton",
+        slots={**_slots(start), **column_slots(outputs), **margin_slots(model, scene)}, start=start,
+        correspondence=system_of.correspondence, load_arguments=("const Real* parameters", "const Road<Real>* roads"),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class _System:
+    """The blocks of one system."""
+
+    b: Builder
+    k: Kinematics
+    start: RecursiveEquations
+    system: SharedForces
+    loops: tuple[LoopClosure, ...]
+    closed: tuple[Closed, ...]
+    Zdd: Mapping[str, Block]
+    correspondence: Correspondence
+    M: Mapping[str, Block]
+    Q: Mapping[str, Block]
+
+    def balance(self) -> dict[str, Block]:
+        """S^T sum F + J^T (penalty Phi + lambda) - tau, and Phi."""
+        b, k = self.b, self.k
+        carried: dict[str, Block] = {}
+        results: dict[str, Block] = {}
+        pulled = self._by_body(c.wrenches for c in self.closed)
+        for body, motion in reversed(k.motions.items()):
+            joint = motion.tree_joint.joint
+            with b.section("balance", joint.name, "F^c = M Zdd - Q + A^T (penalty Phi + lambda) + sum F^c,  S^T F^c - tau", joint.span.place):
+                own = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
+                above = [carried[c] for c in carried if k.motions[c].tree_joint.parent == body]
+                carried[body] = b.label(b.sub(b.total([own, *above]), pulled[body]), f"F_{body.replace('.', '_')}")
+                if motion.b is not None:
+                    value = b.mul(b.transpose(motion.b), carried[body])
+                    if body in self.system.joint_forces:
+                        value = b.sub(value, self.system.joint_forces[body])
+                    results[f"balance:{joint.name}"] = self._record(value, "balance", joint.name)
+        return results | {f"residual:{c.name}": self._record(c.loop.residual, "residual", c.name) for c in self.closed}
+
+    def _record(self, block: Block, *names: str) -> Block:
+        return self.correspondence.record(*names, block=block)
+
+    def _by_body(self, shares: Iterable[Mapping[str, Block]]) -> dict[str, Block]:
+        b, sums = self.b, {body: self.b.zero(6) for body in self.k.motions}
+        for share in shares:
+            for body, wrench in share.items():
+                if body != GROUND:
+                    sums[body] = b.add(sums[body], wrench)
+        return sums
+
+    def tangent(self) -> dict[str, Block]:
+        """The derivative of the balance by the unknowns."""
+        motions = self._motions()
+        entries: dict[tuple[Motion, Motion], Block] = {}
+        by_row: dict[tuple[int, int], tuple[Motion, Motion]] = {}
+        for j, k, value in self._shares(motions):
+            known = by_row.setdefault((j.row, k.row), (j, k))
+            entries[known] = self.b.add(entries[known], value) if known in entries else value
+        results = {}
+        for (j, k), value in entries.items():
+            self._record(value, "tangent", j.body, str(j.index), k.body, str(k.index))
+            results[f"tangent:{j.row},{k.row}"] = value
+        return results
+
+    def _motions(self) -> Motions:
+        b = self.b
+        column = b.symbol("weights", 3, BindingTime.ITERATION)
+        damping, stiffness, constraint = (
+            b.label(b.element(column, i), name) for i, name in enumerate(("damping", "stiffness", "constraint"))
+        )
+        gravity = b.stack([[self.k.vector(self.start.topology.model.gravity)], [b.zero(3)]])
+        felt = {body: b.sub(Zdd, gravity) for body, Zdd in self.Zdd.items()}
+        return derive_motions(self.k, felt, StepWeights(damping=damping, stiffness=stiffness, constraint=constraint))
+
+    def _shares(self, motions: Motions) -> Iterable[tuple[Motion, Motion, Block]]:
+        b, variations = self.b, motions.variations()
+        bodies = {body.name: body for body in self.start.topology.model.bodies}
+        whole: dict[str, Composite] = composites(self.k, bodies, self.M, self.Q, self.Zdd)
+        with b.section("tangent", "", "s^T (M^c c + B^c DV + xi x* F^c)", ""):
+            yield from inertial_tangent(motions, whole)
+        places = {f.name: f.span.place for f in self.start.topology.model.forces}
+        for element, wrenches in self.system.wrenches.items():
+            with b.section("tangent", element, "s_j^T D_k W + (xi_k x s_j)^T W", places.get(element, "")):
+                for j, k, value in wrench_tangent(motions, variations, wrenches):
+                    yield j, k, b.neg(value)
+        for c in self.closed:
+            with b.section("tangent", c.name, "J^T J, and the turning of J^T (penalty Phi + lambda)", c.loop.joint.span.place):
+                yield from penalty_tangent(motions, c.loop)
+                for j, k, value in wrench_tangent(motions, variations, pulls(self.k, c.loop, c.loop.multipliers)):
+                    yield j, k, b.neg(value)
+        for body, force in self.system.joint_forces.items():
+            with b.section("tangent", body, "tau by the joint's own motions", ""):
+                for j in motions.of_body[body]:
+                    for k in motions.of_body[body]:
+                        yield j, k, b.neg(b.element(variations[k.row].of(force), j.index))
+
+    def closure(self) -> dict[str, Block]:
+        """Phi, Phid and Phidd."""
+        b, results = self.b, {}
+        for loop in self.loops:
+            joint = loop.joint
+            with b.section("closure", joint.name, "Phidd = A (Zdd_f - Zdd_b) + gamma", joint.span.place):
+                base = b.mul(transport(b, self.k.pole_step(joint.base, joint.follower)), self.Zdd[joint.base])
+                bend = b.add(b.mul(loop.A, b.sub(self.Zdd[joint.follower], base)), loop.s)
+            for name, block in (("residual", loop.residual), ("rate", loop.rate), ("curvature", bend)):
+                results[f"{name}:{joint.name}"] = self._record(block, name, joint.name)
+        return results
+
+    def pull(self) -> dict[str, Block]:
+        """J^T w."""
+        b, motions = self.b, self._motions()
+        results = {f"force:{c.joint}": b.zero(len(c.speed_names)) for c in self.start.charts}
+        for loop in self.loops:
+            for _, wrench, way in ways(motions, pulls(self.k, loop, weights(self.k, loop))):
+                for body in dict.fromkeys(m.body for m in way):
+                    motion = self.k.motions[body]
+                    assert motion.b is not None
+                    name = f"force:{motion.tree_joint.joint.name}"
+                    results[name] = b.sub(results[name], b.mul(b.transpose(motion.b), wrench))
+        for name, block in results.items():
+            self._record(block, *name.split(":"))
+        return results
+
+
+def _place(b: Builder, start: RecursiveEquations) -> dict[str, Block]:
+    """The coordinates and speeds of the start are the system's own."""
+    results = {}
+    for c in start.charts:
+        results[f"placed:{c.joint}"] = b.symbol(f"relative_q:{c.joint}", c.scalars + 4 * c.ball, BindingTime.ITERATION)
+        results[f"placed_rate:{c.joint}"] = b.symbol(f"relative_v:{c.joint}", len(c.speed_names), BindingTime.ITERATION)
+    return results
+
+
+def _slots(start: RecursiveEquations) -> dict[str, Slot]:
+    """The places of inputs and results; those of the tangent follow from its pattern."""
+    slots, balls = chart_slots(start.charts, ""), 0
+    for c in start.charts:
+        for symbol, array in (("relative_q", "relative_q"), ("placed", "q")):
+            slots[f"{symbol}:{c.joint}"] = Slot(array=array, offset=c.q, names=c.coordinate_names)
+        for symbol, array in (("relative_v", "relative_v"), ("placed_rate", "v"), ("balance", "balance"), ("force", "force")):
+            slots[f"{symbol}:{c.joint}"] = Slot(array=array, offset=c.v, names=c.speed_names)
+        if c.ball:
+            names = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
+            slots[f"turn:{c.joint}"] = Slot(array="weights.turns", offset=9 * balls, names=names)
+            balls += 1
+    for c in start.closures:
+        for array in ("lambda", "w", "residual", "rate", "curvature"):
+            slots[f"{array}:{c.joint}"] = Slot(array=array, offset=c.first, names=c.names)
+    return slots

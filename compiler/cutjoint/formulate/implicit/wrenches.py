@@ -1,0 +1,59 @@
+"""What force elements and cut joints add to the balance and to its tangent.
+
+An element acts on one body or on two.  Two bodies that both move along with a motion feel no change from it, seen from them; so only motions on
+the way between the element's bodies count, on which its wrench W and the columns s of the motions change:
+
+    D_k (s_j^T W) = s_j^T D_k W + (xi_k x s_j)^T W          the last where k carries j along
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from cutjoint.formulate.implicit.motions import Motion, Motions
+from cutjoint.formulate.recursive.kinematics import motion_cross
+from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.model.records import GROUND
+from cutjoint.program.blocks import Block, is_zero
+from cutjoint.program.vary import Variation
+
+
+@dataclass(kw_only=True)
+class SharedForces(BodySystem):
+    """A body system that remembers what each element adds to the forces: by element, its wrench on each of its bodies."""
+
+    wrenches: dict[str, dict[str, Block]] = field(default_factory=dict)
+
+    def add_force(self, i: str, block: Block) -> None:
+        """Q_i += block."""
+        own = self.wrenches.setdefault(self.source, {})
+        own[i] = self.builder.add(own[i], block) if i in own else block
+        super().add_force(i, block)
+
+
+def ways(motions: Motions, wrenches: Mapping[str, Block]) -> Iterator[tuple[str, Block, list[Motion]]]:
+    """Body, wrench, and the motions on the way from it to what the element's bodies are carried by in common."""
+    chains = [motions.chains.get(body, ()) for body in wrenches]
+    common = set(chains[0]).intersection(*chains[1:]) if len(chains) > 1 else set()
+    for body, wrench in wrenches.items():
+        if body != GROUND:
+            yield body, wrench, [m for carrier in motions.chains[body] if carrier not in common for m in motions.of_body[carrier]]
+
+
+def wrench_tangent(
+    motions: Motions, variations: Mapping[int, Variation], wrenches: Mapping[str, Block]
+) -> Iterator[tuple[Motion, Motion, Block]]:
+    """The entries that the change of one element's wrenches makes, to be taken from the tangent: row, column, value."""
+    b = motions.k.builder
+    parts = list(ways(motions, wrenches))
+    columns = {k.row: k for _, _, way in parts for k in way}
+    for _, wrench, rows in parts:
+        for k in columns.values():
+            change = variations[k.row].of(wrench)
+            for j in rows:
+                value = b.dot(j.s, change)
+                if motions.turns(k, j) and not is_zero(k.xi):
+                    value = b.add(value, b.dot(motion_cross(b, k.xi, j.s), wrench))
+                if not is_zero(value):
+                    yield j, k, value
