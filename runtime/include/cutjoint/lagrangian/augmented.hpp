@@ -14,19 +14,19 @@ namespace cutjoint {
 /// M vdot + Phi_q^T (alpha Phi + lambda) = Q with lambda such that Phi vanishes.  Redundant and momentarily dependent equations are as
 /// good as others: the tangent  f_q = M + dt/2 C + dt^2/4 (K + alpha Phi_q^T Phi_q)  is positive definite whatever their rank.
 template <class S>
-class AugmentedNewton final : public Newton<S> {
+class AugmentedNewton : public Newton<S> {
  public:
   using Base = Newton<S>;
   using typename Base::Real;
 
   AugmentedNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Base(system, solver, figures), alpha_(figures.penalty), gap_(m_), ways_(passes * n_), closings_(passes * m_), still_(m_), unused_(m_), zero_(n_) {}
+      : Base(system, solver, figures), alpha_(figures.penalty), pose_(d_.coordinates.size()), gap_(m_), ways_(passes * n_), closings_(passes * m_), still_(m_), unused_(m_), zero_(n_) {}
 
- private:
+ protected:
   using Base::d_, Base::dt_, Base::f_, Base::figures_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::passes, Base::phi_, Base::phidd_,
       Base::system_, Base::tangent_, Base::turns_, Base::weight_, Base::x_;
 
-  const char* name() const override { return d_.method == Lagrangian::augmented ? "augmented" : "recursive-newton"; }
+  const char* name() const override { return "augmented"; }
   Weights<Real> weights() const override { return {dt_ / 2, k_, k_ * alpha_, turns_.data()}; }
   Weights<Real> start_weights() const override { return {Real(0), Real(0), start_alpha_, turns_.data()}; }
 
@@ -59,24 +59,15 @@ class AugmentedNewton final : public Newton<S> {
   /// when that iteration evaluates it; but lambda_(i+1) + alpha Phi_(i+1) = lambda_i + 2 alpha Phi_(i+1), so that evaluating with
   /// twice the penalty and the old multipliers gives the f that belongs to the new ones.  The first iteration has no Phi before
   /// its own: it keeps what was predicted, since the penalty of a predicted pose is no force of the mechanism.
-  void approach(const State<Real>& state, int iteration, bool renewed) override {
+  void approach(const State<Real>& state, int iteration, bool) override {
     iteration_ = iteration;
-    if (iteration == 1) updates_ = 0;
-    const bool updated = iteration > 1 && iteration - 1 <= figures_.multiplier_updates && (d_.method == Lagrangian::augmented || this->is_near());
-    const Real penalty = updated ? 2 * alpha_ : alpha_;
-    if (renewed)
-      this->linearise(state, penalty, weights());
-    else
-      this->balance(state, penalty);
-    updates_ += updated;
+    const bool updated = iteration > 1 && iteration - 1 <= figures_.multiplier_updates;
+    this->linearise(state, updated ? 2 * alpha_ : alpha_, weights());
+    pose_ = state.q;
     if (updated)
       for (std::size_t i = 0; i < m_; ++i) lambda_[i] += alpha_ * phi_[i];
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * f_[i];
   }
-
-  bool renews_always() const override { return d_.method == Lagrangian::augmented; }
-
-  bool may_end() const override { return d_.method == Lagrangian::augmented || m_ == 0 || updates_ > 0 || figures_.multiplier_updates == 0; }
 
   /// What acts is lambda + alpha Phi.  The multipliers take it over when the last iteration was still one that corrects them.
   void settle(State<Real>& state) override {
@@ -108,7 +99,7 @@ class AugmentedNewton final : public Newton<S> {
     gap_ = gap;
     for (std::size_t pass = 0; pass < passes && this->largest(gap_) > this->rounding(values); ++pass) {
       const std::span<Real> way(ways_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
-      follow(state, gap_, way, closing);
+      follow_weight(state, gap_, way, closing);
       const Real strength = dot(gap_, closing) / dot(gap_, gap_);
       if (rates) share_left_ = std::max(share_left_, 1 - k_ * alpha_ * strength);
       const Real free = strength / std::max(1 - k_ * alpha_ * strength, std::numeric_limits<Real>::epsilon());
@@ -126,9 +117,9 @@ class AugmentedNewton final : public Newton<S> {
     }
   }
 
-  /// way = f_q^-1 Phi_q^T w and closing = Phi_q way = S w, which is Phid(way) - Phi_t.
-  void follow(const State<Real>& state, const std::vector<Real>& w, std::span<Real> way, std::span<Real> closing) {
-    system_.pull(state.q.data(), w.data(), x_.data());
+  /// way = f_q^-1 Phi_q^T w and closing = Phi_q way = S w, which is Phid(way) - Phi_t; the first Phi_q is that of the tangent.
+  void follow_weight(const State<Real>& state, const std::vector<Real>& w, std::span<Real> way, std::span<Real> closing) {
+    system_.pull(pose_.data(), w.data(), x_.data());
     this->solve();
     std::copy_n(x_.begin(), n_, way.begin());
     system_.close(state.q.data(), way.data(), zero_.data(), unused_.data(), closing.data(), unused_.data());
@@ -156,7 +147,10 @@ class AugmentedNewton final : public Newton<S> {
   static constexpr Real overweight{1e4};
 
   Real start_alpha_{1}, alpha_;
-  int iteration_ = 0, updates_ = 0;  ///< of a step, and those that corrected the multipliers
+  int iteration_ = 0;       ///< of a step
+  std::vector<Real> pose_;  ///< of the tangent
+
+ private:
   Real share_left_{0};             ///< of the gap by a projection of length dt^2/4 alpha, where most is left
   std::vector<Real> gap_;             ///< what a projection has left
   std::vector<Real> ways_, closings_;  ///< its increments, and what they close

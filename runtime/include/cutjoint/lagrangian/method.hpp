@@ -13,6 +13,7 @@
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/lagrangian/classical.hpp"
 #include "cutjoint/lagrangian/examine.hpp"
+#include "cutjoint/lagrangian/recursive_newton.hpp"
 #include "cutjoint/run_file.hpp"
 
 namespace cutjoint {
@@ -20,8 +21,14 @@ namespace cutjoint {
 /// The integrator of the method that a system was made for.
 template <class S>
 std::unique_ptr<Newton<S>> make_newton(S& system, LinearSolver<typename S::real_type>& solver, const NewtonFigures& figures) {
-  if (system.description().method == Lagrangian::classical) return std::make_unique<ClassicalNewton<S>>(system, solver, figures);
-  return std::make_unique<AugmentedNewton<S>>(system, solver, figures);
+  switch (system.description().method) {
+    case Lagrangian::augmented:
+      return std::make_unique<AugmentedNewton<S>>(system, solver, figures);
+    case Lagrangian::classical:
+      return std::make_unique<ClassicalNewton<S>>(system, solver, figures);
+    default:
+      return std::make_unique<RecursiveNewton<S>>(system, solver, figures);
+  }
 }
 
 /// The figures of a run file; tasks without steps can do without those of steps.

@@ -51,6 +51,7 @@ class Newton : public Workspace<S> {
   /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
   void begin(State<Real>& state, Real motion) {
     time_ = state.t;
+    factored_ = false;
     system_.begin_step(state.t, motion);
     std::fill(state.vdot.begin(), state.vdot.end(), Real(0));
     std::fill(lambda_.begin(), lambda_.end(), Real(0));
@@ -83,11 +84,15 @@ class Newton : public Workspace<S> {
     time_ = state.t + dt_;
     try {
       system_.begin_step(time_, Real(1));
-      iterate(state);
+      if (renews_always())
+        iterate(state);
+      else
+        iterate_warily(state);
       this->close(state);
       settle(state);
       project(state);
     } catch (const Failure&) {
+      wary_ = false;
       state = before_;
       throw;
     }
@@ -136,6 +141,21 @@ class Newton : public Workspace<S> {
   static constexpr std::size_t passes = 10;
   static Real rounding(const std::vector<Real>& values) { return rounding_like(1e-11) * (Real(1) + largest(values)); }
 
+  /// Coordinates and rates that belong to the state's accelerations.
+  void follow(State<Real>& state) {
+    for (std::size_t i = 0; i < n_; ++i) {
+      const Real sum = before_.vdot[i] + state.vdot[i];
+      state.v[i] = before_.v[i] + dt_ / 2 * sum;
+      delta_[i] = dt_ * before_.v[i] + k_ * sum;
+    }
+    if (d_.charts.empty()) {
+      for (std::size_t i = 0; i < n_; ++i) state.q[i] = before_.q[i] + delta_[i];
+      return;
+    }
+    retract<Real>(d_.charts, before_.q.data(), delta_.data(), state.q.data());
+    turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
+  }
+
   NewtonFigures figures_;
   Real dt_, k_;              ///< step and dt^2/4
   std::vector<Real> turns_;  ///< of the balls, in relative coordinates
@@ -150,10 +170,11 @@ class Newton : public Workspace<S> {
     slow_ = false;
     for (int iteration = 1;; ++iteration) {
       follow(state);
-      const bool renewed = renews_always() || iteration == 1 || slow_ || !is_near();
+      const bool renewed = renews_always() || wary_ || !factored_ || slow_;
       approach(state, iteration, renewed);
       if (iteration > 1 && !finite(largest(x_))) fail(infinite, d_.unknowns()[worst_], change_, "take a smaller dt");
       if (renewed) this->factor();
+      factored_ = true;
       this->solve();
       take(Real(1) / k_, state);
       ++iterations_;
@@ -165,6 +186,22 @@ class Newton : public Workspace<S> {
     follow(state);
   }
 
+  /// With factors that are kept while they serve; from the start again, with a tangent in each iteration, where that fails.
+  void iterate_warily(State<Real>& state) {
+    kept_now_ = lambda_;
+    kept_before_ = lambda_before_;
+    try {
+      iterate(state);
+    } catch (const Failure&) {
+      state = before_;
+      lambda_ = kept_now_;
+      lambda_before_ = kept_before_;
+      wary_ = true;
+      iterate(state);
+    }
+    wary_ = false;
+  }
+
   /// The multipliers go on as in the step before, lambda_0 = 2 lambda_n - lambda_(n-1) [eq. 3], or stay; the accelerations stay.
   void predict() {
     const Real share(extrapolates() ? 1 : 0);
@@ -173,21 +210,6 @@ class Newton : public Workspace<S> {
       lambda_[i] = now + share * (now - lambda_before_[i]);
       lambda_before_[i] = now;
     }
-  }
-
-  /// Coordinates and rates that belong to the state's accelerations.
-  void follow(State<Real>& state) {
-    for (std::size_t i = 0; i < n_; ++i) {
-      const Real sum = before_.vdot[i] + state.vdot[i];
-      state.v[i] = before_.v[i] + dt_ / 2 * sum;
-      delta_[i] = dt_ * before_.v[i] + k_ * sum;
-    }
-    if (d_.charts.empty()) {
-      for (std::size_t i = 0; i < n_; ++i) state.q[i] = before_.q[i] + delta_[i];
-      return;
-    }
-    retract<Real>(d_.charts, before_.q.data(), delta_.data(), state.q.data());
-    turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
   }
 
   void take(Real scale, State<Real>& state) {
@@ -266,7 +288,10 @@ class Newton : public Workspace<S> {
   std::vector<Real> delta_;  ///< the integrals of the speeds over a step
   Residuals residuals_;
   Real change_{0}, smallest_{0}, size_{1};
-  bool slow_ = false;  ///< whether the factors in use bring the iteration on too slowly
+  std::vector<Real> kept_now_, kept_before_;  ///< multipliers at the start of a step and before it
+  bool wary_ = false;      ///< whether each iteration has a tangent of its own after all
+  bool factored_ = false;  ///< whether there are factors of a step
+  bool slow_ = false;      ///< whether the factors in use bring the iteration on too slowly
   int growing_ = 0, idle_ = 0;  ///< iterations in a row whose change grew, and since it last fell by half
   std::size_t worst_ = 0;
   long iterations_ = 0;

@@ -1,0 +1,70 @@
+// Newton's iteration on the recursion: the augmented Lagrangian method in relative coordinates, with tangents that are kept.
+#pragma once
+
+#include <algorithm>
+
+#include "cutjoint/lagrangian/augmented.hpp"
+
+namespace cutjoint {
+
+/// The balance is cheap beside its tangent, so that factors are kept, over steps too, while they bring the iteration on.
+///
+/// What violates the equations is then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
+/// would push epsilon dt^2/4 alpha / mass times too far in the free directions.  Multipliers are corrected once the iteration is near its end:
+/// before, Phi has parts that no force of the equations answers to, which redundant equations would keep.
+template <class S>
+class RecursiveNewton final : public AugmentedNewton<S> {
+ public:
+  using Base = AugmentedNewton<S>;
+  using typename Base::Real;
+
+  RecursiveNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures) : Base(system, solver, figures), push_(m_), penalised_(n_) {}
+
+ private:
+  using Base::alpha_, Base::d_, Base::f_, Base::figures_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::pose_,
+      Base::system_, Base::x_;
+
+  const char* name() const override { return "recursive-newton"; }
+
+  /// f_q dq = -dt^2/4 (f + alpha Phi_q^T Phi), and twice the penalty where it has become part of the multipliers.
+  void approach(const State<Real>& state, int iteration, bool renewed) override {
+    iteration_ = iteration;
+    if (iteration == 1) updates_ = 0;
+    if (renewed) {
+      this->linearise(state, Real(0), this->step_weights());
+      pose_ = state.q;
+    } else {
+      this->balance(state, Real(0));
+    }
+    const bool updated = this->is_near() && updates_ < figures_.multiplier_updates;
+    for (std::size_t i = 0; i < m_; ++i) {
+      push_[i] = (updated ? 2 : 1) * alpha_ * phi_[i];
+      if (updated) lambda_[i] += alpha_ * phi_[i];
+    }
+    updates_ += updated;
+    system_.pull(pose_.data(), push_.data(), penalised_.data());
+    for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * (f_[i] + penalised_[i]);
+  }
+
+  bool renews_always() const override { return false; }
+  bool may_end() const override { return m_ == 0 || updates_ > 0 || figures_.multiplier_updates == 0; }
+
+  /// The last iteration leaves the share of Phi that its tangent's age explains: it is closed along the same Phi_q, by the accelerations.
+  void settle(State<Real>& state) override {
+    for (std::size_t pass = 0; pass < Base::passes && this->largest(phi_) > this->rounding_like(1e-13) * (Real(1) + this->largest(state.q)); ++pass) {
+      for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phi_[i];
+      system_.pull(pose_.data(), push_.data(), x_.data());
+      this->solve();
+      for (std::size_t i = 0; i < n_; ++i) state.vdot[i] -= x_[i];
+      for (std::size_t i = 0; i < m_; ++i) lambda_[i] += push_[i];
+      this->follow(state);
+      this->close(state);
+    }
+    Base::settle(state);
+  }
+
+  int updates_ = 0;  ///< iterations of a step that corrected the multipliers
+  std::vector<Real> push_, penalised_;
+};
+
+}  // namespace cutjoint
