@@ -19,6 +19,7 @@ _ABOUT = {
     "linearise": "The same, and the entries of the tangent.",
     "close": "Phi, Phid = Phi_q v + Phi_t, and Phidd.",
     "pull": "Phi_q^T w.",
+    "stretch": "Phi_q x.",
     "report": "The reported columns.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
 }

@@ -144,6 +144,15 @@ void PointSystem::pull(const double* q, const double* w, double* force) const {
   }
 }
 
+void PointSystem::stretch(const double* q, const double* x, double* change) const {
+  const auto n = static_cast<int>(at_.size());
+  for (int e = 0; e < static_cast<int>(equations_.size()); ++e) {
+    differentiate(equations_[static_cast<std::size_t>(e)], q, e);
+    change[e] = 0.0;
+    for (int i = 0; i < n; ++i) change[e] += jacobian_[static_cast<std::size_t>(e * n + i)] * x[i];
+  }
+}
+
 void PointSystem::add_spring(const Spring& s, const double* q, const double* v, double* balance) const {
   const Vector r = place_of(s.a, q, t_, motion_, 0) - place_of(s.b, q, t_, motion_, 0);
   const Vector rd = place_of(s.a, v, t_, motion_, 1) - place_of(s.b, v, t_, motion_, 1);

@@ -52,6 +52,7 @@ class PointSystem final : public cutjoint::AnySystem<double> {
                  const cutjoint::Weights<double>& weights, double* balance, double* residual, double* tangent) const override;
   void close(const double* q, const double* v, const double* vdot, double* residual, double* rate, double* curvature) const override;
   void pull(const double* q, const double* w, double* force) const override;
+  void stretch(const double* q, const double* x, double* change) const override;
   void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const override;
   int factor(const double* tangent, double* factors) const override;
   void solve(const double* factors, double* x) const override;

@@ -69,6 +69,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         ),
         Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate", "Real* curvature"), results=system_of.closure()),
         Function(name="pull", arguments=("const Real* q", "const Real* w", "Real* force"), results=system_of.pull()),
+        Function(name="stretch", arguments=("const Real* q", "const Real* vdot", "Real* change"), results=system_of.stretch()),
         Function(
             name="report", arguments=(*_STATE, "const Real* lambda", "Real* column"),
             results=report_columns(b, reporter.quantity, outputs),
@@ -187,6 +188,22 @@ class _System:
                 results[f"{name}:{joint.name}"] = self._record(block, name, joint.name)
         return results
 
+    def stretch(self) -> dict[str, Block]:
+        """J x, x in the place of the accelerations."""
+        b, moved, results = self.b, {GROUND: self.b.zero(6)}, {}
+        for body, motion in self.k.motions.items():
+            moved[body] = moved[motion.tree_joint.parent]
+            if motion.b is not None and motion.chart is not None:
+                x = b.symbol(f"vdot:{motion.chart.joint}", len(motion.chart.speed_names), BindingTime.ITERATION)
+                moved[body] = b.add(moved[body], b.mul(motion.b, x))
+        for loop in self.loops:
+            joint = loop.joint
+            with b.section("closure", joint.name, "A (x_f - x_b)", joint.span.place):
+                base = b.mul(transport(b, self.k.pole_step(joint.base, joint.follower)), moved[joint.base])
+                change = b.mul(loop.A, b.sub(moved[joint.follower], base))
+            results[f"change:{joint.name}"] = self._record(change, "change", joint.name)
+        return results
+
     def pull(self) -> dict[str, Block]:
         """J^T w."""
         b, motions = self.b, self._motions()
@@ -225,6 +242,6 @@ def _slots(start: RecursiveEquations) -> dict[str, Slot]:
             slots[f"turn:{c.joint}"] = Slot(array="weights.turns", offset=9 * balls, names=names)
             balls += 1
     for c in start.closures:
-        for array in ("lambda", "w", "residual", "rate", "curvature"):
+        for array in ("lambda", "w", "residual", "rate", "curvature", "change"):
             slots[f"{array}:{c.joint}"] = Slot(array=array, offset=c.first, names=c.names)
     return slots

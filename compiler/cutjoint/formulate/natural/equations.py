@@ -77,6 +77,7 @@ def formulate_lagrangian(
         ),
         Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate", "Real* curvature"), results=system.closure()),
         Function(name="pull", arguments=("const Real* q", "const Real* w", "Real* force"), results=system.pull()),
+        Function(name="stretch", arguments=("const Real* q", "const Real* vdot", "Real* change"), results=system.stretch()),
         Function(
             name="report", arguments=(*_STATE, "const Real* lambda", "Real* column"),
             results=report_columns(b, reporter.quantity, outputs),
@@ -246,11 +247,18 @@ class _System:
         for c in self.constraints:
             for block in (c.residual, c.rate, c.drift):
                 self.motions.correspondence.record(c.element, block=block)
-            bend = c.drift
-            for node, gradient in c.gradient.items():
-                bend = b.add(bend, b.mul(gradient, self.motions.node(node).a))
+            bend = b.add(c.drift, self._stretched(c))
             results |= {f"residual:{c.symbol}": c.residual, f"rate:{c.symbol}": c.rate, f"curvature:{c.symbol}": bend}
         return results
+
+    def _stretched(self, c: Constraint) -> Block:
+        """Phi_q qdd."""
+        b = self.b
+        return b.total([b.zero(len(c.names)), *(b.mul(gradient, self.motions.node(node).a) for node, gradient in c.gradient.items())])
+
+    def stretch(self) -> dict[str, Block]:
+        """Phi_q x, x in the place of the accelerations."""
+        return {f"change:{c.symbol}": self._stretched(c) for c in self.constraints}
 
     def pull(self) -> dict[str, Block]:
         """Phi_q^T w."""
@@ -271,7 +279,7 @@ class _System:
                 slots[f"{kind}:{node.name}"] = Slot(array=array, offset=offset, names=components(node))
         first = 0
         for c in self.constraints:
-            for array in ("lambda", "w", "residual", "rate", "curvature"):
+            for array in ("lambda", "w", "residual", "rate", "curvature", "change"):
                 slots[f"{array}:{c.symbol}"] = Slot(array=array, offset=first, names=c.names)
             first += len(c.names)
         return slots

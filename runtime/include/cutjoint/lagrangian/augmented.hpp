@@ -20,7 +20,7 @@ class AugmentedNewton : public Newton<S> {
   using typename Base::Real;
 
   AugmentedNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Base(system, solver, figures), alpha_(figures.penalty), pose_(d_.coordinates.size()), gap_(m_), ways_(passes * n_), closings_(passes * m_), still_(m_), unused_(m_), zero_(n_) {}
+      : Base(system, solver, figures), alpha_(figures.penalty), pose_(d_.coordinates.size()), gap_(m_), ways_(passes * n_), closings_(passes * m_) {}
 
  protected:
   using Base::d_, Base::dt_, Base::f_, Base::figures_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::passes, Base::phi_, Base::phidd_,
@@ -73,7 +73,6 @@ class AugmentedNewton : public Newton<S> {
   void settle(State<Real>& state) override {
     for (std::size_t i = 0; i < m_; ++i) state.lambda[i] = lambda_[i] + alpha_ * phi_[i];
     if (iteration_ <= figures_.multiplier_updates) lambda_ = state.lambda;
-    system_.close(state.q.data(), zero_.data(), zero_.data(), unused_.data(), still_.data(), unused_.data());
   }
 
   /// An iteration leaves the share 1 / (1 + dt^2/4 alpha s) of what the multipliers lack in a direction with the inverse mass s.  What is
@@ -97,7 +96,7 @@ class AugmentedNewton : public Newton<S> {
     Real strongest(0);
     if (rates) share_left_ = Real(0);
     gap_ = gap;
-    for (std::size_t pass = 0; pass < passes && this->largest(gap_) > this->rounding(values); ++pass) {
+    for (std::size_t pass = 0; pass < passes && this->largest(gap_) > this->negligible(values); ++pass) {
       const std::span<Real> way(ways_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
       follow_weight(state, gap_, way, closing);
       const Real strength = dot(gap_, closing) / dot(gap_, gap_);
@@ -117,13 +116,12 @@ class AugmentedNewton : public Newton<S> {
     }
   }
 
-  /// way = f_q^-1 Phi_q^T w and closing = Phi_q way = S w, which is Phid(way) - Phi_t; the first Phi_q is that of the tangent.
+  /// way = f_q^-1 Phi_q^T w and closing = Phi_q way = S w; the first Phi_q is that of the tangent.
   void follow_weight(const State<Real>& state, const std::vector<Real>& w, std::span<Real> way, std::span<Real> closing) {
     system_.pull(pose_.data(), w.data(), x_.data());
     this->solve();
     std::copy_n(x_.begin(), n_, way.begin());
-    system_.close(state.q.data(), way.data(), zero_.data(), unused_.data(), closing.data(), unused_.data());
-    for (std::size_t i = 0; i < m_; ++i) closing[i] -= still_[i];
+    system_.stretch(state.q.data(), way.data(), closing.data());
   }
 
   static Real dot(std::span<const Real> a, std::span<const Real> b) {
@@ -154,8 +152,6 @@ class AugmentedNewton : public Newton<S> {
   Real share_left_{0};             ///< of the gap by a projection of length dt^2/4 alpha, where most is left
   std::vector<Real> gap_;             ///< what a projection has left
   std::vector<Real> ways_, closings_;  ///< its increments, and what they close
-  std::vector<Real> still_;        ///< Phi_t
-  std::vector<Real> unused_, zero_;
 };
 
 }  // namespace cutjoint

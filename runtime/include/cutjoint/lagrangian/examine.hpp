@@ -63,6 +63,8 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   result["curvature"] = phidd;
   system.pull(x.q.data(), read_array<Real>(at, "w").data(), f.data());
   result["pull"] = f;
+  system.stretch(x.q.data(), x.vdot.data(), phi.data());
+  result["stretch"] = phi;
   std::vector<Real> columns(d.columns.size());
   system.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), columns.data());
   result["columns"] = columns;

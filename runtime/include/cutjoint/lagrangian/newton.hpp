@@ -137,6 +137,9 @@ class Newton : public Workspace<S> {
   /// Whether the last iteration changed the accelerations by little already.
   bool is_near() const { return change_ <= Real(1e-3) * size_; }
 
+  /// The gap beside a quantity of this size that a projection may leave.
+  virtual Real negligible(const std::vector<Real>& values) const { return rounding(values); }
+
   /// Passes of a projection, and the gap beside a quantity of this size that is only rounding.
   static constexpr std::size_t passes = 10;
   static Real rounding(const std::vector<Real>& values) { return rounding_like(1e-11) * (Real(1) + largest(values)); }

@@ -46,6 +46,9 @@ class RecursiveNewton final : public AugmentedNewton<S> {
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * (f_[i] + penalised_[i]);
   }
 
+  /// A thousandth of what the iteration leaves of the accelerations.
+  Real negligible(const std::vector<Real>& values) const override { return Real(1e-3) * Real(figures_.tolerance) * (Real(1) + this->largest(values)); }
+
   bool renews_always() const override { return false; }
   bool may_end() const override { return m_ == 0 || updates_ > 0 || figures_.multiplier_updates == 0; }
 

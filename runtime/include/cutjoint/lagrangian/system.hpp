@@ -74,7 +74,7 @@ class Road;
 /// - `balance` is M vdot + Phi_q^T (penalty Phi + lambda) - Q, with Phi as `residual`,
 /// - `linearise` is the same and the values of the tangent's entries,
 /// - `close` is Phi, Phid = Phi_q v + Phi_t and Phidd = Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t),
-/// - `pull` is Phi_q^T w,
+/// - `pull` is Phi_q^T w, `stretch` Phi_q x,
 /// - `report` is the columns, `guard` the margins as in `Mechanism`,
 /// - `factor` is the emitted factorisation with its static pivot order: L D L^T (augmented) or L U (classical); it returns -1, or the row
 ///   of the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
@@ -95,6 +95,7 @@ class AnySystem {
                          Real* balance, Real* residual, Real* tangent) const = 0;
   virtual void close(const Real* q, const Real* v, const Real* vdot, Real* residual, Real* rate, Real* curvature) const = 0;
   virtual void pull(const Real* q, const Real* w, Real* force) const = 0;
+  virtual void stretch(const Real* q, const Real* x, Real* change) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
   virtual void guard(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with guards have it
   virtual int factor(const Real* tangent, Real* factors) const = 0;

@@ -64,6 +64,9 @@ class Rows {
   Real rate(std::size_t i, const Real* v) const { return along(i, v) + time_rate(rows_[i], state_[i]); }
 
   /// Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t).
+  /// Its share of Phi_q x.
+  Real stretch(std::size_t i, const Real* x) const { return along(i, x); }
+
   Real curvature(std::size_t i, const Real* v, const Real* vdot) const { return along(i, vdot) + drift(rows_[i], state_[i], v); }
 
   /// The derivative by one of the row's forms.

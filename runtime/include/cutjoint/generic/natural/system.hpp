@@ -89,6 +89,12 @@ class GenericSystem {
     for (std::size_t i = 0; i < rows_.size(); ++i) rows_.pull(i, w[i], force);
   }
 
+  void stretch(const Real* q, const Real* x, Real* change) {
+    forms_.update(q, q);  // the rates do not matter
+    rows_.update(q);
+    for (std::size_t i = 0; i < rows_.size(); ++i) change[i] = rows_.stretch(i, x);
+  }
+
   void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) {
     forms_.update_all(q, v);
     forms_.accelerate(vdot);
