@@ -20,9 +20,9 @@ from cutjoint.emit.generic import describe_generic
 from cutjoint.emit.generic_natural import describe_generic_natural
 from cutjoint.emit.source import Source, emit
 from cutjoint.emit.system import emit_system
+from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.natural.equations import formulate_lagrangian, without
-from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive

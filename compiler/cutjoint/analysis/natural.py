@@ -10,10 +10,11 @@ import numpy as np
 from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
 from cutjoint.analysis.poses import TOLERANCE, Pose, explore
 from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.records import SystemEquations
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 
-#: Which array of a call an input symbol's column is taken from, by what its name begins with.
-_ARRAYS: Mapping[str, str] = {"node": "q", "node_rate": "v", "node_acceleration": "vdot", "lambda": "lambda", "w": "w"}
+#: The arrays of a call that input symbols' columns stand in.
+_ARRAYS = ("q", "v", "vdot", "lambda", "w", "relative_q", "relative_v", "weights.turns")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,12 +26,12 @@ class NaturalState:
 
 
 def call(
-    equations: LagrangianEquations, function: str, arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None
+    equations: SystemEquations, function: str, arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None
 ) -> dict[str, Array]:
     """The results of a function by array, in the interpreter; what ``arrays`` does not give is zero or a parameter's default.
 
-    Arrays of inputs (..., length) are named as the generated function's arguments, and may carry batch axes; ``relative_q`` and
-    ``relative_v`` are those of the start.  Only entries of the tangent that have their place are returned.
+    Arrays of inputs (..., length) are named as the generated function's arguments, and may carry batch axes.  Only entries of the tangent
+    that have their place are returned.
     """
     results = {name: block for name, block in equations.function(function).results.items() if name in equations.slots}
     flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
@@ -47,16 +48,14 @@ def _joined(parts: Sequence[Array]) -> Array:
     return np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in parts], axis=-1)
 
 
-def _inputs(equations: LagrangianEquations, arrays: Mapping[str, Array]) -> dict[str, Array]:
+def _inputs(equations: SystemEquations, arrays: Mapping[str, Array]) -> dict[str, Array]:
     start = equations.start
-    q, v = arrays.get("relative_q", np.zeros(start.coordinates)), arrays.get("relative_v", np.zeros(start.speeds))
-    given = ("parameters", "penalty", "weights", "t", "motion")
-    inputs = make_inputs(start, q, v) | {name: arrays[name] for name in given if name in arrays}
+    inputs = make_inputs(start, np.zeros(start.coordinates), np.zeros(start.speeds))
+    inputs |= {name: arrays[name] for name in ("parameters", "penalty", "weights", "t", "motion") if name in arrays}
     for symbol, slot in equations.slots.items():
-        array = _ARRAYS.get(symbol.partition(":")[0])
-        if array is not None:
+        if slot.array in _ARRAYS:
             size = len(slot.names)
-            inputs[symbol] = arrays[array][..., slot.offset : slot.offset + size] if array in arrays else np.zeros(size)
+            inputs[symbol] = arrays[slot.array][..., slot.offset : slot.offset + size] if slot.array in arrays else np.zeros(size)
     return inputs
 
 

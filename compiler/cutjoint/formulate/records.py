@@ -134,8 +134,8 @@ class RecursiveEquations(Equations):
 class SystemEquations(Equations):
     """An index-3 formulation that Newton's iteration solves, see runtime/include/cutjoint/lagrangian/system.hpp.
 
-    ``start`` are the recursive equations that find where a run begins.  The results ``tangent:row,column`` are the tangent's candidates, of a
-    symmetric tangent the lower triangle; their slots follow from its pattern.
+    ``start`` are the recursive equations that find where a run begins.  The results ``tangent:row,column`` are the tangent's candidates,
+    of a symmetric tangent the lower triangle; their slots follow from its pattern.
     """
 
     method: str

@@ -1,7 +1,7 @@
 """Derivatives of blocks of any shape in one direction: forward differentiation of the block IR.
 
-What a :class:`Differentiator` does for columns and many leaves at once, a :class:`Variation` does for matrices and one direction: it is given
-how some blocks change and finds how others do.
+What a :class:`Differentiator` does for columns and many leaves at once, a :class:`Variation` does for matrices and one direction: it is
+given how some blocks change and finds how others do.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Inputs:
 class Variation:
     """How blocks change in one direction.
 
-    ``changes`` has the derivative of blocks that are known; ``turns`` those 3x3 rotations whose derivative is w~ R, by their w (3, 1).  A block
-    that depends on none of ``symbols`` does not change.
+    ``changes`` has the derivative of blocks that are known; ``turns`` those 3x3 rotations whose derivative is w~ R, by their w (3, 1).  A
+    block that depends on none of ``symbols`` does not change.
     """
 
     def __init__(

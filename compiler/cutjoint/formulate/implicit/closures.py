@@ -1,4 +1,5 @@
-"""Cut joints in relative coordinates: the Jacobian by the motions, the wrench of the multipliers, and what the penalty adds to the tangent."""
+"""Cut joints in relative coordinates: the Jacobian by the motions, the wrench of the multipliers, and what the penalty adds to the
+tangent."""
 
 from __future__ import annotations
 
@@ -49,7 +50,7 @@ def jacobian(motions: Motions, loop: LoopClosure) -> list[tuple[Motion, Block, B
     found = []
     for body, _, way in ways(motions, dict.fromkeys((loop.joint.follower, loop.joint.base), b.zero(6))):
         for m in way:
-            s, shift = ((m.s, m.s) if m.shifts_pole else (m.s, m.shift))
+            s, shift = (m.s, m.s) if m.shifts_pole else (m.s, m.shift)
             if body == loop.joint.follower:
                 found.append((m, b.mul(loop.A, s), b.mul(loop.A, shift)))
             else:

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from cutjoint.formulate.correspondence import Correspondence
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, pulls, weights
 from cutjoint.formulate.implicit.inertia import Composite, composites, inertial_tangent
@@ -24,9 +25,8 @@ from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, de
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.implicit.wrenches import SharedForces, ways, wrench_tangent
 from cutjoint.formulate.inputs import Numbers, chart_slots, column_slots, make_translator, open_parameters, report_columns
-from cutjoint.formulate.correspondence import Correspondence
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, Slot
-from cutjoint.formulate.recursive.forces import Forces, add_bodies, add_forces, add_guards
+from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
 from cutjoint.formulate.recursive.loops import LoopClosure, derive_loops, transport
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
@@ -61,7 +61,9 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
     balance = system_of.balance()
     functions = (
-        Function(name="place", arguments=("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"), results=_place(b, start)),
+        Function(
+            name="place", arguments=("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"), results=_place(b, start)
+        ),
         Function(name="balance", arguments=(*_BALANCE, "Real* balance", "Real* residual"), results=balance),
         Function(
             name="linearise", arguments=(*_BALANCE, "const Weights<Real>& weights", "Real* balance", "Real* residual", "Real* tangent"),
@@ -108,7 +110,9 @@ class _System:
         pulled = self._by_body(c.wrenches for c in self.closed)
         for body, motion in reversed(k.motions.items()):
             joint = motion.tree_joint.joint
-            with b.section("balance", joint.name, "F^c = M Zdd - Q + A^T (penalty Phi + lambda) + sum F^c,  S^T F^c - tau", joint.span.place):
+            with b.section(
+                "balance", joint.name, "F^c = M Zdd - Q + A^T (penalty Phi + lambda) + sum F^c,  S^T F^c - tau", joint.span.place
+            ):
                 own = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
                 above = [carried[c] for c in carried if k.motions[c].tree_joint.parent == body]
                 carried[body] = b.label(b.sub(b.total([own, *above]), pulled[body]), f"F_{body.replace('.', '_')}")
@@ -241,7 +245,7 @@ def _slots(start: RecursiveEquations) -> dict[str, Slot]:
             names = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
             slots[f"turn:{c.joint}"] = Slot(array="weights.turns", offset=9 * balls, names=names)
             balls += 1
-    for c in start.closures:
+    for closure in start.closures:
         for array in ("lambda", "w", "residual", "rate", "curvature", "change"):
-            slots[f"{array}:{c.joint}"] = Slot(array=array, offset=c.first, names=c.names)
+            slots[f"{array}:{closure.joint}"] = Slot(array=array, offset=closure.first, names=closure.names)
     return slots

@@ -5,8 +5,8 @@ With F_i = M_i A_i - Q_i of the masses alone and composites over a body and all 
     s_j^T (M^c_j c_k + B^c_j DV_k)                    where k carries j along
     s_j^T (M^c_k c_k + B^c_k DV_k + xi_k x* F^c_k)    elsewhere
 
-B_i DV = M_i (DV x V_i) + DV x* M_i V_i + V_i x* M_i DV does not depend on the linear part of DV: with w the angular velocity, v_G that of the
-centre of mass c, and J about c, its columns by the angular part are [-2 m v_G~; -2 m c~ v_G~ + w~ (2 J - tr J 1)].
+B_i DV = M_i (DV x V_i) + DV x* M_i V_i + V_i x* M_i DV does not depend on the linear part of DV: with w the angular velocity, v_G that of
+the centre of mass c, and J about c, its columns by the angular part are [-2 m v_G~; -2 m c~ v_G~ + w~ (2 J - tr J 1)].
 """
 
 from __future__ import annotations
@@ -33,10 +33,13 @@ def composites(
     k: Kinematics, bodies: Mapping[str, Body], M: Mapping[str, Block], Q: Mapping[str, Block], Zdd: Mapping[str, Block]
 ) -> dict[str, Composite]:
     """The composite of every body; ``M``, ``Q`` and ``Zdd`` of the masses with their weights."""
-    b, found = k.builder, {}
+    b = k.builder
+    found: dict[str, Composite] = {}
     for body, motion in reversed(k.motions.items()):
         name, carried = body.replace(".", "_"), [c for c in found if k.motions[c].tree_joint.parent == body]
-        with b.section("tangent", body, "M^c = M + sum M^c, B^c = B + sum B^c, F^c = M A - Q + sum F^c", motion.tree_joint.joint.span.place):
+        with b.section(
+            "tangent", body, "M^c = M + sum M^c, B^c = B + sum B^c, F^c = M A - Q + sum F^c", motion.tree_joint.joint.span.place
+        ):
             F = b.sub(b.mul(M[body], Zdd[body]), Q[body])
             found[body] = Composite(
                 M=b.label(b.total([M[body], *(found[c].M for c in carried)]), f"Mc_{name}"),

@@ -1,14 +1,15 @@
 """The elementary motions of all joints, and how a step of one moves what it carries.
 
-The unknown of a step is vdot; with it change v by ``damping`` and q by ``stiffness`` (dt/2 and dt^2/4 of the trapezoidal rule).  Motion k with
-the column s_k, which turns and shifts its outer bodies by xi_k = stiffness s_k, lies between two frames: before it (parent p, or the motions of
-the same joint before it) with twist V_b, and after it with V_a, A_a.  Seen from a frame that goes along with xi_k, the twist and the
-acceleration of any body i that it carries change by
+The unknown of a step is vdot; with it change v by ``damping`` and q by ``stiffness`` (dt/2 and dt^2/4 of the trapezoidal rule).  Motion k
+with the column s_k, which turns and shifts its outer bodies by xi_k = stiffness s_k, lies between two frames: before it (parent p, or the
+motions of the same joint before it) with twist V_b, and after it with V_a, A_a.  Seen from a frame that goes along with xi_k, the twist
+and the acceleration of any body i that it carries change by
 
     DV_k = damping s_k + V_a x xi_k             DA_i = c_k + DV_k x V_i,    c_k = s_k + damping V_b x s_k - xi_k x A_a - DV_k x V_a
 
-the same for all i.  (The derivatives of the Newton-Euler recursion, as in Carpentier, Mansard 2018, and Echeandia, Wensing 2021, with both of
-its arguments tied to the acceleration.)  The pole goes along with a free root: where one is displaced, nothing moves but the pole.
+the same for all i.  (The derivatives of the Newton-Euler recursion, as in Carpentier, Mansard 2018, and Echeandia, Wensing 2021, with
+both of its arguments tied to the acceleration.)  The pole goes along with a free root: where one is displaced, nothing moves but the
+pole.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ class StepWeights:
 class Motion:
     """An elementary motion, or one of the three directions of a ball.
 
-    ``row`` is its place among all speeds, ``index`` that within its joint, ``group`` that of its motion within the joint (those of a ball share
-    one); ``s`` (6, 1) its column, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist behind it, ``DV`` and ``c`` (6, 1) as above.
-    ``shifts_pole`` tells of the directions of a free root.
+    ``row`` is its place among all speeds, ``index`` that within its joint, ``group`` that of its motion within the joint (those of a ball
+    share one); ``s`` (6, 1) its column, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist behind it, ``DV`` and ``c`` (6, 1) as
+    above. ``shifts_pole`` tells of the directions of a free root.
     """
 
     body: str
@@ -115,16 +116,19 @@ def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], weights: StepWeights
     for body, motion in k.motions.items():
         chains[body] = (body, *chains.get(motion.tree_joint.parent, ()))
         joint = motion.tree_joint.joint
-        with k.builder.section("tangent", joint.name, "DV = damping s + V x xi, c = s + damping V_b x s - xi x A - DV x V", joint.span.place):
+        with k.builder.section(
+            "tangent", joint.name, "DV = damping s + V x xi, c = s + damping V_b x s - xi x A - DV x V", joint.span.place
+        ):
             of_body[body] = tuple(_motions(k, body, motion, Zdd, weights)) if motion.b is not None else ()
     return Motions(k=k, weights=weights, of_body=of_body, chains=chains)
 
 
 def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Block], weights: StepWeights) -> Iterator[Motion]:
     b, parent = k.builder, motion.tree_joint.parent
-    assert motion.b is not None and motion.chart is not None
+    assert motion.b is not None
+    assert motion.chart is not None
     chart, groups = motion.chart, motion_groups(motion.tree_joint)
-    is_free = motion.tree_joint.joint.kind is JointKind.FREE
+    takes_pole_along = motion.tree_joint.joint.kind is JointKind.FREE and parent == GROUND
     columns = [b.take(motion.b, (0, 6), (i, i + 1)) for i in range(motion.b.shape[1])]
     vdot = b.symbol(f"vdot:{chart.joint}", len(columns), BindingTime.ITERATION)
     shifts = _shifts(k, motion, columns)
@@ -138,7 +142,7 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
             pushed = b.total([b.scale(b.element(vdot, i), columns[i]) for i in group])
             A_after = b.add(A_before, b.add(pushed, motion_cross(b, before, added)))
         for i in group:
-            still = is_free and i < chart.scalars
+            still = takes_pole_along and i < chart.scalars
             xi = b.zero(6) if still else b.scale(weights.stiffness, shifts[i])
             DV = b.add(b.scale(weights.damping, columns[i]), motion_cross(b, after, xi))
             c = b.add(columns[i], b.scale(weights.damping, motion_cross(b, before, columns[i])))
@@ -147,14 +151,15 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
             for block, symbol in ((xi, "xi"), (DV, "DV"), (c, "c")):
                 b.label(block, f"{symbol}_{name}")
             yield Motion(
-                body=body, row=chart.v + i, index=i, group=n, s=columns[i], shift=shifts[i], xi=xi, after=after, DV=DV, c=c, shifts_pole=still,
+                body=body, row=chart.v + i, index=i, group=n, s=columns[i], shift=shifts[i], xi=xi, after=after, DV=DV, c=c,
+                shifts_pole=still,
             )  # fmt: skip
         before, A_before = after, A_after
 
 
 def _shifts(k: Kinematics, motion: JointMotion, columns: list[Block]) -> list[Block]:
-    """Each of a joint's columns by its unknown.  A ball's unknowns are those of a rotation vector from the pose before the step: the turns that
-    they make are T (3, 3) times as large, see runtime/include/cutjoint/retraction.hpp."""
+    """Each of a joint's columns by its unknown.  A ball's unknowns are those of a rotation vector from the pose before the step: the
+    turns that they make are T (3, 3) times as large, see runtime/include/cutjoint/retraction.hpp."""
     b, chart = k.builder, motion.chart
     assert chart is not None
     if not chart.ball:

@@ -11,7 +11,8 @@ from cutjoint.formulate.records import SystemEquations
 class ImplicitEquations(SystemEquations):
     """The index-3 formulation in relative coordinates: those of ``start``, with its charts and cut joints.
 
-    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``turn:joint`` (of a ball), ``lambda:joint``, ``w:joint``, ``penalty``, ``weights``.
+    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``turn:joint`` (of a ball), ``lambda:joint``, ``w:joint``, ``penalty``,
+    ``weights``.
     """
 
     @property

@@ -1,7 +1,7 @@
 """What force elements and cut joints add to the balance and to its tangent.
 
-An element acts on one body or on two.  Two bodies that both move along with a motion feel no change from it, seen from them; so only motions on
-the way between the element's bodies count, on which its wrench W and the columns s of the motions change:
+An element acts on one body or on two.  Two bodies that both move along with a motion feel no change from it, seen from them; so only
+motions on the way between the element's bodies count, on which its wrench W and the columns s of the motions change:
 
     D_k (s_j^T W) = s_j^T D_k W + (xi_k x s_j)^T W          the last where k carries j along
 """

@@ -46,7 +46,7 @@ class Newton : public Workspace<S> {
   using typename Workspace<S>::Real;
 
   Newton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt), k_(dt_ * dt_ / 4), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), before_(d_.coordinates.size(), n_, m_), delta_(n_) {}
+      : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt), k_(dt_ * dt_ / 4), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_), before_(d_.coordinates.size(), n_, m_), delta_(n_) {}
 
   /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
   void begin(State<Real>& state, Real motion) {
@@ -167,7 +167,7 @@ class Newton : public Workspace<S> {
  private:
   void iterate(State<Real>& state) {
     const char* infinite = "Newton's iteration diverged to infinity";
-    predict();
+    predict(state);
     change_ = smallest_ = std::numeric_limits<Real>::infinity();
     growing_ = idle_ = 0;
     slow_ = false;
@@ -205,13 +205,19 @@ class Newton : public Workspace<S> {
     wary_ = false;
   }
 
-  /// The multipliers go on as in the step before, lambda_0 = 2 lambda_n - lambda_(n-1) [eq. 3], or stay; the accelerations stay.
-  void predict() {
-    const Real share(extrapolates() ? 1 : 0);
-    for (std::size_t i = 0; i < m_; ++i) {
-      const Real now = lambda_[i];
-      lambda_[i] = now + share * (now - lambda_before_[i]);
-      lambda_before_[i] = now;
+  /// The multipliers go on as in the step before, lambda_0 = 2 lambda_n - lambda_(n-1) [eq. 3], or stay; so do the accelerations where
+  /// `renews_always` does not hold, or they stay.
+  void predict(State<Real>& state) {
+    go_on(lambda_, lambda_before_, extrapolates());
+    if (!renews_always()) go_on(state.vdot, vdot_before_, !wary_ && this->number_ > 1);
+  }
+
+  static void go_on(std::vector<Real>& values, std::vector<Real>& before, bool extrapolated) {
+    const Real share(extrapolated ? 1 : 0);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const Real now = values[i];
+      values[i] = now + share * (now - before[i]);
+      before[i] = now;
     }
   }
 
@@ -230,7 +236,7 @@ class Newton : public Workspace<S> {
     growing_ = change_ > last ? growing_ + 1 : 0;
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
-    slow_ = !(change_ <= Real(0.2) * last);
+    slow_ = !(change_ <= Real(0.05) * last);
     if (change_ <= Real(figures_.tolerance) * size_) return true;
     const Real digits = (idle_ >= 4 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
     return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
@@ -287,6 +293,7 @@ class Newton : public Workspace<S> {
                                           : "take a smaller dt; look at the forces on this coordinate");
   }
 
+  std::vector<Real> vdot_before_;  ///< accelerations of the step before
   State<Real> before_;
   std::vector<Real> delta_;  ///< the integrals of the speeds over a step
   Residuals residuals_;

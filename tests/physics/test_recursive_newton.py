@@ -1,0 +1,87 @@
+"""Newton's iteration on the recursion: steps that the fixed point cannot take, order, constraints, singular poses."""
+
+from __future__ import annotations
+
+import shutil
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cutjoint.pipeline import Artifact, compile_model, simulate
+from cutjoint.run.results import Trajectory, read_table
+from tests.conftest import MODELS
+
+pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+
+
+def compiled(name: str, scene: str | None = None) -> Artifact:
+    return compile_model(MODELS / f"{name}.yaml", scene=scene, method="recursive-newton")
+
+
+def finished(artifact: Artifact, **how: object) -> Trajectory:
+    run = simulate(artifact, **how)
+    assert run.failure is None, run.failure
+    return run
+
+
+def test_long_steps_on_stiff_bumpers() -> None:
+    """The fixed point diverges at 5 and at 7.5 ms on bumpers of 1e7 N/m."""
+    artifact = compiled("iltis", "simul1s")
+    for dt in (0.005, 0.0075, 0.01):
+        run = finished(artifact, dt=dt)
+        assert run.effort.residuals.position < 1e-10
+        assert np.isfinite(np.array(list(run.columns.values()))).all()
+
+
+def test_long_steps_of_the_vehicle() -> None:
+    """Beyond 17.5 ms, where the fixed point ends at 9 ms; equations are closed and the road is felt as at shorter steps."""
+    artifact = compiled("iltis", "simul1")
+    long, short = (finished(artifact, dt=dt, end=1.4) for dt in (0.02, 0.0025))
+    for column in ("chassis.z", "chassis.pitch"):
+        assert long.columns[column][-1] == pytest.approx(short.columns[column][-1], abs=2e-4)
+    run = finished(artifact, dt=0.03)
+    assert run.effort.residuals.position < 1e-10
+
+
+def test_order_two_on_the_stiff_governor() -> None:
+    """Flyball governor, eigenvalue -8075/s, at steps of up to ten milliseconds, against the reference."""
+    artifact = compiled("flyball")
+    t, reference = read_table(Path(__file__).parents[1] / "data" / "ref_a05_flyball.csv")
+    errors = []
+    for dt in (0.01, 0.005, 0.0025):
+        run = finished(artifact, dt=dt, end=5.0)
+        s = np.interp(run.t, t, reference[next(iter(reference))])
+        name = next(c for c in run.columns if c.endswith("slider.z"))
+        errors.append(float(np.abs(run.columns[name] - s)[np.isin(np.round(run.t, 9), np.round(t, 9))].max()))
+    orders = [np.log2(a / b) for a, b in pairwise(errors)]
+    assert errors[-1] < 1e-4
+    assert orders == pytest.approx([2.0, 2.0], abs=0.1), errors
+
+
+def test_same_discrete_solution_as_the_fixed_point() -> None:
+    """On a tree, the trapezoidal rule has one solution whatever iteration finds it."""
+    newton = finished(compiled("pendulum"), dt=0.01)
+    fixed_point = simulate(compile_model(MODELS / "pendulum.yaml", method="recursive"), dt=0.01, tolerance=1e-13)
+    for column, values in fixed_point.columns.items():
+        assert newton.columns[column] == pytest.approx(values, abs=1e-9)
+
+
+@pytest.mark.parametrize("dt", [0.0005, 0.002, 0.01, 0.0178588882323240])
+def test_four_bar_stays_on_its_branch(dt: float) -> None:
+    """Through the poses where all bars are in line; the last step is a fortieth of the way to the first, which it meets exactly."""
+    run = finished(compiled("four_bar"), dt=dt)
+    radius = np.hypot(run.columns["tip.x"], run.columns["tip.y"])
+    assert radius == pytest.approx(np.ones(len(radius)), abs=1e-9)
+    energy = run.columns["crank_0.pin.angle_rate"] ** 2
+    assert np.isfinite(energy).all()
+    exact = parallelogram(run.t)
+    assert np.abs(run.columns["tip.y"] - np.cos(exact)).max() < 60 * dt**2 + 1e-6
+
+
+def parallelogram(t: np.ndarray) -> np.ndarray:
+    """The crank's angle from the vertical: th'' = c sin th, by SciPy at a tight tolerance."""
+    c = 9.81 * (3 / 2 + 2) / (3 / 3 + 2)
+    return solve_ivp(lambda _, y: [y[1], c * np.sin(y[0])], (0, t[-1]), [0.0, 1.0], "DOP853", t, rtol=1e-12, atol=1e-12).y[0]
