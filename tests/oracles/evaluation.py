@@ -21,9 +21,9 @@ class BlockMechanism:
 
     def __init__(
         self, topology: Topology, scene: Scene, *, outputs: tuple[Output, ...] = (),
-        parameters: Mapping[str, float] | None = None, roads: Mapping[str, Flat] | None = None,
+        parameters: Mapping[str, float] | None = None, roads: Mapping[str, Flat] | None = None, closure: str = "penalty",
     ) -> None:  # fmt: skip
-        self.equations: RecursiveEquations = formulate_recursive(topology, scene, outputs)
+        self.equations: RecursiveEquations = formulate_recursive(topology, scene, outputs, closure=closure)
         self.roads = roads or {}
         given = parameters or {}
         self.parameters = np.array([given.get(p.name, p.value) for p in self.equations.parameters])
@@ -39,6 +39,7 @@ class BlockMechanism:
         columns = {
             "t": np.array([at.t]), "motion": np.array([at.motion]), "parameters": self.parameters,
             "numerics": np.array([numerics.penalty, numerics.damping_ratio, numerics.frequency]),
+            "penalties": np.full(max(len(self.equations.closures), 1), numerics.penalty),
         }  # fmt: skip
         for chart in self.equations.charts:
             v = slice(chart.v, chart.v + len(chart.speed_names))
@@ -82,10 +83,10 @@ class BlockMechanism:
 
 def both(
     topology: Topology, scene: Scene, *, outputs: tuple[Output, ...] = (), parameters: Mapping[str, float] | None = None,
-    roads: Mapping[str, Flat] | None = None,
+    roads: Mapping[str, Flat] | None = None, closure: str = "penalty",
 ) -> tuple[BlockMechanism, DenseMechanism]:  # fmt: skip
     """The formulation and the oracle of one model, which agree in the layout of q, v and the equations."""
-    blocks = BlockMechanism(topology, scene, outputs=outputs, parameters=parameters, roads=roads)
+    blocks = BlockMechanism(topology, scene, outputs=outputs, parameters=parameters, roads=roads, closure=closure)
     dense = DenseMechanism(topology, scene, parameters=parameters, roads=roads)
     charts = {c.joint: (c.q, c.v, c.scalars, c.ball) for c in blocks.equations.charts}
     assert charts == {name: (x.q, x.v, x.scalars, x.ball) for name, x in dense.layout.items()}

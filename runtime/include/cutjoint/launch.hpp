@@ -1,10 +1,12 @@
 // The start of a run in relative coordinates, as its run file asks for it.
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/effective_mass.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/start.hpp"
@@ -20,7 +22,8 @@ class Launch {
 
   Launch(M& mechanism, const Json& file)
       : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), inputs_(d_, file) {
-    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"));
+    penalties_.assign(d_.cuts.size(), Real(1));
+    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), penalties_);
   }
 
   Launch(const Launch&) = delete;
@@ -45,6 +48,9 @@ class Launch {
     return state_;
   }
 
+  /// Penalties of the proximal closure, known when a start has been found.
+  const std::vector<Real>& penalties() const { return penalties_; }
+
   /// Independent speeds that neither run file nor loops determine.
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
@@ -53,8 +59,26 @@ class Launch {
     Starter<M> starter(mechanism_);
     const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
     starter.assemble(state_, placed, Real(0));
+    if (is_proximal(file_.at("stabilisation"))) weigh();
     if (file_.at("pose") == "equilibrium") starter.equilibrate(state_, placed);
     starter.assemble(state_, placed, Real(0));
+  }
+
+  /// Penalties from the effective masses in this pose, the given one their upper bound.
+  void weigh() {
+    const Json& figures = file_.at("stabilisation");
+    const auto load = [&](const std::vector<Real>& penalties) {
+      inputs_.load_mechanism(mechanism_, figures, penalties);
+      mechanism_.begin_step(state_.t, Real(0));
+    };
+    const Json& bound = figures.at("penalty");
+    for (int round = 0; round < 2; ++round) {
+      penalties_ = effective_masses(mechanism_, state_, penalties_);
+      for (Real& penalty : penalties_) penalty *= round == 0 ? Real(1e-3) : stiffness_of_cuts(read_number<Real>(file_.at("numerics"), "dt"));
+      for (Real& penalty : penalties_)
+        if (round == 1 && !bound.is_null()) penalty = std::min(penalty, read_number<Real>(figures, "penalty"));
+      load(penalties_);
+    }
   }
 
   /// Which speeds belong to given coordinates.
@@ -71,6 +95,7 @@ class Launch {
   const Json& file_;
   State<Real> state_;
   Inputs<Real> inputs_;
+  std::vector<Real> penalties_;
   std::vector<std::string> undetermined_;
 };
 

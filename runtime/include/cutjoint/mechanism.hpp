@@ -44,15 +44,18 @@ struct Description {
   std::vector<Named> parameters;              ///< open parameters with defaults, SI units
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
+  std::vector<int> cuts{};                    ///< first equation of each cut joint
   std::vector<Guard> guards{};                ///< forces that must not act
 };
 
-/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).
+/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
+/// has a penalty for each cut joint, which `load` reads, and nothing else.
 template <class Real>
 struct Stabilisation {
   Real penalty{1e9};
   Real damping_ratio{1};
   Real frequency{10};
+  const Real* penalties = nullptr;
 };
 
 template <class Real>

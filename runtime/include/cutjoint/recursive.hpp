@@ -28,7 +28,14 @@ class Recursive {
       : mechanism_(mechanism), d_(mechanism.description()), file_(file), inputs_(d_, file), state_(d_), guards_(mechanism),
         residual_(d_.equations.size()), rate_(d_.equations.size()) {
     if (file.contains("solver")) throw std::runtime_error("the recursive method has no linear solver to choose; leave 'solver' away");
-    inputs_.load_mechanism(mechanism_, file.at("stabilisation"));
+    const Json& figures = file.at("stabilisation");
+    const bool given = is_proximal(figures) && !figures.at("penalty").is_null();
+    load_penalties(std::vector<double>(d_.cuts.size(), given ? figures.at("penalty").get<double>() : 1.0));
+  }
+
+  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
+  void load_penalties(const std::vector<double>& penalties) {
+    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), converted<Real>(penalties));
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
@@ -46,7 +53,7 @@ class Recursive {
     const Json& numerics = file_.at("numerics");
     dt_ = read_number<Real>(numerics, "dt");
     const FixedPoint fixed_point{numerics.at("tolerance").get<double>(), numerics.at("iterations").get<int>(),
-                                 numerics.at("multiplier_updates").get<int>()};
+                                 numerics.at("multiplier_updates").get<int>(), is_proximal(file_.at("stabilisation"))};
     integrator_.emplace(mechanism_, dt_, fixed_point);
   }
 

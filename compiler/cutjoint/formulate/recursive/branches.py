@@ -141,7 +141,7 @@ class BranchSystem:
         return b.zero(self.subspaces[i].shape[1], self.subspaces[j].shape[1])
 
     def _weights(self, loop: LoopClosure) -> Block:
-        return self.k.builder.stack([[self.numbers.penalty]] * len(loop.names))
+        return self.k.builder.stack([[self.numbers.penalties[loop.joint.name]]] * len(loop.names))
 
     def _right_side(self) -> Block:
         b = self.k.builder
@@ -153,7 +153,7 @@ class BranchSystem:
             parts.append(force)
         h = b.stack([[part] for part in parts])
         for loop in self.loops:
-            pull = b.add(loop.multipliers, b.scale(self.numbers.penalty, self._drift[loop.joint.name]))
+            pull = b.add(loop.multipliers, b.scale(self.numbers.penalties[loop.joint.name], self._drift[loop.joint.name]))
             h = b.sub(h, b.mul(b.transpose(self._rows[loop.joint.name]), pull))
         return h
 

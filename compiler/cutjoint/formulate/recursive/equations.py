@@ -18,7 +18,7 @@ from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import LoopClosure, corrections, derive_loops
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
 from cutjoint.formulate.recursive.recursion import BodySystem
-from cutjoint.formulate.recursive.solution import respond, solve
+from cutjoint.formulate.recursive.solution import refine, respond, solve
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Builder
@@ -27,7 +27,11 @@ from cutjoint.topology.records import Topology
 _STATE = ("const Real* q", "const Real* v")
 
 
-def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> RecursiveEquations:
+#: How often an evaluation of the closure "proximal" corrects its multipliers.
+REFINEMENTS = 1
+
+
+def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = "penalty") -> RecursiveEquations:
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
@@ -36,7 +40,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
-    numbers = make_numbers(b)
+    numbers = make_numbers(b, topology.cuts, closure)
     k = derive_kinematics(b, make_translator(b, model, scene), topology, scene, {c.joint: c for c in charts})
     system = BodySystem(builder=b)
     add_bodies(system, k, model)
@@ -45,6 +49,8 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     loops = derive_loops(k, topology.cuts, numbers)
     masses = dict(system.M)
     solution = solve(topology, system, k, loops, numbers)
+    if closure == "proximal":
+        solution = refine(topology, masses, k, loops, numbers, solution, REFINEMENTS)
     correction = corrections(k, loops, numbers, solution.errors)
     gaps = {x.joint.name: b.symbol(f"gap:{x.joint.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, loops, numbers, gaps, "p").vdot

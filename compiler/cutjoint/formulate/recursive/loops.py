@@ -83,9 +83,10 @@ def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...],
         joint = loop.joint
         system.source = joint.name
         with b.section("closure", joint.name, "M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)", joint.span.place):
-            weights = b.stack([[numbers.penalty]] * len(loop.names))
+            penalty = numbers.penalties[joint.name]
+            weights = b.stack([[penalty]] * len(loop.names))
             K = b.label(b.gram(loop.A, weights), f"K_{joint.name.replace('.', '_')}")
-            force = b.add(loop.multipliers, b.scale(numbers.penalty, loop.s))
+            force = b.add(loop.multipliers, b.scale(penalty, loop.s))
             wrench = b.mul(b.transpose(loop.A), force)
             step = transport(b, k.pole_step(joint.base, joint.follower))
             back = b.transpose(step)
@@ -120,7 +121,7 @@ def corrections(k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers,
     for loop in loops:
         name = loop.joint.name
         with b.section("multipliers", name, CORRECTION, loop.joint.span.place):
-            found[name] = b.label(b.scale(numbers.penalty, errors[name]), f"correction_{name.replace('.', '_')}")
+            found[name] = b.label(b.scale(numbers.penalties[name], errors[name]), f"correction_{name.replace('.', '_')}")
     return found
 
 

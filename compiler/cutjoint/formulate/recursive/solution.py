@@ -43,6 +43,24 @@ def solve(topology: Topology, system: BodySystem, k: Kinematics, loops: tuple[Lo
     return Solution(vdot={k.motions[body].tree_joint.joint.name: block for body, block in zdd.items()}, errors=errors)
 
 
+def refine(
+    topology: Topology, masses: Mapping[str, Block], k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers,
+    solution: Solution, times: int,
+) -> Solution:  # fmt: skip
+    """The solution with corrected multipliers, again and again: its errors, and their response added; ``errors`` are then the sum of all.
+
+    Each time leaves a share 1/(1 + a S) of the errors, S = A M^-1 A^T, as an evaluation with corrected multipliers would, but repeats of it
+    only the right side.
+    """
+    b, vdot, errors, last = k.builder, solution.vdot, solution.errors, solution.errors
+    for n in range(times):
+        response = respond(topology, masses, k, loops, numbers, last, "r" * (n + 1))
+        vdot = {name: b.add(block, response.vdot[name]) for name, block in vdot.items()}
+        errors = {name: b.add(block, response.errors[name]) for name, block in errors.items()}
+        last = response.errors
+    return Solution(vdot=vdot, errors=errors)
+
+
 def respond(
     topology: Topology, masses: Mapping[str, Block], k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers,
     gaps: Mapping[str, Block], mark: str,
