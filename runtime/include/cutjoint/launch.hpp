@@ -32,14 +32,14 @@ class Launch {
   /// A mechanism at rest, which no guide moves.  Throws Failure.
   const State<Real>& at_rest() {
     place();
-    Starter<M>(mechanism_).accelerate(state_, Real(0));
+    starter().accelerate(state_, Real(0));
     return state_;
   }
 
   /// A mechanism in motion, with speeds that keep its loops closed.  Throws Failure.
   const State<Real>& in_motion() {
     place();
-    Starter<M> starter(mechanism_);
+    const Starter<M> starter = this->starter();
     const std::vector<bool> moving = read_given(file_.at("rates"), d_.speeds, state_.v);
     starter.make_consistent(state_, moving, Real(1));
     for (const std::string_view name : starter.undetermined(state_, moving)) undetermined_.push_back(std::string(name));
@@ -55,8 +55,10 @@ class Launch {
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
  private:
+  Starter<M> starter() const { return Starter<M>(mechanism_, is_proximal(file_.at("stabilisation"))); }
+
   void place() {
-    Starter<M> starter(mechanism_);
+    const Starter<M> starter = this->starter();
     const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
     starter.assemble(state_, placed, Real(0));
     if (is_proximal(file_.at("stabilisation"))) weigh();
