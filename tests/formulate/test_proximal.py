@@ -62,7 +62,10 @@ def errors(blocks: BlockMechanism, dense: DenseMechanism, at: Instant, penalty: 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", LIGHT)
 def test_accelerations_are_those_without_a_penalty(name: str, seed: int) -> None:
-    """From no multipliers to 1e-7, then to 1e-10; equations of the four-bar and the Iltis depend on each other, links of the latter have no mass."""
+    """From no multipliers to 1e-7, then to 1e-10.
+
+    Equations of the four-bar and the Iltis depend on each other, links of the latter have no mass.
+    """
     blocks, dense = in_scene(name, "proximal")
     cold, warm = errors(blocks, dense, closed(dense, np.random.default_rng(seed)), LIGHT[name], 2)
     assert cold < 1e-7
@@ -107,7 +110,10 @@ def test_a_correction_inside_is_a_correction_outside(seed: int) -> None:
 
 @pytest.mark.parametrize("kind", [K.SPHERICAL, K.UNIVERSAL, K.FIXED, K.PRISMATIC, K.POINT_ON_LINE, K.DISTANCE])
 def test_loops_across_branches(kind: object) -> None:
-    """Cut joints with independent equations between subtrees of several bodies; cut joints feel grams to kilograms, and rounding costs more of the light ones."""
+    """Cut joints with independent equations between subtrees of several bodies.
+
+    The cut joints feel grams to kilograms, and rounding costs more of the light ones.
+    """
     model = random_models.loop_with(kind, "roots", 1)  # type: ignore[arg-type]
     blocks, dense = both(build_topology(model), SCENE, parameters=PARAMETERS, closure="proximal")
     q, v = random_models.state(dense.layout, dense.nq, dense.nv, np.random.default_rng(1))

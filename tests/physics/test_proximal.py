@@ -75,7 +75,7 @@ def test_singular_poses_are_passed_in_order(tmp_path: Path, windows: int, dt: fl
 
 
 def test_redundant_equations_do_no_harm(tmp_path: Path) -> None:
-    """Two of five cranks would do: the others repeat what these say.  All turn alike, th'' = c sin th from the upright pose as of one body."""
+    """Two of five cranks would do: the others repeat what these say.  All turn alike, and energy stays."""
     path = tmp_path / "cranks.yaml"
     path.write_text(
         parallel_cranks_text(5) + "outputs: [pin_0.angle, pin_0.angle_rate, pin_4.angle]\n"
