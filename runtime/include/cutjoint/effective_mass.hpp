@@ -1,6 +1,7 @@
 // The masses that cut joints feel: what resists a relative acceleration of base and follower.
 #pragma once
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -13,48 +14,87 @@ namespace cutjoint {
 
 /// Penalty of the proximal closure over the effective mass of its cut joint.
 ///
-/// What an evaluation leaves of an error is the inverse square of it, and what rounding takes of the accelerations grows with it: 1e5 leaves
+/// What an evaluation leaves of an error is the inverse square of it, and what rounding takes of the accelerations grows with it: 3e4 leaves
 /// ten digits of both.  With long steps it is less, for the sake of singular poses: there the fixed point diverges once a step changes the
 /// Jacobian's vanishing direction by more than the penalty blurs it, sqrt(mass/penalty).
 template <class Real>
 Real stiffness_of_cuts(Real dt) {
-  return std::min(Real(1e5), Real(0.005) / (dt * dt));
+  return std::min(Real(3e4), Real(0.005) / (dt * dt));
 }
 
-/// The effective mass of each cut joint: the largest 1/S_kk of its equations, S = Phi_v M^-1 Phi_v^T; kg or kg m^2.
+/// Effective masses of the cut joints of a mechanism, kg or kg m^2, by S = Phi_v M^-1 Phi_v^T; a cut joint's is the largest of its equations.
 ///
-/// `project` answers a unit gap of equation k with the share T_kk = a S_kk/(1 + a S_kk) of it where the equations are apart; `penalties` a are
-/// those that the mechanism was loaded with, best light ones, so that T is about a S.  An equation that no speed changes, or that changes
-/// a millionth as much as others, has no mass of its own.  The velocity part of `close` is linear in the speeds.
+/// `project` answers a unit gap of equation k by closing T e_k, T = S a/(1 + S a), with the penalties a that the mechanism was loaded with;
+/// massless bodies, whose S has no bound, have a bounded T.  The velocity part of `close` is linear in the speeds.
 template <Mechanism M>
-std::vector<typename M::real_type> effective_masses(M& mechanism, const State<typename M::real_type>& state,
-                                                    const std::vector<typename M::real_type>& penalties) {
+class EffectiveMasses {
+ public:
   using Real = typename M::real_type;
-  const Description& d = mechanism.description();
-  const std::size_t m = d.equations.size(), n = d.speeds.size();
-  std::vector<Real> gap(m), dz(n), residual(m), moved(m), still(m), share(m);
-  std::vector<Real> zero(n);
-  mechanism.close(state.q.data(), zero.data(), residual.data(), still.data());
-  for (std::size_t i = 0; i < m; ++i) {
-    gap[i] = Real(1);
-    mechanism.project(state.q.data(), gap.data(), dz.data());
-    mechanism.close(state.q.data(), dz.data(), residual.data(), moved.data());
-    share[i] = still[i] - moved[i];
-    gap[i] = Real(0);
+  using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
+  using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
+
+  EffectiveMasses(const M& mechanism, const State<Real>& state, const std::vector<Real>& penalties)
+      : d_(mechanism.description()), T_(measure(mechanism, state)), a_(T_.rows()) {
+    for (std::size_t c = 0; c < d_.cuts.size(); ++c) a_.segment(d_.cuts[c], end(c) - d_.cuts[c]).setConstant(penalties[c]);
   }
-  const Real largest = m ? *std::max_element(share.begin(), share.end()) : Real(0);
-  std::vector<Real> masses;
-  for (std::size_t c = 0; c < d.cuts.size(); ++c) {
-    const std::size_t first = static_cast<std::size_t>(d.cuts[c]), end = c + 1 < d.cuts.size() ? static_cast<std::size_t>(d.cuts[c + 1]) : m;
-    Real mass(0);
-    for (std::size_t i = first; i < end; ++i)
-      if (share[i] > Real(1e-6) * largest) mass = std::max(mass, penalties[c] * (Real(1) - share[i]) / share[i]);
-    masses.push_back(mass);
+
+  /// With all other cut joints open, 1/S_kk where the penalties are light; equations that no speed changes count for nothing.
+  std::vector<Real> open() const {
+    const Vector share = T_.diagonal();
+    const Real largest = share.size() ? share.maxCoeff() : Real(0);
+    return by_cut([&](Eigen::Index k) {
+      return share[k] > Real(1e-6) * largest ? a_[k] * (Real(1) - share[k]) / share[k] : Real(0);
+    });
   }
-  const Real heaviest = masses.empty() ? Real(0) : *std::max_element(masses.begin(), masses.end());
-  for (Real& mass : masses)
-    if (!(mass > Real(1e-9) * heaviest)) mass = heaviest > Real(0) ? heaviest : Real(1);
-  return masses;
-}
+
+  /// With all other equations held, (S^-1)_kk, of the directions that feel less than the penalty: dependent equations and directions that
+  /// nearly vanish are left out.
+  std::vector<Real> held() const {
+    const Vector root = a_.cwiseSqrt();
+    const Matrix scaled = root.asDiagonal() * T_ * root.cwiseInverse().asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<Matrix> solver((scaled + scaled.transpose()) / Real(2));
+    Vector mass = Vector::Zero(a_.size());
+    for (Eigen::Index i = 0; i < a_.size(); ++i) {
+      const Real share = solver.eigenvalues()[i];
+      if (share > Real(0.5)) mass += std::max(Real(1) / share - Real(1), Real(0)) * solver.eigenvectors().col(i).cwiseAbs2();
+    }
+    return by_cut([&](Eigen::Index k) { return a_[k] * mass[k]; });
+  }
+
+ private:
+  /// The columns of T.
+  static Matrix measure(const M& mechanism, const State<Real>& state) {
+    const std::size_t m = mechanism.description().equations.size(), n = mechanism.description().speeds.size();
+    Matrix T(m, m);
+    Vector gap = Vector::Zero(T.rows()), dz = Vector::Zero(static_cast<Eigen::Index>(n)), residual(gap), rate(gap), rest(gap);
+    mechanism.close(state.q.data(), dz.data(), residual.data(), rest.data());
+    for (Eigen::Index k = 0; k < T.cols(); ++k) {
+      gap[k] = Real(1);
+      mechanism.project(state.q.data(), gap.data(), dz.data());
+      mechanism.close(state.q.data(), dz.data(), residual.data(), rate.data());
+      T.col(k) = rest - rate;
+      gap[k] = Real(0);
+    }
+    return T;
+  }
+
+  int end(std::size_t cut) const { return cut + 1 < d_.cuts.size() ? d_.cuts[cut + 1] : static_cast<int>(d_.equations.size()); }
+
+  /// The largest of each cut joint's equations; a cut joint whose equations have no mass gets the largest of all, or one.
+  template <class OfEquation>
+  std::vector<Real> by_cut(OfEquation of_equation) const {
+    std::vector<Real> masses(d_.cuts.size(), Real(0));
+    for (std::size_t c = 0; c < masses.size(); ++c)
+      for (int k = d_.cuts[c]; k < end(c); ++k) masses[c] = std::max(masses[c], of_equation(k));
+    const Real heaviest = masses.empty() ? Real(0) : *std::max_element(masses.begin(), masses.end());
+    for (Real& mass : masses)
+      if (!(mass > Real(1e-9) * heaviest)) mass = heaviest > Real(0) ? heaviest : Real(1);
+    return masses;
+  }
+
+  const Description& d_;
+  Matrix T_;
+  Vector a_;
+};
 
 }  // namespace cutjoint

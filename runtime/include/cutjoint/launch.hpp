@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,7 +23,7 @@ class Launch {
 
   Launch(M& mechanism, const Json& file)
       : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), inputs_(d_, file) {
-    penalties_.assign(d_.cuts.size(), Real(1));
+    penalties_.assign(d_.cuts.size(), Real(1));  // until a pose is known
     inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), penalties_);
   }
 
@@ -67,20 +68,22 @@ class Launch {
   }
 
   /// Penalties from the effective masses in this pose, the given one their upper bound.
+  ///
+  /// Masses with the other cut joints open are measured by light penalties, then those with the others held by penalties of 1e4 times these.
   void weigh() {
-    const Json& figures = file_.at("stabilisation");
-    const auto load = [&](const std::vector<Real>& penalties) {
-      inputs_.load_mechanism(mechanism_, figures, penalties);
-      mechanism_.begin_step(state_.t, Real(0));
-    };
-    const Json& bound = figures.at("penalty");
-    for (int round = 0; round < 2; ++round) {
-      penalties_ = effective_masses(mechanism_, state_, penalties_);
-      for (Real& penalty : penalties_) penalty *= round == 0 ? Real(1e-3) : stiffness_of_cuts(read_number<Real>(file_.at("numerics"), "dt"));
-      for (Real& penalty : penalties_)
-        if (round == 1 && !bound.is_null()) penalty = std::min(penalty, read_number<Real>(figures, "penalty"));
-      load(penalties_);
-    }
+    const Json& bound = file_.at("stabilisation").at("penalty");
+    const Real unbound = std::numeric_limits<Real>::infinity(), most = bound.is_null() ? unbound : Real(bound.get<double>());
+    load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
+    load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e4), unbound);
+    const Real stiffness = stiffness_of_cuts(read_number<Real>(file_.at("numerics"), "dt"));
+    load(EffectiveMasses<M>(mechanism_, state_, penalties_).held(), stiffness, most);
+  }
+
+  /// Load the mechanism with penalties of so many times the masses, `most` at most.
+  void load(const std::vector<Real>& masses, Real times, Real most) {
+    for (std::size_t i = 0; i < masses.size(); ++i) penalties_[i] = std::min(times * masses[i], most);
+    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), penalties_);
+    mechanism_.begin_step(state_.t, Real(0));
   }
 
   /// Which speeds belong to given coordinates.
