@@ -19,7 +19,7 @@ namespace cutjoint {
 /// Jacobian's vanishing direction by more than the penalty blurs it, sqrt(mass/penalty).
 template <class Real>
 Real stiffness_of_cuts(Real dt) {
-  return std::min(Real(3e4), Real(0.005) / (dt * dt));
+  return std::min(Real(3e4), Real(0.002) / (dt * dt));
 }
 
 /// Effective masses of the cut joints of a mechanism, kg or kg m^2, by S = Phi_v M^-1 Phi_v^T; a cut joint's is the largest of its equations.
