@@ -33,7 +33,7 @@ class EffectiveMasses {
   using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
   using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 
-  EffectiveMasses(const M& mechanism, const State<Real>& state, const std::vector<Real>& penalties)
+  EffectiveMasses(M& mechanism, const State<Real>& state, const std::vector<Real>& penalties)
       : d_(mechanism.description()), T_(measure(mechanism, state)), a_(T_.rows()) {
     for (std::size_t c = 0; c < d_.cuts.size(); ++c) a_.segment(d_.cuts[c], end(c) - d_.cuts[c]).setConstant(penalties[c]);
   }
@@ -63,7 +63,7 @@ class EffectiveMasses {
 
  private:
   /// The columns of T.
-  static Matrix measure(const M& mechanism, const State<Real>& state) {
+  static Matrix measure(M& mechanism, const State<Real>& state) {
     const std::size_t m = mechanism.description().equations.size(), n = mechanism.description().speeds.size();
     Matrix T(m, m);
     Vector gap = Vector::Zero(T.rows()), dz = Vector::Zero(static_cast<Eigen::Index>(n)), residual(gap), rate(gap), rest(gap);
