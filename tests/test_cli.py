@@ -40,6 +40,16 @@ def test_simulate_writes_a_table_and_its_units(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == ["angle.png", "angular_velocity.png", "position.png", "velocity.png"]
 
 
+def test_simulate_takes_a_closure(tmp_path: Path) -> None:
+    run = ("simulate", FOUR_BAR, "--end", "0.5", "--closure", "proximal")
+    result = call(*run, "--out", tmp_path / "run.csv", "--steps", tmp_path / "steps.csv")
+    assert result.exit_code == 0, result.output
+    assert np.loadtxt(tmp_path / "steps.csv", delimiter=",", skiprows=1)[:, 2].max() < 1e-12
+    result = call(*run, "--method", "augmented", "--out", tmp_path / "no.csv")
+    assert result.exit_code == 1
+    assert result.output.strip() == "--closure proximal: only the recursive method has one; use --method recursive"
+
+
 def test_compile_leaves_source_and_a_simulator_that_runs_alone(tmp_path: Path) -> None:
     result = call("compile", FOUR_BAR, "--out", tmp_path / "fb")
     assert result.exit_code == 0, result.output

@@ -132,6 +132,8 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @click.option("--solver", type=click.Choice(pipeline.SOLVERS), default="emitted", show_default=True,
               help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
 @click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
+@click.option("--closure", type=click.Choice(pipeline.CLOSURES), 
+              help="How the recursive method holds its cut joints; the scene's otherwise.")
 @click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
 @click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
 @_set
@@ -141,7 +143,7 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @_reports_errors
 def simulate(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str, precision: str,
-    dt: float | None, end: float | None, changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
+    closure: str | None, dt: float | None, end: float | None, changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     from cutjoint.report import tables
@@ -150,6 +152,9 @@ def simulate(
     checked = read_model(model)
     chosen = pipeline.find_scene(checked, scene)
     asked = method or chosen.method or "recursive"
+    if closure is not None and asked != "recursive":
+        raise RunError(f"--closure {closure}: only the recursive method has one; use --method recursive")
+    chosen = chosen if closure is None else pipeline.with_closure(chosen, closure)
 
     def run_with(of: Model, played: Scene, method: str) -> tuple[Artifact, Trajectory]:
         if method == "recursive" and solver != "emitted":

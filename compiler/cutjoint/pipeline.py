@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf, isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -47,6 +48,9 @@ from cutjoint.topology.records import Topology
 E = TypeVar("E", bound=SystemEquations)
 
 METHODS = ("recursive", "recursive-newton", "augmented", "classical")
+
+#: How the recursive method holds its cut joints.
+CLOSURES = ("penalty", "proximal")
 
 #: What each iteration of a step calls, by method.
 ITERATIONS = {"recursive": "evaluate", "recursive-newton": "linearise", "augmented": "linearise", "classical": "linearise"}
@@ -150,21 +154,31 @@ def generate(
     # Model -> Topology
     topology = build_topology(model)
     # Topology -> Equations
-    recursive = formulate_recursive(topology, scene, tuple(outputs) if method == "recursive" else ())
+    closure, reported = (scene.numerics.closure, tuple(outputs)) if method == "recursive" else ("penalty", ())
+    recursive = formulate_recursive(topology, scene, reported, closure=closure)
     require_inertia(recursive)
     if method != "recursive":
-        return generate_system(recursive, method, tuple(outputs), lanes=lanes, straight_line=straight_line)
+        return generate_system(_only_starting(recursive), method, tuple(outputs), lanes=lanes, straight_line=straight_line)
     # Equations -> Program
     program = schedule_recursive(recursive, lanes=lanes)
     # Program -> Source
     return recursive, program, emit(program, recursive)
 
 
+#: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
+_OFTEN = frozenset({"evaluate", "project", "guard"})
+
+
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_families(equations.builder, equations.topology) if lanes else []
-    folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in ("evaluate", "guard")}
+    folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in _OFTEN}
     return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions])
+
+
+def _only_starting(equations: RecursiveEquations) -> RecursiveEquations:
+    """The equations without what a start does not call."""
+    return replace(equations, functions=tuple(f for f in equations.functions if f.name != "project"))
 
 
 def generate_system(
@@ -273,6 +287,8 @@ def compile_scene(
         raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")
     if implementation == "generic" and is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
+    if implementation == "generic" and method == "recursive" and scene.numerics.closure != "penalty":
+        raise RunError(f"the generic twin knows closure: penalty only, not {scene.numerics.closure}; use --implementation generated")
     # Model -> Source
     begin, packed = perf_counter(), precision in _SIDE_BY_SIDE
     equations, program, source = generate(
@@ -343,6 +359,8 @@ def _check_integrator(artifact: Artifact, integrator: str) -> None:
         raise RunError(f"no integrator '{integrator}'; there is {', '.join(INTEGRATORS)}")
     if integrator == "reference" and (artifact.method in ("augmented", "recursive-newton") or artifact.implementation == "generic"):
         raise RunError("the reference integrator takes generated code of the method recursive or classical")
+    if integrator == "reference" and artifact.method == "recursive" and artifact.scene.numerics.closure == "proximal":
+        raise RunError("the reference integrator draws the loops back by their stabilisation: use closure: penalty")
 
 
 def _solver(artifact: Artifact, solver: str) -> str:
@@ -362,6 +380,19 @@ def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
     run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, solver=solver)
     summary = call_simulator(artifact.binary.path, run_file)
     return {name: value for name, value in summary.items() if isinstance(value, float | int)}
+
+
+def with_closure(scene: Scene, closure: str) -> Scene:
+    """The scene with another closure; what it says of the penalty stays, a default becomes the closure's own.
+
+    Raises:
+        RunError: the scene leaves the penalty to the closure "proximal".
+    """
+    before = scene.numerics
+    if closure == "penalty" and not isfinite(before.penalty):
+        raise RunError(f"{scene.span}: scene '{scene.name}': penalty: auto needs closure: proximal; write a number")
+    default = closure == "proximal" and before.penalty == Numerics.penalty
+    return replace(scene, numerics=replace(before, closure=closure, penalty=inf if default else before.penalty))
 
 
 def with_figures(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:

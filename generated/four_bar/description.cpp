@@ -62,6 +62,7 @@ const Description& FourBar<Real>::description() const {
               {"crank_0.pin.angle", "rad"},
               {"crank_0.pin.angle_rate", "rad/s"},
           },
+      .cuts = {0, 6},
   };
   return description;
 }

@@ -28,7 +28,9 @@ int main() {
   starter.make_consistent(state, std::vector<bool>(state.v.size(), false), 1.0);
   starter.accelerate(state, 1.0);
   cutjoint::Trapezoidal<cutjoint::AnyMechanism<double>> integrator(mechanism, 0.001, {1e-6, 100, 4});
+  cutjoint::Trapezoidal<cutjoint::AnyMechanism<double>> projected(mechanism, 0.001, {1e-6, 100, 4, true});
   const long before = allocations;
-  for (long n = 0; n < 500; ++n) integrator.step(state, n);
+  for (long n = 0; n < 250; ++n) integrator.step(state, n);
+  for (long n = 250; n < 500; ++n) projected.step(state, n);
   std::printf("%ld %ld\n", before, allocations - before);
 }

@@ -191,6 +191,19 @@ def test_penalty_and_frequency_may_follow_the_step() -> None:
     assert [of[m].frequency for m in of] == pytest.approx([500.0, 500.0, 250.0])
 
 
+@pytest.mark.parametrize(
+    ("figures", "closure", "penalty"),
+    [
+        ("dt: 2 ms", "penalty", 1e9), ("closure: proximal", "proximal", math.inf),
+        ("closure: proximal, penalty: auto", "proximal", math.inf),
+        ("closure: proximal, penalty: 1e6", "proximal", 1e6),
+    ],
+)  # fmt: skip
+def test_the_penalty_follows_the_closure(figures: str, closure: str, penalty: float) -> None:
+    numerics = read("end: 2", f"end: 2, numerics: {{{figures}}}").scenes["fall"].numerics
+    assert (numerics.closure, numerics.penalty) == (closure, penalty)
+
+
 def test_roads_have_two_tracks() -> None:
     road = "{contact: disc, start: 1, left: [{step: -10 cm}, {flat: 2}], right: [{ramp: 3, rise: 1}]}"
     read_road = read("end: 2", f"end: 2, road: {road}").scenes["fall"].road

@@ -21,9 +21,9 @@ class BlockMechanism:
 
     def __init__(
         self, topology: Topology, scene: Scene, *, outputs: tuple[Output, ...] = (),
-        parameters: Mapping[str, float] | None = None, roads: Mapping[str, Flat] | None = None,
+        parameters: Mapping[str, float] | None = None, roads: Mapping[str, Flat] | None = None, closure: str = "penalty",
     ) -> None:  # fmt: skip
-        self.equations: RecursiveEquations = formulate_recursive(topology, scene, outputs)
+        self.equations: RecursiveEquations = formulate_recursive(topology, scene, outputs, closure=closure)
         self.roads = roads or {}
         given = parameters or {}
         self.parameters = np.array([given.get(p.name, p.value) for p in self.equations.parameters])
@@ -32,11 +32,14 @@ class BlockMechanism:
         """The result blocks of a function."""
         return next(f.results for f in self.equations.functions if f.name == function)
 
-    def inputs(self, at: Instant, multipliers: Array, numerics: Numerics, vdot: Array | None = None) -> dict[str, Array]:
+    def inputs(
+        self, at: Instant, multipliers: Array, numerics: Numerics, vdot: Array | None = None, gap: Array | None = None
+    ) -> dict[str, Array]:  # fmt: skip
         """The columns of the program's inputs by symbol name."""
         columns = {
             "t": np.array([at.t]), "motion": np.array([at.motion]), "parameters": self.parameters,
             "numerics": np.array([numerics.penalty, numerics.damping_ratio, numerics.frequency]),
+            "penalties": np.full(max(len(self.equations.closures), 1), numerics.penalty),
         }  # fmt: skip
         for chart in self.equations.charts:
             v = slice(chart.v, chart.v + len(chart.speed_names))
@@ -45,7 +48,10 @@ class BlockMechanism:
             if vdot is not None:
                 columns[f"vdot:{chart.joint}"] = vdot[v]
         for closure in self.equations.closures:
-            columns[f"lambda:{closure.joint}"] = multipliers[closure.first : closure.first + len(closure.names)]
+            rows = slice(closure.first, closure.first + len(closure.names))
+            columns[f"lambda:{closure.joint}"] = multipliers[rows]
+            if gap is not None:
+                columns[f"gap:{closure.joint}"] = gap[rows]
         return columns
 
     def solve(self, at: Instant, multipliers: Array, numerics: Numerics) -> Solution:
@@ -62,6 +68,12 @@ class BlockMechanism:
             residual=column("residual", closures), rate=column("rate", closures), condition=np.nan,
         )  # fmt: skip
 
+    def project(self, at: Instant, gap: Array, numerics: Numerics) -> Array:
+        """The step that closes a gap of the cut joints."""
+        results = self.results("project")
+        values = interpret_blocks(results.values(), self.inputs(at, np.zeros(len(gap)), numerics, gap=gap), self.roads)
+        return np.concatenate([np.zeros(0), *(values[results[f"dz:{c.joint}"]].ravel() for c in self.equations.charts)])
+
     def report(self, at: Instant, vdot: Array, multipliers: Array, numerics: Numerics) -> dict[str, float]:
         """The reported quantities by column name."""
         results = self.results("report")
@@ -71,10 +83,10 @@ class BlockMechanism:
 
 def both(
     topology: Topology, scene: Scene, *, outputs: tuple[Output, ...] = (), parameters: Mapping[str, float] | None = None,
-    roads: Mapping[str, Flat] | None = None,
+    roads: Mapping[str, Flat] | None = None, closure: str = "penalty",
 ) -> tuple[BlockMechanism, DenseMechanism]:  # fmt: skip
     """The formulation and the oracle of one model, which agree in the layout of q, v and the equations."""
-    blocks = BlockMechanism(topology, scene, outputs=outputs, parameters=parameters, roads=roads)
+    blocks = BlockMechanism(topology, scene, outputs=outputs, parameters=parameters, roads=roads, closure=closure)
     dense = DenseMechanism(topology, scene, parameters=parameters, roads=roads)
     charts = {c.joint: (c.q, c.v, c.scalars, c.ball) for c in blocks.equations.charts}
     assert charts == {name: (x.q, x.v, x.scalars, x.ball) for name, x in dense.layout.items()}

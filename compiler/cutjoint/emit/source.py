@@ -95,7 +95,9 @@ def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[
     )  # fmt: skip
     assert isinstance(equations, RecursiveEquations)
     lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
-    files["description.cpp"] = page.render("description.cpp.jinja", charts=equations.charts, **description(equations, lists))
+    files["description.cpp"] = page.render(
+        "description.cpp.jinja", charts=equations.charts, cuts=[c.first for c in equations.closures], **description(equations, lists)
+    )  # fmt: skip
     return files
 
 

@@ -84,6 +84,8 @@ class Viewer:
             return f"{slot.array}[{slot.offset + index}]"
         if symbol in _MEMBERS:
             return f"{_MEMBERS[symbol][0]}.{_MEMBERS[symbol][1][index]}"
+        if symbol == "penalties":
+            return f"stabilisation.penalties[{index}]"
         return f"parameters[{index}]" if symbol == "parameters" else symbol
 
     def _kept_names(self) -> dict[int, str]:
@@ -102,6 +104,8 @@ class Viewer:
         symbol, index = node.data
         if symbol in _MEMBERS:
             return _MEMBERS[symbol][1][index]
+        if symbol == "penalties":
+            return f"penalty_{self._equations.topology.cuts[index].name.replace('.', '_')}"
         return f"p_{self._equations.parameters[index].name}" if symbol == "parameters" else f"{symbol}_now"
 
     def members(self, binding: BindingTime) -> tuple[tuple[str, str], ...]:

@@ -21,9 +21,9 @@ BALLS = frozenset({JointKind.SPHERICAL, JointKind.POINT_ON_LINE, JointKind.DISTA
 
 @dataclass(frozen=True, kw_only=True)
 class Numbers:
-    """Blocks of the numerical parameters of the cut joints."""
+    """Blocks of the numerical parameters of the cut joints; ``penalties`` by their names."""
 
-    penalty: Block
+    penalties: Mapping[str, Block]
     damping_ratio: Block
     frequency: Block
 
@@ -63,12 +63,17 @@ def guide_rates(guide: Scalar, model: Model, scene: Scene) -> tuple[Scalar, Scal
     return position, rate, sympy.diff(rate, TIME)
 
 
-def make_numbers(builder: Builder) -> Numbers:
-    """The numerical parameters."""
+def make_numbers(builder: Builder, cuts: tuple[Joint, ...], closure: str) -> Numbers:
+    """The numerical parameters; with the closure "proximal" a penalty for each cut joint and no stabilisation."""
+    if closure == "proximal":
+        own = builder.symbol("penalties", max(len(cuts), 1), BindingTime.PARAM)
+        labels = {cut.name: f"penalty_{cut.name.replace('.', '_')}" for cut in cuts}
+        penalties = {name: builder.label(builder.element(own, i), label) for i, (name, label) in enumerate(labels.items())}
+        return Numbers(penalties=penalties, damping_ratio=builder.number(0.0), frequency=builder.number(0.0))
     column = builder.symbol("numerics", 3, BindingTime.PARAM)
     names = ("penalty", "damping_ratio", "frequency")
     penalty, ratio, frequency = (builder.label(builder.element(column, i), n) for i, n in enumerate(names))
-    return Numbers(penalty=penalty, damping_ratio=ratio, frequency=frequency)
+    return Numbers(penalties={cut.name: penalty for cut in cuts}, damping_ratio=ratio, frequency=frequency)
 
 
 def make_charts(topology: Topology) -> tuple[Chart, ...]:

@@ -97,8 +97,9 @@ class Equations:
 class RecursiveEquations(Equations):
     """The recursive formulation: joint coordinates by ``charts``, cut joints by ``closures``.
 
-    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``numerics`` (penalty, damping
-    ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``, ``column:name``.
+    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``gap:joint``, ``numerics``
+    (penalty, damping ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
+    ``dz:joint``, ``column:name``.
     """
 
     charts: tuple[Chart, ...]

@@ -165,8 +165,9 @@ class MethodNumerics(Part):
 class Numerics(Part):
     """Figures of the numerical method; ``methods`` changes some of them for one method."""
 
+    closure: Literal["penalty", "proximal"] = "penalty"
     dt: Number = _NUMERICS.dt
-    penalty: Number = _NUMERICS.penalty
+    penalty: Number | None = None
     damping_ratio: Number = _NUMERICS.damping_ratio
     frequency: Number = _NUMERICS.frequency
     tolerance: Number = _NUMERICS.tolerance

@@ -372,6 +372,8 @@ class Output:
 class Numerics:
     """Figures of the numerical method.
 
+    ``closure`` is how the recursive method holds its cut joints: "penalty", or "proximal", whose penalties follow from the effective masses
+    and of which ``penalty`` is an upper bound (infinite where the file says ``auto`` or nothing).
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
@@ -388,6 +390,7 @@ class Numerics:
     multiplier_updates: int = 4
     methods: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     by_step: Mapping[str, Scalar] = field(default_factory=dict)
+    closure: str = "penalty"
 
     def of_method(self, method: str) -> Numerics:
         """The figures of one method, at its step."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from math import inf
 from typing import Any
 
 from cutjoint.model import document
@@ -105,8 +106,10 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     """The figures; those of the cut joints may follow ``dt``."""
     laws = {
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
-        for key, of in (("penalty", NONE), ("frequency", NONE / TIME))
-    }
+        for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, "auto")
+    }  # fmt: skip
+    if part.penalty == "auto" and part.closure != "proximal":
+        where.fail("penalty: auto belongs to closure: proximal", "write a number, or closure: proximal", ("numerics", "penalty"))
     numbers = _figures(where, part, {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE}, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
         name: _figures(where, figures, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
@@ -118,7 +121,9 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
             _in_range(where, key, evaluate(law, {_STEP: dt}), ("numerics", key))
         numbers[key] = evaluate(law, {_STEP: numbers["dt"]})
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
-    return Numerics(**numbers, methods=methods, by_step=by_step)
+    if part.closure == "proximal":
+        numbers.setdefault("penalty", inf)
+    return Numerics(**numbers, methods=methods, by_step=by_step, closure=part.closure)
 
 
 def _figures(

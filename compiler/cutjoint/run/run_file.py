@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from math import isfinite
 from typing import Any
 
 from cutjoint.formulate.inputs import open_parameters
@@ -56,7 +57,7 @@ def make_run_file(
         "task": task,
         "parameters": parameters,
         "numerics": _figures(scene.numerics, method),
-        "stabilisation": {name: getattr(scene.numerics.of_method("recursive"), name) for name in ("penalty", "damping_ratio", "frequency")},
+        "stabilisation": _stabilisation(scene.numerics.of_method("recursive"), method),
         "end": scene.end,
         "output_step": scene.output_step,
         "pose": scene.pose,
@@ -80,10 +81,23 @@ def _figures(numerics: Numerics, method: str) -> dict[str, float | None]:
     figures: dict[str, float | None] = {
         name: getattr(own, name) for name in ("dt", "penalty", "tolerance", "iterations", "multiplier_updates")
     }
+    figures["penalty"] = _bound(own.penalty)
     if method in ("augmented", "recursive-newton"):
         figures["penalty"] = given.get("penalty")
         figures["multiplier_updates"] = given.get("multiplier_updates", AUGMENTED_UPDATES)
     return figures
+
+
+def _stabilisation(own: Numerics, method: str) -> dict[str, Any]:
+    """Figures of the recursive equations' cut joints; the start of a Lagrangian method has the closure "penalty"."""
+    if method == "recursive" and own.closure == "proximal":
+        return {"closure": own.closure, "penalty": _bound(own.penalty)}
+    penalty = own.penalty if isfinite(own.penalty) else Numerics.penalty
+    return {"penalty": penalty, "damping_ratio": own.damping_ratio, "frequency": own.frequency}
+
+
+def _bound(penalty: float) -> float | None:
+    return penalty if isfinite(penalty) else None
 
 
 class Evaluator:

@@ -1,10 +1,13 @@
 // The start of a run in relative coordinates, as its run file asks for it.
 #pragma once
 
+#include <algorithm>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/effective_mass.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/start.hpp"
@@ -20,7 +23,8 @@ class Launch {
 
   Launch(M& mechanism, const Json& file)
       : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), inputs_(d_, file) {
-    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"));
+    penalties_.assign(d_.cuts.size(), Real(1));  // until a pose is known
+    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), penalties_);
   }
 
   Launch(const Launch&) = delete;
@@ -29,14 +33,14 @@ class Launch {
   /// A mechanism at rest, which no guide moves.  Throws Failure.
   const State<Real>& at_rest() {
     place();
-    Starter<M>(mechanism_).accelerate(state_, Real(0));
+    starter().accelerate(state_, Real(0));
     return state_;
   }
 
   /// A mechanism in motion, with speeds that keep its loops closed.  Throws Failure.
   const State<Real>& in_motion() {
     place();
-    Starter<M> starter(mechanism_);
+    const Starter<M> starter = this->starter();
     const std::vector<bool> moving = read_given(file_.at("rates"), d_.speeds, state_.v);
     starter.make_consistent(state_, moving, Real(1));
     for (const std::string_view name : starter.undetermined(state_, moving)) undetermined_.push_back(std::string(name));
@@ -45,16 +49,41 @@ class Launch {
     return state_;
   }
 
+  /// Penalties of the proximal closure, known when a start has been found.
+  const std::vector<Real>& penalties() const { return penalties_; }
+
   /// Independent speeds that neither run file nor loops determine.
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
  private:
+  Starter<M> starter() const { return Starter<M>(mechanism_, is_proximal(file_.at("stabilisation"))); }
+
   void place() {
-    Starter<M> starter(mechanism_);
+    const Starter<M> starter = this->starter();
     const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
     starter.assemble(state_, placed, Real(0));
+    if (is_proximal(file_.at("stabilisation"))) weigh();
     if (file_.at("pose") == "equilibrium") starter.equilibrate(state_, placed);
     starter.assemble(state_, placed, Real(0));
+  }
+
+  /// Penalties from the effective masses in this pose, the given one their upper bound.
+  ///
+  /// Masses with the other cut joints open are measured by light penalties, then those with the others held by penalties of 1e4 times these.
+  void weigh() {
+    const Json& bound = file_.at("stabilisation").at("penalty");
+    const Real unbound = std::numeric_limits<Real>::infinity(), most = bound.is_null() ? unbound : Real(bound.get<double>());
+    load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
+    load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e4), unbound);
+    const Real stiffness = stiffness_of_cuts(read_number<Real>(file_.at("numerics"), "dt"));
+    load(EffectiveMasses<M>(mechanism_, state_, penalties_).held(), stiffness, most);
+  }
+
+  /// Load the mechanism with penalties of so many times the masses, `most` at most.
+  void load(const std::vector<Real>& masses, Real times, Real most) {
+    for (std::size_t i = 0; i < masses.size(); ++i) penalties_[i] = std::min(times * masses[i], most);
+    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), penalties_);
+    mechanism_.begin_step(state_.t, Real(0));
   }
 
   /// Which speeds belong to given coordinates.
@@ -71,6 +100,7 @@ class Launch {
   const Json& file_;
   State<Real> state_;
   Inputs<Real> inputs_;
+  std::vector<Real> penalties_;
   std::vector<std::string> undetermined_;
 };
 

@@ -3,6 +3,8 @@
 
 #include <concepts>
 #include <span>
+#include <stdexcept>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -42,15 +44,18 @@ struct Description {
   std::vector<Named> parameters;              ///< open parameters with defaults, SI units
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
+  std::vector<int> cuts{};                    ///< first equation of each cut joint
   std::vector<Guard> guards{};                ///< forces that must not act
 };
 
-/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).
+/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
+/// has a penalty for each cut joint, which `load` reads, and nothing else.
 template <class Real>
 struct Stabilisation {
   Real penalty{1e9};
   Real damping_ratio{1};
   Real frequency{10};
+  const Real* penalties = nullptr;
 };
 
 template <class Real>
@@ -63,6 +68,8 @@ class Road;
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `close` the residual of the cut joints and its rate,
 /// - `report` the columns,
+/// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
+///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves,
 /// - `guard` of each force that was left out the smallest margin, which is negative where the force would act.
 template <class M>
 concept Mechanism = requires(M m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
@@ -74,8 +81,14 @@ concept Mechanism = requires(M m, typename M::real_type* out, const typename M::
   m.evaluate(in, in, in, out, out);
   m.close(in, in, out, out);
   m.report(in, in, in, in, out);
+  m.project(in, in, out);
   m.guard(in, in, out);
 };
+
+/// A function was called that the compiler had no reason to make.
+[[noreturn]] inline void throw_missing(const char* function) {
+  throw std::logic_error(std::string("this mechanism was compiled without the function ") + function);
+}
 
 /// The base of generated mechanisms: the same contract behind virtual functions, so that one driver serves all models.
 template <class Real>
@@ -90,6 +103,7 @@ class AnyMechanism {
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
   virtual void close(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
+  virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_missing("project"); }
   virtual void guard(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with guards have it
 };
 

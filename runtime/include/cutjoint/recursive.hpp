@@ -28,7 +28,14 @@ class Recursive {
       : mechanism_(mechanism), d_(mechanism.description()), file_(file), inputs_(d_, file), state_(d_), guards_(mechanism),
         residual_(d_.equations.size()), rate_(d_.equations.size()) {
     if (file.contains("solver")) throw std::runtime_error("the recursive method has no linear solver to choose; leave 'solver' away");
-    inputs_.load_mechanism(mechanism_, file.at("stabilisation"));
+    const Json& figures = file.at("stabilisation");
+    const bool given = is_proximal(figures) && !figures.at("penalty").is_null();
+    load_penalties(std::vector<double>(d_.cuts.size(), given ? figures.at("penalty").get<double>() : 1.0));
+  }
+
+  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
+  void load_penalties(const std::vector<double>& penalties) {
+    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), converted<Real>(penalties));
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
@@ -46,7 +53,7 @@ class Recursive {
     const Json& numerics = file_.at("numerics");
     dt_ = read_number<Real>(numerics, "dt");
     const FixedPoint fixed_point{numerics.at("tolerance").get<double>(), numerics.at("iterations").get<int>(),
-                                 numerics.at("multiplier_updates").get<int>()};
+                                 numerics.at("multiplier_updates").get<int>(), is_proximal(file_.at("stabilisation"))};
     integrator_.emplace(mechanism_, dt_, fixed_point);
   }
 
@@ -87,13 +94,18 @@ class Recursive {
       state_.q = at.at("q").get<std::vector<Real>>();
       state_.v = at.at("v").get<std::vector<Real>>();
       state_.lambda = at.at("lambda").get<std::vector<Real>>();
-      std::vector<Real> correction(d_.equations.size()), values(d_.columns.size());
+      std::vector<Real> correction(d_.equations.size()), values(d_.columns.size()), dz(d_.speeds.size());
       mechanism_.begin_step(read_number<Real>(at, "t"), Real(1));
       mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), state_.vdot.data(), correction.data());
       mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+      mechanism_.project(state_.q.data(), residual_.data(), dz.data());
       report(values.data());
-      results.push_back(
-          Json{{"vdot", state_.vdot}, {"correction", correction}, {"residual", residual_}, {"rate", rate_}, {"columns", values}});
+      results.push_back(Json{{"vdot", state_.vdot},
+                             {"correction", correction},
+                             {"residual", residual_},
+                             {"rate", rate_},
+                             {"dz", dz},
+                             {"columns", values}});
     }
     return results;
   }

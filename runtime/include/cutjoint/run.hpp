@@ -61,10 +61,14 @@ class Run {
     if constexpr (requires { method_.evaluate(); })
       if (task == "evaluate") return Json{{"results", method_.evaluate()}};
     if (task == "equilibrium") {
-      method_.begin(launch_.at_rest(), 0.0);
+      const auto& start = launch_.at_rest();
+      if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
+      method_.begin(start, 0.0);
       return columns();
     }
-    method_.begin(launch_.in_motion(), 1.0);
+    const auto& start = launch_.in_motion();
+    if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
+    method_.begin(start, 1.0);
     if constexpr (requires { method_.time_solver(); })
       if (task == "factor") return method_.time_solver();
     return simulate();

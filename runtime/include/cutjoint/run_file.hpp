@@ -47,6 +47,9 @@ std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Js
   return values;
 }
 
+/// Whether the cut joints' figures are those of the proximal closure.
+inline bool is_proximal(const Json& figures) { return figures.value("closure", "penalty") == "proximal"; }
+
 /// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads.
 template <class Real>
 class Inputs {
@@ -58,8 +61,13 @@ class Inputs {
   Inputs(const Inputs&) = delete;
   Inputs& operator=(const Inputs&) = delete;
 
+  /// The figures of the cut joints; of the proximal closure `penalties`.
   template <class M>
-  void load_mechanism(M& mechanism, const Json& figures) const {
+  void load_mechanism(M& mechanism, const Json& figures, const std::vector<Real>& penalties) const {
+    if (is_proximal(figures)) {
+      mechanism.load(parameters_.data(), {.penalties = penalties.data()}, roads_.data());
+      return;
+    }
     mechanism.load(parameters_.data(),
                    {.penalty = read_number<Real>(figures, "penalty"),
                     .damping_ratio = read_number<Real>(figures, "damping_ratio"),

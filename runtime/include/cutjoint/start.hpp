@@ -20,9 +20,10 @@ class Starter {
   using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
   using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
 
-  explicit Starter(M& mechanism)
+  /// Accelerations of a mechanism of the proximal closure do not draw open loops together: `proximal` lets an equilibrium do so.
+  explicit Starter(M& mechanism, bool proximal = false)
       : mechanism_(mechanism), d_(mechanism.description()), n_(static_cast<Eigen::Index>(d_.speeds.size())),
-        m_(static_cast<Eigen::Index>(d_.equations.size())) {}
+        m_(static_cast<Eigen::Index>(d_.equations.size())), drawn_(proximal ? m_ : 0) {}
 
   /// Close the loops by the shortest way from the given coordinates (Gauss-Newton with least-norm steps).
   /// Throws Failure naming the equation that stays open.
@@ -114,7 +115,9 @@ class Starter {
     }
     if (!(largest(a) <= Real(1e-6))) {
       const auto worst = static_cast<std::size_t>(index_of_largest(a));
-      throw Failure("no static equilibrium was found near the given pose", 0, 0, std::string(d_.speeds[worst]),
+      const bool open = static_cast<Eigen::Index>(worst) >= n_;
+      const std::string_view name = open ? d_.equations[worst - static_cast<std::size_t>(n_)] : d_.speeds[worst];
+      throw Failure("no static equilibrium was found near the given pose", 0, 0, std::string(name),
                     static_cast<double>(largest(a)), "check that every free direction has a spring or is held");
     }
   }
@@ -151,19 +154,21 @@ class Starter {
     retract<Real>(d_.charts, from.data(), delta.data(), state.q.data());
   }
 
-  /// The accelerations at rest of what is not held.
+  /// The accelerations at rest of what is not held; below them what would draw open loops together at 10 1/s.
   Vector rest_acceleration(State<Real>& state, const std::vector<bool>& held) const {
     accelerate(state, Real(0));
-    Vector a = Eigen::Map<const Vector>(state.vdot.data(), n_);
+    Vector a(n_ + drawn_);
+    a.head(n_) = Eigen::Map<const Vector>(state.vdot.data(), n_);
+    if (drawn_ > 0) a.tail(drawn_) = Real(100) * residual(state);
     for (std::size_t i = 0; i < held.size(); ++i)
       if (held[i]) a[static_cast<Eigen::Index>(i)] = Real(0);
     return a;
   }
 
-  /// d vdot / d q at rest, by central differences.
+  /// The derivative of rest_acceleration by q, by central differences.
   Matrix stiffness(const State<Real>& state, const std::vector<bool>& held) const {
     const Real h(1e-5);
-    Matrix K(n_, n_);
+    Matrix K(n_ + drawn_, n_);
     Vector unit = Vector::Zero(n_);
     for (Eigen::Index i = 0; i < n_; ++i) {
       unit[i] = Real(1);
@@ -206,7 +211,7 @@ class Starter {
 
   M& mechanism_;
   const Description& d_;
-  Eigen::Index n_, m_;
+  Eigen::Index n_, m_, drawn_;
 };
 
 }  // namespace cutjoint

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/projection.hpp"
 #include "cutjoint/retraction.hpp"
 #include "cutjoint/state.hpp"
 
@@ -17,10 +18,13 @@ namespace cutjoint {
 /// It counts as reached when the accelerations change by at most `tolerance` times (1 + the largest of them).  The multipliers are
 /// corrected in the first `multiplier_updates` iterations of a step and then kept: the penalty carries what is left.  Near a singular
 /// pose the multipliers of the vanishing direction have no limit, and correcting them further would never end.
+///
+/// With the proximal closure positions and speeds are projected at the end of a step.
 struct FixedPoint {
   double tolerance;
   int iterations;
   int multiplier_updates;
+  bool proximal = false;
 };
 
 /// Integrates a mechanism with steps of equal length.
@@ -32,7 +36,7 @@ class Trapezoidal {
   Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
       : mechanism_(mechanism), charts_(mechanism.description().charts), dt_(dt), fixed_point_(fixed_point),
         v_hat_(mechanism.description().speeds.size()), z_hat_(v_hat_.size()), delta_(v_hat_.size()), vdot_(v_hat_.size()),
-        correction_(mechanism.description().equations.size()), before_(mechanism.description()) {}
+        correction_(mechanism.description().equations.size()), before_(mechanism.description()), projection_(mechanism) {}
 
   /// One step; `state` is that at its end.
   ///
@@ -60,6 +64,7 @@ class Trapezoidal {
     }
     follow(state);
     state.t = t;
+    if (fixed_point_.proximal) project(state, number);
   }
 
   long evaluations() const { return evaluations_; }
@@ -72,6 +77,16 @@ class Trapezoidal {
       delta_[i] = dt_ * dt_ / 4 * state.vdot[i] + z_hat_[i];
     }
     retract<Real>(charts_, before_.q.data(), delta_.data(), state.q.data());
+  }
+
+  void project(State<Real>& state, long number) {
+    try {
+      projection_.positions(state, number);
+      projection_.velocities(state, number);
+    } catch (const Failure&) {
+      state = before_;
+      throw;
+    }
   }
 
   bool converged(const State<Real>& state, const std::vector<Real>& previous) {
@@ -107,6 +122,7 @@ class Trapezoidal {
   FixedPoint fixed_point_;
   std::vector<Real> v_hat_, z_hat_, delta_, vdot_, correction_;
   State<Real> before_;
+  Projection<M> projection_;
   Real change_{0}, size_{1};
   std::size_t worst_ = 0;
   long evaluations_ = 0;

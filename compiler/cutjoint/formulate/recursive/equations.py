@@ -12,54 +12,54 @@ from cutjoint.formulate.inputs import (
     open_parameters,
     report_columns,
 )
-from cutjoint.formulate.records import Closure, Column, Function, RecursiveEquations, Slot
-from cutjoint.formulate.recursive.branches import BranchSystem
+from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
-from cutjoint.formulate.recursive.loops import LoopClosure, add_loops, correct_multipliers, derive_loops
+from cutjoint.formulate.recursive.loops import LoopClosure, corrections, derive_loops
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
-from cutjoint.formulate.recursive.recursion import BodySystem, condense, expand
+from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.formulate.recursive.solution import refine, respond, solve
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
-from cutjoint.program.blocks import Builder
+from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.topology.records import Topology
 
 _STATE = ("const Real* q", "const Real* v")
 
 
-def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> RecursiveEquations:
+#: How often an evaluation of the closure "proximal" corrects its multipliers.
+REFINEMENTS = 1
+
+
+def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = "penalty") -> RecursiveEquations:
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
-    rate; ``report``: q, v, vdot, lambda -> the outputs; with guards ``guard``: q, v -> margins.
+    rate; ``report``: q, v, vdot, lambda -> the outputs; ``project``: q, gap -> the step of the speeds' integrals that closes the gaps of
+    the cut joints and moves the masses least; with guards ``guard``: q, v -> margins.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
-    numbers = make_numbers(b)
+    numbers = make_numbers(b, topology.cuts, closure)
     k = derive_kinematics(b, make_translator(b, model, scene), topology, scene, {c.joint: c for c in charts})
     system = BodySystem(builder=b)
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
     margins = add_guards(forces, k, model, scene)
     loops = derive_loops(k, topology.cuts, numbers)
-    branches = [
-        BranchSystem(branch=branch, system=system, k=k, numbers=numbers, loops=[x for x in loops if x.joint.name in branch.cuts])
-        for branch in topology.branches
-    ]  # fmt: skip
-    of_body = {body: branch for branch in branches for body in branch.branch.bodies}
-    coupling = tuple(x for x in loops if not any(x.joint.name in branch.cuts for branch in topology.branches))
-    add_loops(system, k, coupling, numbers)
-    Zdd, zdd = expand(k, condense(system, k, of_body), b, of_body)
-    corrections = correct_multipliers(k, coupling, numbers, Zdd)
-    for branch in branches:
-        corrections |= branch.corrections()
-    by_joint = {k.motions[body].tree_joint.joint.name: block for body, block in zdd.items()}
+    masses = dict(system.M)
+    solution = solve(topology, system, k, loops, numbers)
+    if closure == "proximal":
+        solution = refine(topology, masses, k, loops, numbers, solution, REFINEMENTS)
+    correction = corrections(k, loops, numbers, solution.errors)
+    gaps = {x.joint.name: b.symbol(f"gap:{x.joint.name}", len(x.names), BindingTime.ITERATION) for x in loops}
+    step = respond(topology, masses, k, loops, numbers, gaps, "p").vdot
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=given_accelerations(k))
     closures = _closures(loops)
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
-            **{f"vdot:{c.joint}": by_joint[c.joint] for c in charts},
-            **{f"correction:{loop.joint.name}": corrections[loop.joint.name] for loop in loops},
+            **{f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts},
+            **{f"correction:{loop.joint.name}": correction[loop.joint.name] for loop in loops},
         }),
         Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
             **{f"residual:{loop.joint.name}": loop.residual for loop in loops},
@@ -69,13 +69,19 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
             name="report", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* column"),
             results=report_columns(b, reporter.quantity, outputs),
         ),
+        Function(name="project", arguments=("const Real* q", "const Real* gap", "Real* dz"), results={
+            f"dz:{c.joint}": step[c.joint] for c in charts
+        }),
         *guard_function(margins),
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
         parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
-        slots={**chart_slots(charts, ""), **_closure_slots(closures), **column_slots(outputs), **margin_slots(model, scene)},
+        slots={
+            **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),
+            **margin_slots(model, scene),
+        },
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip
 
@@ -83,8 +89,12 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
 def _closure_slots(closures: tuple[Closure, ...]) -> dict[str, Slot]:
     return {
         f"{array}:{c.joint}": Slot(array=array, offset=c.first, names=c.names)
-        for c in closures for array in ("lambda", "correction", "residual", "rate")
+        for c in closures for array in ("lambda", "correction", "residual", "rate", "gap")
     }  # fmt: skip
+
+
+def _step_slots(charts: tuple[Chart, ...]) -> dict[str, Slot]:
+    return {f"dz:{chart.joint}": Slot(array="dz", offset=chart.v, names=chart.speed_names) for chart in charts}
 
 
 def _closures(loops: tuple[LoopClosure, ...]) -> tuple[Closure, ...]:

@@ -45,6 +45,8 @@ def explain_closures(topology: Topology, numerics: Numerics, counterparts: Seque
 
 
 def _numbers(numerics: Numerics) -> str:
+    if numerics.closure == "proximal":
+        return "In this scene the closure is proximal: a run finds the penalty of each cut joint from the mass that it feels."
     penalty, ratio, frequency = (number(x, times="e{}") for x in (numerics.penalty, numerics.damping_ratio, numerics.frequency))
     return rf"In this scene the penalty is $\alpha$ = {penalty}, the damping ratio $\xi$ = {ratio} and the frequency $w$ = {frequency} 1/s."
 

@@ -90,7 +90,7 @@ class RelativeReference : public Reference<Relative<M>, Extrapolation, M> {
   RelativeReference(M& mechanism, const Json& file)
       : Reference<Relative<M>, Extrapolation, M>(mechanism, dynamics_, file), inputs_(mechanism.description(), file),
         dynamics_(mechanism, read_number<Real>(file.at("numerics"), "tolerance") / 10000) {
-    inputs_.load_mechanism(mechanism, file.at("stabilisation"));
+    inputs_.load_mechanism(mechanism, file.at("stabilisation"), {});
   }
 
   void begin(const State<double>& start, double) { Reference<Relative<M>, Extrapolation, M>::begin(State<Real>(start)); }
