@@ -172,6 +172,8 @@ class Numerics(Part):
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
+    integrator: Literal["trapezoidal", "rk4", "dormand-prince"] = "trapezoidal"
+    absolute_tolerance: Number | None = None
     methods: dict[Literal["recursive", "augmented", "classical"], MethodNumerics] = Field(default={})
 
 

@@ -107,7 +107,8 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
         for key, of in (("penalty", NONE), ("frequency", NONE / TIME))
     }
-    numbers = _figures(where, part, {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE}, ("numerics",))
+    own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE}
+    numbers = _figures(where, part, own, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
         name: _figures(where, figures, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
         for name, figures in part.methods.items()
@@ -118,7 +119,7 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
             _in_range(where, key, evaluate(law, {_STEP: dt}), ("numerics", key))
         numbers[key] = evaluate(law, {_STEP: numbers["dt"]})
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
-    return Numerics(**numbers, methods=methods, by_step=by_step)
+    return Numerics(**numbers, integrator=part.integrator, methods=methods, by_step=by_step)
 
 
 def _figures(
@@ -135,7 +136,7 @@ def _figures(
 
 
 def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
-    if key in ("dt", "penalty", "tolerance", "iterations"):
+    if key in ("dt", "penalty", "tolerance", "absolute_tolerance", "iterations"):
         _positive(where, value, keys)
     elif value < 0:
         where.fail(f"{key} must not be negative", "", keys)

@@ -43,7 +43,8 @@ def make_run_file(
     """The run file of a task: "simulate", "equilibrium" or "evaluate"; of a Lagrangian method also "factor".
 
     ``solver`` names the linear solver of a Lagrangian method, by default the emitted one; ``steps_out`` is where iterations and residuals
-    of each step go.  The ``integrator`` "reference" takes steps as long as ``tolerance`` allows between rows that are ``dt`` apart.
+    of each step go.  The ``integrator`` "reference" takes steps as long as ``tolerance`` allows between rows that are ``dt`` apart,
+    "dormand-prince" such steps without regard to rows, of which each has its place, and the explicit ones have no stabilisation.
     ``numerics`` are the method's figures, a penalty of None is left to the simulator; ``stabilisation`` those of the cut joints of the
     recursive equations, which start every run.
 
@@ -52,11 +53,18 @@ def make_run_file(
     """
     parameters = parameter_values(model, changes)
     value = Evaluator(model, parameters)
+    figures = _figures(scene.numerics, method)
+    stabilisation = {name: getattr(scene.numerics.of_method("recursive"), name) for name in ("penalty", "damping_ratio", "frequency")}
+    if integrator in ("rk4", "dormand-prince"):
+        figures |= _explicit_figures(scene.numerics)
+        stabilisation["frequency"] = 0.0
+    if integrator == "dormand-prince":
+        figures["dt"] = scene.output_step
     return {
         "task": task,
         "parameters": parameters,
-        "numerics": _figures(scene.numerics, method),
-        "stabilisation": {name: getattr(scene.numerics.of_method("recursive"), name) for name in ("penalty", "damping_ratio", "frequency")},
+        "numerics": figures,
+        "stabilisation": stabilisation,
         "end": scene.end,
         "output_step": scene.output_step,
         "pose": scene.pose,
@@ -84,6 +92,12 @@ def _figures(numerics: Numerics, method: str) -> dict[str, float | None]:
         figures["penalty"] = given.get("penalty")
         figures["multiplier_updates"] = given.get("multiplier_updates", AUGMENTED_UPDATES)
     return figures
+
+
+def _explicit_figures(numerics: Numerics) -> dict[str, float | None]:
+    """The absolute error that a step may have; without one it is a share of 1 (m, rad, m/s, rad/s), as the relative one."""
+    own = numerics.of_method("recursive")
+    return {"absolute_tolerance": own.tolerance if own.absolute_tolerance is None else own.absolute_tolerance}
 
 
 class Evaluator:

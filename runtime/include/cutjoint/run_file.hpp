@@ -58,6 +58,8 @@ class Inputs {
   Inputs(const Inputs&) = delete;
   Inputs& operator=(const Inputs&) = delete;
 
+  const std::vector<Road<Real>>& roads() const { return roads_; }
+
   template <class M>
   void load_mechanism(M& mechanism, const Json& figures) const {
     mechanism.load(parameters_.data(),

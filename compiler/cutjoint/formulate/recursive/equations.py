@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
     chart_slots,
@@ -12,7 +14,7 @@ from cutjoint.formulate.inputs import (
     open_parameters,
     report_columns,
 )
-from cutjoint.formulate.records import Closure, Column, Function, RecursiveEquations, Slot
+from cutjoint.formulate.records import Closure, Column, Function, RecursiveEquations, Slot, SwitchPlace
 from cutjoint.formulate.recursive.branches import BranchSystem
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -22,16 +24,20 @@ from cutjoint.formulate.recursive.recursion import BodySystem, condense, expand
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import Builder
+from cutjoint.program.switches import Switch, find_switches
 from cutjoint.topology.records import Topology
 
 _STATE = ("const Real* q", "const Real* v")
 
 
-def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> RecursiveEquations:
+def formulate_recursive(
+    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, with_switches: bool = False
+) -> RecursiveEquations:  # fmt: skip
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
-    rate; ``report``: q, v, vdot, lambda -> the outputs; with guards ``guard``: q, v -> margins.
+    rate; ``report``: q, v, vdot, lambda -> the outputs; with guards ``guard``: q, v -> margins; ``with_switches``, if there are
+    any, ``events``: q, v -> their values.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -56,10 +62,11 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     by_joint = {k.motions[body].tree_joint.joint.name: block for body, block in zdd.items()}
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=given_accelerations(k))
     closures = _closures(loops)
+    accelerations = {f"vdot:{c.joint}": by_joint[c.joint] for c in charts}
+    switches = find_switches(b, accelerations.values()) if with_switches else []
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
-            **{f"vdot:{c.joint}": by_joint[c.joint] for c in charts},
-            **{f"correction:{loop.joint.name}": corrections[loop.joint.name] for loop in loops},
+            **accelerations, **{f"correction:{loop.joint.name}": corrections[loop.joint.name] for loop in loops},
         }),
         Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
             **{f"residual:{loop.joint.name}": loop.residual for loop in loops},
@@ -70,13 +77,37 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
             results=report_columns(b, reporter.quantity, outputs),
         ),
         *guard_function(margins),
+        *_events(switches),
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
         parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
-        slots={**chart_slots(charts, ""), **_closure_slots(closures), **column_slots(outputs), **margin_slots(model, scene)},
+        slots={
+            **chart_slots(charts, ""), **_closure_slots(closures), **column_slots(outputs), **margin_slots(model, scene),
+            **{f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(switches))},
+        },
+        switches=_described(b, switches),
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
+    )  # fmt: skip
+
+
+def _events(switches: Sequence[Switch]) -> tuple[Function, ...]:
+    """The function ``events``: q, v -> the values of the switches; none if there are none."""
+    arguments = (*_STATE, "Real* value")
+    results = {f"value:{i}": switch.value for i, switch in enumerate(switches)}
+    return (Function(name="events", arguments=arguments, results=results),) if switches else ()
+
+
+def _described(b: Builder, switches: Sequence[Switch]) -> tuple[SwitchPlace, ...]:
+    numbers = {switch.value: i for i, switch in enumerate(switches) if not switch.road}
+    sections = [b.sections[switch.section] for switch in switches]
+    return tuple(
+        SwitchPlace(
+            element=section.element or section.stage, place=section.source, road=switch.road,
+            across=-1 if switch.across is None else numbers.get(switch.across, -1),
+        )
+        for switch, section in zip(switches, sections, strict=True)
     )  # fmt: skip
 
 

@@ -1,0 +1,72 @@
+// A mechanism as an explicit method sees it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cutjoint/runge_kutta/regime.hpp"
+#include "cutjoint/relative.hpp"
+#include "cutjoint/road.hpp"
+
+namespace cutjoint::runge_kutta {
+
+/// The differential equation of a mechanism whose switches are watched at every stage.
+template <Mechanism M>
+class Watched : public Relative<M> {
+ public:
+  using Real = typename M::real_type;
+
+  Watched(M& mechanism, const std::vector<Road<Real>>& roads, Real settled)
+      : Relative<M>(mechanism, settled), regime_(mechanism.description().switches, roads) {}
+
+  /// Take over a start, in the regime in which it stands.
+  std::vector<Real> begin(const State<Real>& start) {
+    std::vector<Real> y = Relative<M>::begin(start);
+    adopt(start.t, y);
+    return y;
+  }
+
+  void derive(Real t, const std::vector<Real>& y, std::vector<Real>& slope) {
+    Relative<M>::derive(t, y, slope);
+    if (regime_.empty()) return;
+    evaluate_switches();
+    regime_.look(t);
+  }
+
+  /// Seek the switches that a state has out of the regime; whether there are any.
+  bool seek(Real t, const std::vector<Real>& y) {
+    switch_at(t, y);
+    return regime_.seek();
+  }
+
+  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  std::size_t found(Real t, const std::vector<Real>& y) {
+    switch_at(t, y);
+    return regime_.found();
+  }
+
+  /// Go over to the regime of a state.
+  void adopt(Real t, const std::vector<Real>& y) {
+    if (regime_.empty()) return;
+    switch_at(t, y);
+    regime_.adopt();
+  }
+
+  Regime<Real>& regime() { return regime_; }
+  const std::vector<Switch>& switches() const { return d_.switches; }
+
+ private:
+  using Relative<M>::d_, Relative<M>::mechanism_, Relative<M>::state_;
+
+  void switch_at(Real t, const std::vector<Real>& y) {
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    evaluate_switches();
+  }
+
+  void evaluate_switches() { mechanism_.events(state_.q.data(), state_.v.data(), regime_.values()); }
+
+  Regime<Real> regime_;
+};
+
+}  // namespace cutjoint::runge_kutta
