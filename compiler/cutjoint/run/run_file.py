@@ -57,7 +57,7 @@ def make_run_file(
     stabilisation = {name: getattr(scene.numerics.of_method("recursive"), name) for name in ("penalty", "damping_ratio", "frequency")}
     if integrator in ("rk4", "dormand-prince"):
         figures |= _explicit_figures(scene.numerics)
-        stabilisation["frequency"] = 0.0
+        stabilisation |= _explicit_stabilisation(scene.numerics)
     if integrator == "dormand-prince":
         figures["dt"] = scene.output_step
     return {
@@ -92,6 +92,17 @@ def _figures(numerics: Numerics, method: str) -> dict[str, float | None]:
         figures["penalty"] = given.get("penalty")
         figures["multiplier_updates"] = given.get("multiplier_updates", AUGMENTED_UPDATES)
     return figures
+
+
+#: The largest penalty of explicit integrators, unless one is given for the method: multipliers are corrected until nothing of it is left, and
+#: a larger one would leave fewer digits of the accelerations.
+EXPLICIT_PENALTY = 1e6
+
+
+def _explicit_stabilisation(numerics: Numerics) -> dict[str, float]:
+    """Loops are projected, not drawn together."""
+    given = numerics.methods.get("recursive", {})
+    return {"penalty": given.get("penalty", min(numerics.penalty, EXPLICIT_PENALTY)), "frequency": 0.0}
 
 
 def _explicit_figures(numerics: Numerics) -> dict[str, float | None]:

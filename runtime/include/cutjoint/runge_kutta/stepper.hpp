@@ -100,8 +100,8 @@ class Stepper {
     before_ = t_;
     h_last_ = h;
     ++counts_.steps;
+    dynamics_.advance(t_ + h);
     finish(t_ + h, end_);
-    dynamics_.regime().advance();
   }
 
   /// The step ends at t in y.

@@ -1,7 +1,8 @@
 // A mechanism as an explicit method sees it.
 #pragma once
 
-#include <string>
+#include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "cutjoint/runge_kutta/regime.hpp"
@@ -17,7 +18,8 @@ class Watched : public Relative<M> {
   using Real = typename M::real_type;
 
   Watched(M& mechanism, const std::vector<Road<Real>>& roads, Real settled)
-      : Relative<M>(mechanism, settled), regime_(mechanism.description().switches, roads) {}
+      : Relative<M>(mechanism, settled), regime_(mechanism.description().switches, roads),
+        last_(mechanism.description().equations.size()), before_last_(last_) {}
 
   /// Take over a start, in the regime in which it stands.
   std::vector<Real> begin(const State<Real>& start) {
@@ -27,6 +29,7 @@ class Watched : public Relative<M> {
   }
 
   void derive(Real t, const std::vector<Real>& y, std::vector<Real>& slope) {
+    predict(t);
     Relative<M>::derive(t, y, slope);
     if (regime_.empty()) return;
     evaluate_switches();
@@ -45,8 +48,19 @@ class Watched : public Relative<M> {
     return regime_.found();
   }
 
+  /// A step ended at t, the last stage there being its end; the regime goes on.
+  void advance(Real t) {
+    regime_.advance();
+    last_.swap(before_last_);
+    std::swap(last_time_, before_last_time_);
+    last_ = state_.lambda;
+    last_time_ = t;
+    known_ = std::min(known_ + 1, 2);
+  }
+
   /// Go over to the regime of a state.
   void adopt(Real t, const std::vector<Real>& y) {
+    known_ = 0;
     if (regime_.empty()) return;
     switch_at(t, y);
     regime_.adopt();
@@ -58,6 +72,13 @@ class Watched : public Relative<M> {
  private:
   using Relative<M>::d_, Relative<M>::mechanism_, Relative<M>::state_;
 
+  /// Multipliers to begin with: on the line through those of the last two steps' ends.
+  void predict(Real t) {
+    if (known_ < 2) return;
+    const Real share = (t - last_time_) / (last_time_ - before_last_time_);
+    for (std::size_t i = 0; i < last_.size(); ++i) state_.lambda[i] = last_[i] + share * (last_[i] - before_last_[i]);
+  }
+
   void switch_at(Real t, const std::vector<Real>& y) {
     this->take(t, y);
     mechanism_.begin_step(t, Real(1));
@@ -67,6 +88,9 @@ class Watched : public Relative<M> {
   void evaluate_switches() { mechanism_.events(state_.q.data(), state_.v.data(), regime_.values()); }
 
   Regime<Real> regime_;
+  std::vector<Real> last_, before_last_;
+  Real last_time_{0}, before_last_time_{0};
+  int known_ = 0;
 };
 
 }  // namespace cutjoint::runge_kutta
