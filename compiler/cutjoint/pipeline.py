@@ -150,22 +150,30 @@ def generate(
     # Model -> Topology
     topology = build_topology(model)
     # Topology -> Equations
-    runs_itself = method == "recursive"
-    recursive = formulate_recursive(topology, scene, tuple(outputs) if runs_itself else (), with_switches=runs_itself)
+    recursive = formulate_recursive(topology, scene, tuple(outputs) if method == "recursive" else ())
     require_inertia(recursive)
-    if not runs_itself:
-        return generate_lagrangian(recursive, method, tuple(outputs), lanes=lanes, straight_line=straight_line)
+    if method != "recursive":
+        return generate_lagrangian(_only_starting(recursive), method, tuple(outputs), lanes=lanes, straight_line=straight_line)
     # Equations -> Program
     program = schedule_recursive(recursive, lanes=lanes)
     # Program -> Source
     return recursive, program, emit(program, recursive)
 
 
+#: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
+_OFTEN = frozenset({"evaluate", "project", "guard", "events"})
+
+
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_families(equations.builder, equations.topology) if lanes else []
-    folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in ("evaluate", "guard")}
+    folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in _OFTEN}
     return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions])
+
+
+def _only_starting(equations: RecursiveEquations) -> RecursiveEquations:
+    """The equations without what a start does not call."""
+    return replace(equations, functions=tuple(f for f in equations.functions if f.name not in ("project", "events")), switches=())
 
 
 def generate_lagrangian(

@@ -270,7 +270,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real zdd_crank_0_bar_0 = h_crank_0_bar_0*Dinv_crank_0_bar_0 - (crank_0_pin_17*zdd_crank_0_bar_1 + crank_0_pin_18*zdd_crank_0_bar_2);
 
   // multipliers: closure_1
-  //   lambda <- lambda + a (J zdd + s')
+  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:30
   const Real correction_closure_1_vx = loaded_.penalty*(drift_closure_1_vx + (R_crank_1_pin_xx*zdd_crank_0_bar_4 -
       (R_crank_1_pin_xx*zdd_crank_0_bar_2 + J_closure_1_vx_3_negated*zdd_crank_0_bar_3)));
@@ -278,7 +278,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
       J_closure_1_vy_3_negated*zdd_crank_0_bar_3 + J_closure_1_vy_4_negated*zdd_crank_0_bar_4));
 
   // multipliers: closure_2
-  //   lambda <- lambda + a (J zdd + s')
+  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:31
   const Real correction_closure_2_vx = loaded_.penalty*(drift_closure_2_vx + (R_crank_2_pin_xx*zdd_crank_0_bar_2 -
       (R_crank_2_pin_xx*zdd_crank_0_bar_0 + J_closure_2_vx_1_negated*zdd_crank_0_bar_1)));

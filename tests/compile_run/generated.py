@@ -66,9 +66,12 @@ def interpret(equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]
     for closure in equations.closures:
         inputs[f"lambda:{closure.joint}"] = state.multipliers[closure.first : closure.first + len(closure.names)]
     roads = {name: FlatRoad() for name in equations.roads}
-    evaluate, close, report = equations.functions
+    evaluate, close, report, project = (equations.function(name) for name in ("evaluate", "close", "report", "project"))
     found = {name: _results(evaluate, f"{name}:", inputs, roads) for name in ("vdot", "correction")}
     found |= {name: _results(close, f"{name}:", inputs, roads) for name in ("residual", "rate")}
+    for closure in equations.closures:
+        inputs[f"gap:{closure.joint}"] = found["residual"][closure.first : closure.first + len(closure.names)]
+    found["dz"] = _results(project, "dz:", inputs, roads)
     for chart in equations.charts:
         inputs[f"vdot:{chart.joint}"] = found["vdot"][chart.v : chart.v + len(chart.speed_names)]
     return found | {"columns": _results(report, "column:", inputs, roads)}

@@ -59,6 +59,13 @@ def compare(model: Model, seed: int, motion: float = 1.0) -> None:
     q, v = random_models.state(dense.layout, dense.nq, dense.nv, rng)
     at, multipliers = Instant(q=q, v=v, t=0.37, motion=motion), 10 * rng.standard_normal(dense.m)
     assert_agree(blocks.solve(at, multipliers, SOFT), dense.solve(at, multipliers, SOFT), SOFT)
+    assert_same_step(blocks, dense, at, 0.1 * rng.standard_normal(dense.m), SOFT)
+
+
+def assert_same_step(blocks: BlockMechanism, dense: DenseMechanism, at: Instant, gap: Array, numerics: Numerics) -> None:
+    """What closes a gap, to rounding times the system's condition."""
+    expected, condition = dense.project(at, gap, numerics)
+    assert relative_error(blocks.project(at, gap, numerics), expected, 0.01) < 1e-11 + 50 * EPS * condition
 
 
 # Random models
@@ -214,6 +221,7 @@ def test_iltis(name: str, penalty: float) -> None:
         v[0] += 5.0
         at, multipliers = Instant(q=q, v=v, t=0.3), 1e3 * rng.standard_normal(dense.m)
         assert_agree(blocks.solve(at, multipliers, numerics), dense.solve(at, multipliers, numerics), numerics)
+        assert_same_step(blocks, dense, at, 0.01 * rng.standard_normal(dense.m), numerics)
 
 
 def test_iltis_has_the_size_of_the_paper() -> None:

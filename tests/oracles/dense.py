@@ -434,15 +434,23 @@ class DenseMechanism:
         a, w = numerics.penalty, numerics.frequency
         s = c.drift + 2 * numerics.damping_ratio * w * c.rate + w**2 * c.residual
         M, bias = self.inertia(motion)
-        system = M + a * c.jacobian.T @ c.jacobian
-        right = self.applied(at, motion) - bias - c.jacobian.T @ (a * s + multipliers)
-        scale = 1 / np.sqrt(np.diag(system))
-        scaled = system * np.outer(scale, scale)
-        vdot = scale * np.linalg.solve(scaled, scale * right)
+        vdot, condition = _penalised(M, c.jacobian, a, self.applied(at, motion) - bias - c.jacobian.T @ (a * s + multipliers))
         return Solution(
-            vdot=vdot, correction=a * (c.jacobian @ vdot + s), residual=c.residual, rate=c.rate,
-            condition=float(np.linalg.cond(scaled)),
+            vdot=vdot, correction=a * (c.jacobian @ vdot + s), residual=c.residual, rate=c.rate, condition=condition,
         )  # fmt: skip
+
+    def project(self, at: Instant, gap: Array, numerics: Numerics) -> tuple[Array, float]:
+        """The step that a gap of the cut joints asks for, (M + Phi_v^T a Phi_v) dz = -Phi_v^T a gap, and the system's condition."""
+        jacobian, a = self.closures(at).jacobian, numerics.penalty
+        return _penalised(self.inertia(self.motion(at))[0], jacobian, a, -jacobian.T @ (a * gap))
+
+
+def _penalised(M: Array, jacobian: Array, penalty: float, right: Array) -> tuple[Array, float]:
+    """The solution of (M + Phi_v^T a Phi_v) x = right, and the condition of the system scaled to a unit diagonal."""
+    system = M + penalty * jacobian.T @ jacobian
+    scale = 1 / np.sqrt(np.diag(system))
+    scaled = system * np.outer(scale, scale)
+    return scale * np.linalg.solve(scaled, scale * right), float(np.linalg.cond(scaled))
 
 
 def _layout(topology: Topology) -> dict[str, Layout]:

@@ -32,7 +32,9 @@ class BlockMechanism:
         """The result blocks of a function."""
         return next(f.results for f in self.equations.functions if f.name == function)
 
-    def inputs(self, at: Instant, multipliers: Array, numerics: Numerics, vdot: Array | None = None) -> dict[str, Array]:
+    def inputs(
+        self, at: Instant, multipliers: Array, numerics: Numerics, vdot: Array | None = None, gap: Array | None = None
+    ) -> dict[str, Array]:  # fmt: skip
         """The columns of the program's inputs by symbol name."""
         columns = {
             "t": np.array([at.t]), "motion": np.array([at.motion]), "parameters": self.parameters,
@@ -45,7 +47,10 @@ class BlockMechanism:
             if vdot is not None:
                 columns[f"vdot:{chart.joint}"] = vdot[v]
         for closure in self.equations.closures:
-            columns[f"lambda:{closure.joint}"] = multipliers[closure.first : closure.first + len(closure.names)]
+            rows = slice(closure.first, closure.first + len(closure.names))
+            columns[f"lambda:{closure.joint}"] = multipliers[rows]
+            if gap is not None:
+                columns[f"gap:{closure.joint}"] = gap[rows]
         return columns
 
     def solve(self, at: Instant, multipliers: Array, numerics: Numerics) -> Solution:
@@ -61,6 +66,12 @@ class BlockMechanism:
             vdot=column("vdot", [c.joint for c in self.equations.charts]), correction=column("correction", closures),
             residual=column("residual", closures), rate=column("rate", closures), condition=np.nan,
         )  # fmt: skip
+
+    def project(self, at: Instant, gap: Array, numerics: Numerics) -> Array:
+        """The step that closes a gap of the cut joints."""
+        results = self.results("project")
+        values = interpret_blocks(results.values(), self.inputs(at, np.zeros(len(gap)), numerics, gap=gap), self.roads)
+        return np.concatenate([np.zeros(0), *(values[results[f"dz:{c.joint}"]].ravel() for c in self.equations.charts)])
 
     def report(self, at: Instant, vdot: Array, multipliers: Array, numerics: Numerics) -> dict[str, float]:
         """The reported quantities by column name."""

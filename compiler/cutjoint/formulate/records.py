@@ -109,8 +109,9 @@ class Equations:
 class RecursiveEquations(Equations):
     """The recursive formulation: joint coordinates by ``charts``, cut joints by ``closures``, the values of ``events`` by ``switches``.
 
-    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``numerics`` (penalty, damping
-    ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``, ``column:name``, ``value:number``.
+    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``gap:joint``, ``numerics``
+    (penalty, damping ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
+    ``dz:joint``, ``column:name``, ``value:number``.
     """
 
     charts: tuple[Chart, ...]

@@ -98,6 +98,7 @@ class Builder:
     def __init__(self) -> None:
         self._nodes: dict[Hashable, Block] = {}
         self._section = 0
+        self._mark = ""
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
         self.labels: dict[Block, str] = {}
 
@@ -112,9 +113,18 @@ class Builder:
         finally:
             self._section = before
 
+    @contextmanager
+    def marked(self, mark: str) -> Iterator[None]:
+        """Names given inside begin with a mark, for a part of the formulation that is done again with other values."""
+        before, self._mark = self._mark, self._mark + mark
+        try:
+            yield
+        finally:
+            self._mark = before
+
     def label(self, block: Block, name: str) -> Block:
         """Name a block as the literature does; the first name stays."""
-        self.labels.setdefault(block, name)
+        self.labels.setdefault(block, self._mark + name)
         return block
 
     def _make(

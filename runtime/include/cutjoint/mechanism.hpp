@@ -3,6 +3,8 @@
 
 #include <concepts>
 #include <span>
+#include <stdexcept>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -74,6 +76,8 @@ class Road;
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `close` the residual of the cut joints and its rate,
 /// - `report` the columns,
+/// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
+///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves,
 /// - `guard` of each force that was left out the smallest margin, which is negative where the force would act.
 template <class M>
 concept Mechanism = requires(M m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
@@ -85,8 +89,14 @@ concept Mechanism = requires(M m, typename M::real_type* out, const typename M::
   m.evaluate(in, in, in, out, out);
   m.close(in, in, out, out);
   m.report(in, in, in, in, out);
+  m.project(in, in, out);
   m.guard(in, in, out);
 };
+
+/// A function was called that the compiler had no reason to make.
+[[noreturn]] inline void throw_missing(const char* function) {
+  throw std::logic_error(std::string("this mechanism was compiled without the function ") + function);
+}
 
 /// The base of generated mechanisms: the same contract behind virtual functions, so that one driver serves all models.
 template <class Real>
@@ -101,6 +111,7 @@ class AnyMechanism {
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
   virtual void close(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
+  virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_missing("project"); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
 };

@@ -87,13 +87,18 @@ class Recursive {
       state_.q = at.at("q").get<std::vector<Real>>();
       state_.v = at.at("v").get<std::vector<Real>>();
       state_.lambda = at.at("lambda").get<std::vector<Real>>();
-      std::vector<Real> correction(d_.equations.size()), values(d_.columns.size());
+      std::vector<Real> correction(d_.equations.size()), values(d_.columns.size()), dz(d_.speeds.size());
       mechanism_.begin_step(read_number<Real>(at, "t"), Real(1));
       mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), state_.vdot.data(), correction.data());
       mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+      mechanism_.project(state_.q.data(), residual_.data(), dz.data());
       report(values.data());
-      results.push_back(
-          Json{{"vdot", state_.vdot}, {"correction", correction}, {"residual", residual_}, {"rate", rate_}, {"columns", values}});
+      results.push_back(Json{{"vdot", state_.vdot},
+                             {"correction", correction},
+                             {"residual", residual_},
+                             {"rate", rate_},
+                             {"dz", dz},
+                             {"columns", values}});
     }
     return results;
   }

@@ -71,6 +71,14 @@ class Relative {
     std::copy(middle, y.end(), state_.v.begin());
   }
 
+  static Real largest(const std::vector<Real>& values) {
+    using std::abs;
+    Real result(0);
+    for (const Real value : values)
+      if (const Real x = abs(value); !(x <= result)) result = x;
+    return result;
+  }
+
   M& mechanism_;
   const Description& d_;
   std::size_t n_;
@@ -99,14 +107,6 @@ class Relative {
       if (pass > 0) last = change;
     }
     ++age_;
-  }
-
-  static Real largest(const std::vector<Real>& values) {
-    using std::abs;
-    Real result(0);
-    for (const Real value : values)
-      if (const Real x = abs(value); !(x <= result)) result = x;
-    return result;
   }
 
   Real largest_change() const {

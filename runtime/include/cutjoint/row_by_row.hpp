@@ -67,6 +67,7 @@ class RowByRow {
 
   const std::optional<Stepper>& stepper() const { return stepper_; }
   Real origin() const { return origin_; }
+  const std::vector<Real>& row() const { return y_; }
 
  private:
   void check(long number) {

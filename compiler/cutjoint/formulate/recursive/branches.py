@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics
-from cutjoint.formulate.recursive.loops import LoopClosure, transport
+from cutjoint.formulate.recursive.loops import CORRECTION, LoopClosure, transport
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import Block
@@ -191,15 +191,14 @@ class BranchSystem:
             start = end
         return found
 
-    def corrections(self) -> dict[str, Block]:
-        """a (J zdd + s') by cut joint."""
-        return {loop.joint.name: self._correction(loop) for loop in self.loops}
+    def errors(self) -> dict[str, Block]:
+        """J zdd + s' by cut joint, which is A Zdd + s."""
+        return {loop.joint.name: self._error(loop) for loop in self.loops}
 
-    def _correction(self, loop: LoopClosure) -> Block:
+    def _error(self, loop: LoopClosure) -> Block:
         b, name = self.k.builder, loop.joint.name
-        with b.section("multipliers", name, "lambda <- lambda + a (J zdd + s')", loop.joint.span.place):
-            error = b.add(b.mul(self._rows[name], self._zdd), self._drift[name])
-            return b.label(b.scale(self.numbers.penalty, error), f"correction_{name.replace('.', '_')}")
+        with b.section("multipliers", name, CORRECTION, loop.joint.span.place):
+            return b.add(b.mul(self._rows[name], self._zdd), self._drift[name])
 
 
 _EQUATION = "H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h"

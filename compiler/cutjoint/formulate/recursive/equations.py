@@ -14,30 +14,28 @@ from cutjoint.formulate.inputs import (
     open_parameters,
     report_columns,
 )
-from cutjoint.formulate.records import Closure, Column, Function, RecursiveEquations, Slot, SwitchPlace
-from cutjoint.formulate.recursive.branches import BranchSystem
+from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot, SwitchPlace
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
-from cutjoint.formulate.recursive.loops import LoopClosure, add_loops, correct_multipliers, derive_loops
+from cutjoint.formulate.recursive.loops import LoopClosure, corrections, derive_loops
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
-from cutjoint.formulate.recursive.recursion import BodySystem, condense, expand
+from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.formulate.recursive.solution import respond, solve
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
-from cutjoint.program.blocks import Builder
+from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.switches import Switch, find_switches
 from cutjoint.topology.records import Topology
 
 _STATE = ("const Real* q", "const Real* v")
 
 
-def formulate_recursive(
-    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, with_switches: bool = False
-) -> RecursiveEquations:  # fmt: skip
+def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> RecursiveEquations:
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
-    rate; ``report``: q, v, vdot, lambda -> the outputs; with guards ``guard``: q, v -> margins; ``with_switches``, if there are
-    any, ``events``: q, v -> their values.
+    rate; ``report``: q, v, vdot, lambda -> the outputs; ``project``: q, gap -> the step of the speeds' integrals that closes the gaps of
+    the cut joints and moves the masses least; with guards ``guard``: q, v -> margins; with switches ``events``: q, v -> their values.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -48,25 +46,18 @@ def formulate_recursive(
     forces = add_forces(system, k, model, scene)
     margins = add_guards(forces, k, model, scene)
     loops = derive_loops(k, topology.cuts, numbers)
-    branches = [
-        BranchSystem(branch=branch, system=system, k=k, numbers=numbers, loops=[x for x in loops if x.joint.name in branch.cuts])
-        for branch in topology.branches
-    ]  # fmt: skip
-    of_body = {body: branch for branch in branches for body in branch.branch.bodies}
-    coupling = tuple(x for x in loops if not any(x.joint.name in branch.cuts for branch in topology.branches))
-    add_loops(system, k, coupling, numbers)
-    Zdd, zdd = expand(k, condense(system, k, of_body), b, of_body)
-    corrections = correct_multipliers(k, coupling, numbers, Zdd)
-    for branch in branches:
-        corrections |= branch.corrections()
-    by_joint = {k.motions[body].tree_joint.joint.name: block for body, block in zdd.items()}
+    masses = dict(system.M)
+    solution = solve(topology, system, k, loops, numbers)
+    correction = corrections(k, loops, numbers, solution.errors)
+    gaps = {x.joint.name: b.symbol(f"gap:{x.joint.name}", len(x.names), BindingTime.ITERATION) for x in loops}
+    step = respond(topology, masses, k, loops, numbers, gaps, "p").vdot
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=given_accelerations(k))
     closures = _closures(loops)
-    accelerations = {f"vdot:{c.joint}": by_joint[c.joint] for c in charts}
-    switches = find_switches(b, accelerations.values()) if with_switches else []
+    accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
+    switches = find_switches(b, accelerations.values())
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
-            **accelerations, **{f"correction:{loop.joint.name}": corrections[loop.joint.name] for loop in loops},
+            **accelerations, **{f"correction:{loop.joint.name}": correction[loop.joint.name] for loop in loops},
         }),
         Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
             **{f"residual:{loop.joint.name}": loop.residual for loop in loops},
@@ -76,6 +67,9 @@ def formulate_recursive(
             name="report", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* column"),
             results=report_columns(b, reporter.quantity, outputs),
         ),
+        Function(name="project", arguments=("const Real* q", "const Real* gap", "Real* dz"), results={
+            f"dz:{c.joint}": step[c.joint] for c in charts
+        }),
         *guard_function(margins),
         *_events(switches),
     )  # fmt: skip
@@ -84,7 +78,8 @@ def formulate_recursive(
         parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
-            **chart_slots(charts, ""), **_closure_slots(closures), **column_slots(outputs), **margin_slots(model, scene),
+            **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),
+            **margin_slots(model, scene),
             **{f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(switches))},
         },
         switches=_described(b, switches),
@@ -114,8 +109,12 @@ def _described(b: Builder, switches: Sequence[Switch]) -> tuple[SwitchPlace, ...
 def _closure_slots(closures: tuple[Closure, ...]) -> dict[str, Slot]:
     return {
         f"{array}:{c.joint}": Slot(array=array, offset=c.first, names=c.names)
-        for c in closures for array in ("lambda", "correction", "residual", "rate")
+        for c in closures for array in ("lambda", "correction", "residual", "rate", "gap")
     }  # fmt: skip
+
+
+def _step_slots(charts: tuple[Chart, ...]) -> dict[str, Slot]:
+    return {f"dz:{chart.joint}": Slot(array="dz", offset=chart.v, names=chart.speed_names) for chart in charts}
 
 
 def _closures(loops: tuple[LoopClosure, ...]) -> tuple[Closure, ...]:

@@ -8,6 +8,7 @@ With residual Phi, Phi' = A Z and s = gamma + 2 xi w Phi' + w^2 Phi, Z the relat
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import sympy
@@ -100,18 +101,27 @@ def transport(b: Builder, step: Block) -> Block:
     return b.stack([[b.identity(3), b.neg(b.skew(step))], [b.zero(3, 3), b.identity(3)]])
 
 
-def correct_multipliers(
-    k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers, Zdd: dict[str, Block]
-) -> dict[str, Block]:
-    """a (A Zdd + s) of every cut joint, by name."""
-    b, corrections = k.builder, {}
+def loop_errors(k: Kinematics, loops: tuple[LoopClosure, ...], Zdd: Mapping[str, Block]) -> dict[str, Block]:
+    """A Zdd + s of every cut joint, by name."""
+    b, errors = k.builder, {}
     for loop in loops:
         joint = loop.joint
-        with b.section("multipliers", joint.name, "lambda <- lambda + a (A Zdd + s)  (eq. 42)", joint.span.place):
+        with b.section("multipliers", joint.name, CORRECTION, joint.span.place):
             step = k.pole_step(joint.base, joint.follower)
             base = k.twist_at(Zdd[joint.base], step) if joint.base != GROUND else b.zero(6)
             relative = b.sub(Zdd[joint.follower], base)
-            error = b.add(b.mul(loop.A, relative), loop.s)
-            name = f"correction_{joint.name.replace('.', '_')}"
-            corrections[joint.name] = b.label(b.scale(numbers.penalty, error), name)
-    return corrections
+            errors[joint.name] = b.add(b.mul(loop.A, relative), loop.s)
+    return errors
+
+
+def corrections(k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers, errors: Mapping[str, Block]) -> dict[str, Block]:
+    """a (A Zdd + s) of every cut joint, by name."""
+    b, found = k.builder, {}
+    for loop in loops:
+        name = loop.joint.name
+        with b.section("multipliers", name, CORRECTION, loop.joint.span.place):
+            found[name] = b.label(b.scale(numbers.penalty, errors[name]), f"correction_{name.replace('.', '_')}")
+    return found
+
+
+CORRECTION = "lambda <- lambda + a (A Zdd + s)  (eq. 42)"

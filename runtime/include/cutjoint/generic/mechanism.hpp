@@ -1,6 +1,7 @@
 // The generic twin of generated code: the same mechanics, with the model read and interpreted at run time.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "cutjoint/generic/description.hpp"
@@ -21,7 +22,8 @@ class GenericMechanism {
   explicit GenericMechanism(const Json& document)
       : model_(read_model<Real>(document)), description_(describe(model_)), plan_(Planner().plan(model_)), kinematics_(model_),
         closures_(model_, kinematics_), forces_(model_, kinematics_), system_(model_.bodies.size(), plan_.slots),
-        recursion_(model_, kinematics_, plan_), reporter_(model_, kinematics_, forces_, closures_), inertias_(model_.bodies.size()) {}
+        recursion_(model_, kinematics_, plan_), reporter_(model_, kinematics_, forces_, closures_), inertias_(model_.bodies.size()), still_(description_.speeds.size()),
+        without_(still_.size()), pull_(description_.equations.size()), correction_(pull_.size()) {}
 
   GenericMechanism(const GenericMechanism&) = delete;
   GenericMechanism& operator=(const GenericMechanism&) = delete;
@@ -75,6 +77,15 @@ class GenericMechanism {
     reporter_.report({q, v, vdot, lambda}, column);
   }
 
+  /// The step that closes gaps of the cut joints: what multipliers of penalty times gap change in the accelerations.
+  void project(const Real* q, const Real* gap, Real* dz) {
+    std::fill(pull_.begin(), pull_.end(), Real(0));
+    evaluate(q, still_.data(), pull_.data(), without_.data(), correction_.data());
+    for (std::size_t i = 0; i < pull_.size(); ++i) pull_[i] = closures_.penalty() * gap[i];
+    evaluate(q, still_.data(), pull_.data(), dz, correction_.data());
+    for (std::size_t i = 0; i < without_.size(); ++i) dz[i] -= without_[i];
+  }
+
   /// The compiler does not describe models with guards to this twin.
   void guard(const Real*, const Real*, Real*) const {}
 
@@ -100,6 +111,7 @@ class GenericMechanism {
   Recursion<Real> recursion_;
   Reporter<Real> reporter_;
   std::vector<Inertia<Real>> inertias_;
+  std::vector<Real> still_, without_, pull_, correction_;
 };
 
 }  // namespace cutjoint::generic

@@ -1,7 +1,11 @@
 // Explicit methods as the driver sees them.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "cutjoint/runge_kutta/stepper.hpp"
 #include "cutjoint/runge_kutta/tables.hpp"
@@ -34,8 +38,22 @@ class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M
     Base::prepare(tolerances, this->origin() + end_);
   }
 
+  static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
+
+  /// The steps that a row took, and its largest residuals.
+  const std::vector<double>& measure_step() {
+    const auto [position, velocity] = dynamics_.residuals(this->time(), this->row());
+    const long steps = this->stepper()->steps();
+    measured_ = {static_cast<double>(steps - steps_), position, velocity};
+    steps_ = steps;
+    position_ = std::max(position_, position);
+    velocity_ = std::max(velocity_, velocity);
+    return measured_;
+  }
+
   void summarise(Json& summary) const {
     Base::summarise(summary);
+    if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
     if (!this->stepper()) return;
     const Counts& counts = this->stepper()->counts();
     summary["steps"] = counts.steps;
@@ -55,6 +73,9 @@ class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M
   Inputs<Real> inputs_;
   Watched<M> dynamics_;
   Real end_{0};
+  std::vector<double> measured_;
+  long steps_ = 0;
+  double position_ = 0.0, velocity_ = 0.0;
 };
 
 }  // namespace cutjoint::runge_kutta

@@ -6,12 +6,13 @@
 #include <vector>
 
 #include "cutjoint/runge_kutta/regime.hpp"
+#include "cutjoint/projection.hpp"
 #include "cutjoint/relative.hpp"
 #include "cutjoint/road.hpp"
 
 namespace cutjoint::runge_kutta {
 
-/// The differential equation of a mechanism whose switches are watched at every stage.
+/// The differential equation of a mechanism whose switches are watched at every stage, and whose loops are closed after each step.
 template <Mechanism M>
 class Watched : public Relative<M> {
  public:
@@ -19,7 +20,7 @@ class Watched : public Relative<M> {
 
   Watched(M& mechanism, const std::vector<Road<Real>>& roads, Real settled)
       : Relative<M>(mechanism, settled), regime_(mechanism.description().switches, roads),
-        last_(mechanism.description().equations.size()), before_last_(last_) {}
+        projection_(mechanism), last_(mechanism.description().equations.size()), before_last_(last_), residual_(last_), rate_(last_) {}
 
   /// Take over a start, in the regime in which it stands.
   std::vector<Real> begin(const State<Real>& start) {
@@ -34,6 +35,25 @@ class Watched : public Relative<M> {
     if (regime_.empty()) return;
     evaluate_switches();
     regime_.look(t);
+  }
+
+  /// Quaternions get their length back, loops are closed, and speeds keep them closed.
+  void settle(Real t, std::vector<Real>& y) {
+    Relative<M>::settle(t, y);
+    if (d_.equations.empty()) return;
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    projection_.positions(state_);
+    projection_.velocities(state_);
+    std::copy(state_.v.begin(), state_.v.end(), std::copy(state_.q.begin(), state_.q.end(), y.begin()));
+  }
+
+  /// The largest residuals of the loops in a state: of positions and of velocities.
+  std::pair<double, double> residuals(Real t, const std::vector<Real>& y) {
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+    return {static_cast<double>(this->largest(residual_)), static_cast<double>(this->largest(rate_))};
   }
 
   /// Seek the switches that a state has out of the regime; whether there are any.
@@ -88,7 +108,8 @@ class Watched : public Relative<M> {
   void evaluate_switches() { mechanism_.events(state_.q.data(), state_.v.data(), regime_.values()); }
 
   Regime<Real> regime_;
-  std::vector<Real> last_, before_last_;
+  Projection<M> projection_;
+  std::vector<Real> last_, before_last_, residual_, rate_;
   Real last_time_{0}, before_last_time_{0};
   int known_ = 0;
 };

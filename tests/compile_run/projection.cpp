@@ -1,0 +1,79 @@
+// Projects disturbed states of a generated mechanism; prints for each of positions and speeds iterations and gap before and after, then
+// the share of the change of the speeds that is no answer to multipliers.
+#include "cutjoint/projection.hpp"
+
+#include <Eigen/Dense>
+#include <cstdio>
+#include <cstdlib>
+
+#include "cutjoint/start.hpp"
+#include MECHANISM_HEADER
+
+using Mechanism = cutjoint::AnyMechanism<double>;
+using State = cutjoint::State<double>;
+using Vector = Eigen::VectorXd;
+
+namespace {
+
+double largest(const Vector& x) { return x.size() ? x.cwiseAbs().maxCoeff() : 0.0; }
+
+/// What accelerations answer to a multiplier of the size of the penalty on each equation, by columns: those that move the masses least.
+Eigen::MatrixXd answers(Mechanism& mechanism, const State& state, std::size_t equations, double penalty) {
+  std::vector<double> still(state.v.size(), 0.0), lambda(equations, 0.0), vdot(state.v.size()), correction(equations);
+  mechanism.evaluate(state.q.data(), still.data(), lambda.data(), vdot.data(), correction.data());
+  const Vector rest = Eigen::Map<Vector>(vdot.data(), static_cast<Eigen::Index>(vdot.size()));
+  Eigen::MatrixXd result(rest.size(), static_cast<Eigen::Index>(equations));
+  for (std::size_t i = 0; i < equations; ++i) {
+    lambda[i] = penalty;
+    mechanism.evaluate(state.q.data(), still.data(), lambda.data(), vdot.data(), correction.data());
+    result.col(static_cast<Eigen::Index>(i)) = Eigen::Map<Vector>(vdot.data(), rest.size()) - rest;
+    lambda[i] = 0.0;
+  }
+  return result;
+}
+
+/// The share of a change that is no answer to multipliers.
+double stray(const Eigen::MatrixXd& answers, const Vector& change) {
+  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver;
+  solver.setThreshold(1e-9);
+  solver.compute(answers);
+  return (answers * solver.solve(change) - change).norm() / change.norm();
+}
+
+}  // namespace
+
+int main(int, char** argv) {
+  cutjoint::generated::MECHANISM<double> model;
+  Mechanism& mechanism = model;
+  const cutjoint::Description& d = mechanism.description();
+  std::vector<double> parameters;
+  for (const auto& p : d.parameters) parameters.push_back(p.value);
+  const cutjoint::Piece<double> flat{cutjoint::PieceKind::line, -1e3, 0, 0, 0};
+  std::vector<cutjoint::Road<double>> roads;
+  for (std::size_t i = 0; i < d.roads.size(); ++i)
+    roads.emplace_back(std::vector<cutjoint::Piece<double>>{flat}, std::vector<cutjoint::Piece<double>>{flat}, false);
+  const double penalty = std::atof(argv[1]);
+  mechanism.load(parameters.data(), {penalty, 1.0, 10.0}, roads.data());
+  mechanism.begin_step(0.0, 1.0);
+  State state(d);
+  cutjoint::Starter<Mechanism> starter(mechanism);
+  starter.assemble(state, std::vector<bool>(state.v.size(), false), 1.0);
+  std::srand(1);
+  const auto disturb = [](double size) { return size * (2.0 * std::rand() / RAND_MAX - 1.0); };
+  std::vector<double> step(state.v.size());
+  for (double& x : step) x = disturb(1e-3);
+  const State closed = state;
+  cutjoint::retract<double>(d.charts, closed.q.data(), step.data(), state.q.data());
+  for (double& v : state.v) v = disturb(1.0);
+  cutjoint::Projection<Mechanism> projection(mechanism);
+
+  const double gap = largest(starter.residual(state));
+  const int iterations = projection.positions(state);
+  std::printf("%d %.17g %.17g ", iterations, gap, largest(starter.residual(state)));
+  const State before = state;
+  const double rate = largest(starter.rate(state));
+  const int steps = projection.velocities(state);
+  const Vector change = Eigen::Map<Vector>(state.v.data(), static_cast<Eigen::Index>(state.v.size())) -
+                        Eigen::Map<const Vector>(before.v.data(), static_cast<Eigen::Index>(state.v.size()));
+  std::printf("%d %.17g %.17g %.17g\n", steps, rate, largest(starter.rate(state)), stray(answers(mechanism, state, d.equations.size(), penalty), change));
+}
