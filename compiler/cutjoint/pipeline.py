@@ -299,8 +299,8 @@ def simulate(
     """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
 
     ``dt``, ``penalty`` and ``tolerance`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``integrator`` one of
-    INTEGRATORS, by default the scene's, ``steps`` a CSV file that receives iterations and residuals of each step.  A run that fails numerically is returned as far
-    as it came, with its failure.
+    INTEGRATORS, by default the scene's, ``steps`` a CSV file that receives iterations and residuals of each step.  A run that fails
+    numerically is returned as far as it came, with its failure.
 
     Raises:
         RunError: a parameter that cannot be set.

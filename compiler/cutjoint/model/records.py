@@ -376,8 +376,9 @@ class Numerics:
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
     ``multiplier_updates`` of its own.  ``integrator`` is that of the recursive method; of "dormand-prince" ``tolerance`` is the relative
-    error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one.  ``methods`` has what a method changes, by the names of these figures; ``by_step`` the penalty and
-    frequency that were written as expressions of dt, whose values here are those at ``dt``.
+    error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one.  ``methods``
+    has what a method changes, by the names of these figures; ``by_step`` the penalty and frequency that were written as expressions of dt,
+    whose values here are those at ``dt``.
     """
 
     dt: float = 1e-3

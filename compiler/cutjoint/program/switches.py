@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
@@ -70,5 +71,6 @@ def _margin(b: Builder, condition: Block) -> Block:
 
 def _function(block: Block) -> tuple[str, str]:
     """A call's function and the road of its lookup."""
-    function, road = tuple(block.data)  # type: ignore[arg-type]
+    data: Any = block.data
+    function, road = data
     return function, road or ""

@@ -94,8 +94,8 @@ def _figures(numerics: Numerics, method: str) -> dict[str, float | None]:
     return figures
 
 
-#: The largest penalty of explicit integrators, unless one is given for the method: multipliers are corrected until nothing of it is left, and
-#: a larger one would leave fewer digits of the accelerations.
+#: The largest penalty of explicit integrators, unless one is given for the method: multipliers are corrected until nothing of it is left,
+#: and a larger one would leave fewer digits of the accelerations.
 EXPLICIT_PENALTY = 1e6
 
 

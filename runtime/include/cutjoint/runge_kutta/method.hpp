@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -26,7 +27,7 @@ class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M
 
   ExplicitMethod(M& mechanism, const Json& file)
       : Base(mechanism, dynamics_, file), inputs_(mechanism.description(), file),
-        dynamics_(mechanism, inputs_.roads(), Table::adaptive ? this->figure("tolerance") / 1000 : Real(1e-12)) {
+        dynamics_(mechanism, inputs_.roads(), Table::adaptive ? this->figure("tolerance") / 100 : Real(1e-12)) {
     inputs_.load_mechanism(mechanism, file.at("stabilisation"));
     end_ = read_number<Real>(file, "end");
   }
@@ -35,7 +36,8 @@ class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M
 
   void prepare() {
     const Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
-    Base::prepare(tolerances, this->origin() + end_);
+    const double row = static_cast<double>(this->figure("dt"));
+    Base::prepare(tolerances, this->origin() + Real(std::ceil(static_cast<double>(end_) / row - 1e-9)) * this->figure("dt"));
   }
 
   static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};

@@ -34,7 +34,7 @@ class Regime {
       if (const auto [element, place, road, across] = switches_[i]; road >= 0)
         levels_[i] = &roads_[static_cast<std::size_t>(road)].breaks(across >= 0 ? values_[static_cast<std::size_t>(across)] : Real(0));
       noise_[i] = std::max(noise_[i], smallest() * abs(values_[i]));
-      cells_[i] = sought_[i] ? cell_of(i) : decided_cell_of(i);
+      cells_[i] = sought_[i] && is_out(i, Real(0)) ? cell_of(i) : decided_cell_of(i);
       sought_[i] = false;
     }
     start_ = values_;

@@ -73,9 +73,10 @@ class Stepper {
       dynamics_.regime().begin(t_);
       formula_.attempt(t_, h, y_, end_, error_);
       if (dynamics_.regime().crossed()) {
-        if (h <= least(t_)) return pass(h);
+        const Real shortest = 256 * least(t_);
+        if (h <= shortest) return pass(h);
         const Real way = Real(0.9) * (dynamics_.regime().crossing() - t_);
-        h = std::max(std::clamp(way, h / 10, Real(0.9) * h), least(t_));
+        h = std::max(std::clamp(way, h / 1000, Real(0.9) * h), shortest);
         approaching = true;
         continue;
       }
@@ -94,7 +95,7 @@ class Stepper {
     if constexpr (adaptive) {
       const Real next = control_.after(h, size);
       if (next > h_ || h >= h_) h_ = next;
-      counts_.stiff += formula_.stiffness(h, end_) > Real(3.25);
+      counts_.stiff += formula_.stiffness(h, end_) > Real(3);
     }
     formula_.accept(h, y_, end_);
     before_ = t_;
