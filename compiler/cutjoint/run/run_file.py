@@ -54,17 +54,15 @@ def make_run_file(
     parameters = parameter_values(model, changes)
     value = Evaluator(model, parameters)
     figures = _figures(scene.numerics, method)
-    stabilisation = {name: getattr(scene.numerics.of_method("recursive"), name) for name in ("penalty", "damping_ratio", "frequency")}
     if integrator in ("rk4", "dormand-prince"):
         figures |= _explicit_figures(scene.numerics)
-        stabilisation |= _explicit_stabilisation(scene.numerics)
     if integrator == "dormand-prince":
         figures["dt"] = scene.output_step
     return {
         "task": task,
         "parameters": parameters,
         "numerics": figures,
-        "stabilisation": stabilisation,
+        "stabilisation": {name: getattr(scene.numerics.of_method("recursive"), name) for name in ("penalty", "damping_ratio", "frequency")},
         "end": scene.end,
         "output_step": scene.output_step,
         "pose": scene.pose,
@@ -99,16 +97,13 @@ def _figures(numerics: Numerics, method: str) -> dict[str, float | None]:
 EXPLICIT_PENALTY = 1e6
 
 
-def _explicit_stabilisation(numerics: Numerics) -> dict[str, float]:
-    """Loops are projected, not drawn together."""
-    given = numerics.methods.get("recursive", {})
-    return {"penalty": given.get("penalty", min(numerics.penalty, EXPLICIT_PENALTY)), "frequency": 0.0}
-
-
 def _explicit_figures(numerics: Numerics) -> dict[str, float | None]:
-    """The absolute error that a step may have; without one it is a share of 1 (m, rad, m/s, rad/s), as the relative one."""
-    own = numerics.of_method("recursive")
-    return {"absolute_tolerance": own.tolerance if own.absolute_tolerance is None else own.absolute_tolerance}
+    """The penalty, and the absolute error that a step may have: as a share of 1 (m, rad, m/s, rad/s) the relative one, if none is given."""
+    own, given = numerics.of_method("recursive"), numerics.methods.get("recursive", {})
+    return {
+        "penalty": given.get("penalty", min(own.penalty, EXPLICIT_PENALTY)),
+        "absolute_tolerance": own.tolerance if own.absolute_tolerance is None else own.absolute_tolerance,
+    }
 
 
 class Evaluator:

@@ -28,7 +28,10 @@ class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M
   ExplicitMethod(M& mechanism, const Json& file)
       : Base(mechanism, dynamics_, file), inputs_(mechanism.description(), file),
         dynamics_(mechanism, inputs_.roads(), Table::adaptive ? this->figure("tolerance") / 100 : Real(1e-12)) {
-    inputs_.load_mechanism(mechanism, file.at("stabilisation"));
+    Json figures = file.at("stabilisation");
+    figures["penalty"] = file.at("numerics").at("penalty");
+    figures["frequency"] = 0.0;  // loops are projected, not drawn together
+    inputs_.load_mechanism(mechanism, figures);
     end_ = read_number<Real>(file, "end");
   }
 

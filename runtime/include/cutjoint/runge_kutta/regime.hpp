@@ -71,7 +71,7 @@ class Regime {
   void look(Real t) {
     if (crossed()) return;
     for (std::size_t i = 0; i < cells_.size(); ++i)
-      if (is_out(i, noise_[i])) crossing_ = std::min(crossing_, crossing_of(i, t));
+      if (is_reached(i)) crossing_ = std::min(crossing_, crossing_of(i, t));
     previous_ = values_;
     previous_time_ = t;
   }
@@ -114,12 +114,21 @@ class Regime {
     return is_above(i, by) || (cell > 0 && levels(i)[cell - 1] - values_[i] > by);
   }
 
+  /// Whether a stage meets the end of its cell: where the start was clear of it, as soon as rounding may take it for the other side.
+  bool is_reached(std::size_t i) {
+    if (!is_out(i, -noise_[i])) return false;
+    std::swap(values_[i], start_[i]);
+    const bool clear = !is_out(i, -noise_[i]);
+    std::swap(values_[i], start_[i]);
+    return clear || is_out(i, noise_[i]);
+  }
+
   /// Where the straight line from the stage before to this one leaves the cell.
   Real crossing_of(std::size_t i, Real t) const {
     const auto cell = static_cast<std::size_t>(cells_[i]);
-    const Real level = is_above(i, Real(0)) ? levels(i)[cell] : levels(i)[cell - 1];
+    const Real level = is_above(i, -noise_[i]) ? levels(i)[cell] : levels(i)[cell - 1];
     const Real share = (level - previous_[i]) / (values_[i] - previous_[i]);
-    return share > Real(0) && share < Real(1) ? previous_time_ + share * (t - previous_time_) : previous_time_;
+    return previous_time_ + (share > Real(0) ? std::min(share, Real(1)) : Real(0)) * (t - previous_time_);
   }
 
   const std::vector<Switch>& switches_;

@@ -68,22 +68,22 @@ class Stepper {
   void step(Real limit) {
     Real h = adaptive ? std::min(h_, limit - t_) : limit - t_;
     if (limit - t_ - h < h / 1000) h = limit - t_;
-    bool approaching = false;
+    Real way(-1);  // to where the regime is left, if it is
     for (;; ++counts_.rejected) {
       dynamics_.regime().begin(t_);
       formula_.attempt(t_, h, y_, end_, error_);
       if (dynamics_.regime().crossed()) {
-        const Real shortest = 256 * least(t_);
-        if (h <= shortest) return pass(h);
-        const Real way = Real(0.9) * (dynamics_.regime().crossing() - t_);
-        h = std::max(std::clamp(way, h / 1000, Real(0.9) * h), shortest);
-        approaching = true;
+        if (h <= shortest()) return pass(h);
+        const Real last = way;
+        way = dynamics_.regime().crossing() - t_;
+        const bool sure = way > last * Real(0.9) && way < last * Real(1.1);
+        h = std::max(std::clamp(Real(0.9) * way, sure ? Real(0) : h / 10, Real(0.9) * h), shortest());
         continue;
       }
       const Real size = error_size();
       if (size <= Real(1)) {
         accept(h, size);
-        if (approaching) locate(limit);
+        if (way >= Real(0)) locate(limit);
         return;
       }
       if (!adaptive || !(h > least(t_))) give_up(size);
@@ -124,12 +124,16 @@ class Stepper {
     return dynamics_.found(t, trial_) < counts_.by_switch.size();
   }
 
-  /// Go on from the end of the last step to where the regime ends, if that is near.
+  /// Go on from the end of the last step to where the regime ends, if that is near, or to the limit, if that is nearer.
   void locate(Real limit) {
-    Real low(1), high = std::min(Real(1.3), (limit - before_) / h_last_);
-    if (!(high > low)) return;
+    Real low(1), high(1.3);
     if (const Real t = follow(high); !dynamics_.seek(t, trial_)) return;
     for (Real middle = (low + high) / 2; low < middle && middle < high; middle = (low + high) / 2) (is_beyond(middle) ? high : low) = middle;
+    if (before_ + high * h_last_ > limit + shortest()) {
+      follow((limit - before_) / h_last_);
+      finish(limit, trial_);
+      return formula_.restart();
+    }
     for (Real more = std::numeric_limits<Real>::epsilon(); more < Real(1e-3); more *= 4) {  // settling must not take the state back
       const Real t = follow(high);
       finish(t, trial_);
@@ -203,6 +207,9 @@ class Stepper {
     using std::abs;
     return 16 * std::numeric_limits<Real>::epsilon() * std::max(abs(t), until_ - t);
   }
+
+  /// The shortest step before an event.
+  Real shortest() const { return 256 * least(t_); }
 
   [[noreturn]] void give_up(Real size) const {
     const bool stiff = counts_.stiff > counts_.steps / 2;
