@@ -46,6 +46,7 @@ class Stepper {
     number_ = number;
     if (!begun_) begin(t, y);
     const Real limit = adaptive ? until_ : until;
+    if (!adaptive) h_ = until - t;
     while (until - t_ > least(until)) step(limit);
     y = y_;
     if (t_ - until <= least(until)) return;
@@ -159,13 +160,13 @@ class Stepper {
     formula_.restart();
     control_.restart();
     ++counts_.events;
+    at_once_ = which == latest_ && t_ - changed_ <= Real(1e-3) * h_ ? at_once_ + 1 : 0;
     if (which < counts_.by_switch.size()) {
       ++counts_.by_switch[which];
       latest_ = which;
     }
-    at_once_ = t_ - changed_ <= Real(1e-9) * (until_ - changed_) ? at_once_ + 1 : 0;
-    changed_ = t_;
     if (at_once_ >= 50) give_up_switching();
+    changed_ = t_;
   }
 
   /// The largest error by its allowed size; infinite where one is no number.
