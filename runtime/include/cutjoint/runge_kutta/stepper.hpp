@@ -150,8 +150,8 @@ class Stepper {
     before_ = t_;
     h_last_ = h;
     finish(t_ + h, end_);
-    dynamics_.seek(t_, y_);
-    change(dynamics_.found(t_, y_));
+    if (dynamics_.seek(t_, y_)) return change(dynamics_.found(t_, y_));
+    if (++at_once_ >= 50) give_up_switching();
   }
 
   /// The regime of the state begins.
@@ -160,7 +160,7 @@ class Stepper {
     formula_.restart();
     control_.restart();
     ++counts_.events;
-    at_once_ = which == latest_ && t_ - changed_ <= Real(1e-3) * h_ ? at_once_ + 1 : 0;
+    at_once_ = t_ - changed_ <= Real(1e-3) * h_ ? at_once_ + 1 : 0;
     if (which < counts_.by_switch.size()) {
       ++counts_.by_switch[which];
       latest_ = which;
