@@ -126,11 +126,14 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @_scene
 @click.option("--method", type=click.Choice(["auto", *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
               "by default the scene's, else recursive.")
-@click.option("--tolerance", type=click.FloatRange(min=0, min_open=True), help="Of method auto, in m and rad; the scene's otherwise.")
+@click.option("--tolerance", type=click.FloatRange(min=0, min_open=True), help="Of method auto in m and rad, of a step of "
+              "dormand-prince relative and absolute, else of the iteration in a step; the scene's otherwise.")
 @click.option("--implementation", type=click.Choice(pipeline.IMPLEMENTATIONS), default="generated", show_default=True,
               help="Code made for the model, or a generic program that interprets it.")
 @click.option("--solver", type=click.Choice(pipeline.SOLVERS), default="emitted", show_default=True,
               help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
+@click.option("--integrator", type=click.Choice(["trapezoidal", *pipeline.EXPLICIT]),
+              help="Of the recursive method; by default the scene's, else trapezoidal.")
 @click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
 @click.option("--closure", type=click.Choice(pipeline.CLOSURES), 
               help="How the recursive method holds its cut joints; the scene's otherwise.")
@@ -142,8 +145,9 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @_reports_errors
 def simulate(
-    model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str, precision: str,
-    closure: str | None, dt: float | None, end: float | None, changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
+    model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str,
+    integrator: str | None, precision: str, closure: str | None, dt: float | None, end: float | None, changes: tuple[str, ...], out: Path,
+    steps: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     from cutjoint.report import tables
@@ -166,11 +170,12 @@ def simulate(
             )
         with _progress(f"running {played.name}") as progress:
             return artifact, pipeline.simulate(
-                artifact, out=out, dt=dt, end=end, parameters=parameters, solver=solver, steps=steps, progress=progress
-            )
+                artifact, out=out, dt=dt, end=end, parameters=parameters, solver=solver, integrator=integrator,
+                tolerance=None if asked == "auto" else tolerance, steps=steps, progress=progress,
+            )  # fmt: skip
 
     if asked == "auto":
-        _require_own(implementation=implementation, solver=solver, precision=precision, dt=dt, end=end)
+        _require_own(implementation=implementation, solver=solver, integrator=integrator, precision=precision, dt=dt, end=end)
         rung = _pick(checked, chosen, tolerance, parameters)
         artifact, run = run_with(rung.model, rung.scene, rung.method)
         if run.failure is not None and run.failure.guards and chosen.on_violation == "restart":
@@ -191,7 +196,7 @@ def simulate(
 
 def _require_own(**options: Any) -> None:
     """Method auto picks for itself what these options say."""
-    usual = {"implementation": "generated", "solver": "emitted", "precision": "double", "dt": None, "end": None}
+    usual = {"implementation": "generated", "solver": "emitted", "integrator": None, "precision": "double", "dt": None, "end": None}
     for name in (name for name, value in options.items() if value != usual[name]):
         raise RunError(f"--{name} cannot go with method auto, which runs what it has measured; use --method")
 

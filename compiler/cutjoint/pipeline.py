@@ -61,9 +61,12 @@ SOLVERS = ("emitted", "eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack")
 #: Those of SuiteSparse, some of them under the GPL: simulators that have them are for comparison.
 COMPARISON_SOLVERS = frozenset({"cholmod", "klu", "umfpack"})
 
-#: The trapezoidal rule of the methods, and accurate solutions to measure it by: extrapolation in relative coordinates (recursive) and
-#: a Runge-Kutta method of order 8 in natural coordinates (classical).
-INTEGRATORS = ("trapezoidal", "reference")
+#: Explicit Runge-Kutta methods of the recursive equations: with steps of equal length, and with steps as long as the tolerance allows.
+EXPLICIT = ("rk4", "dormand-prince")
+
+#: The trapezoidal rule of the methods, explicit methods, and accurate solutions to measure them by: extrapolation in relative coordinates
+#: (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
+INTEGRATORS = ("trapezoidal", *EXPLICIT, "reference")
 
 #: Code made for the model, or the generic twin that interprets the model at run time.
 IMPLEMENTATIONS = ("generated", "generic")
@@ -166,7 +169,7 @@ def generate(
 
 
 #: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
-_OFTEN = frozenset({"evaluate", "project", "guard"})
+_OFTEN = frozenset({"evaluate", "project", "guard", "events"})
 
 
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
@@ -178,7 +181,7 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
 
 def _only_starting(equations: RecursiveEquations) -> RecursiveEquations:
     """The equations without what a start does not call."""
-    return replace(equations, functions=tuple(f for f in equations.functions if f.name != "project"))
+    return replace(equations, functions=tuple(f for f in equations.functions if f.name not in ("project", "events")), switches=())
 
 
 def generate_system(
@@ -310,13 +313,13 @@ def compile_scene(
 def simulate(
     artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
     tolerance: float | None = None, parameters: Mapping[str, float] | None = None, solver: str = "emitted",
-    integrator: str = "trapezoidal", steps: Path | None = None, progress: Progress | None = None,
+    integrator: str | None = None, steps: Path | None = None, progress: Progress | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
 
     ``dt``, ``penalty`` and ``tolerance`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``integrator`` one of
-    INTEGRATORS, ``steps`` a CSV file that receives iterations and residuals of each step.  A run that fails numerically is returned as far
-    as it came, with its failure.
+    INTEGRATORS, by default the scene's, ``steps`` a CSV file that receives iterations and residuals of each step.  A run that fails
+    numerically is returned as far as it came, with its failure.
 
     Raises:
         RunError: a parameter that cannot be set.
@@ -324,7 +327,7 @@ def simulate(
     """
     changes = {name: value for name, value in (("dt", dt), ("penalty", penalty), ("tolerance", tolerance)) if value is not None}
     scene = with_figures(artifact.scene, artifact.method, changes)
-    _check_integrator(artifact, integrator)
+    integrator = _checked_integrator(artifact, integrator)
     scene = replace(scene, end=scene.end if end is None else end)
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -354,13 +357,19 @@ def simulate(
     )  # fmt: skip
 
 
-def _check_integrator(artifact: Artifact, integrator: str) -> None:
+def _checked_integrator(artifact: Artifact, asked: str | None) -> str:
+    """The integrator of a run; a scene's is meant for the recursive method, others have the trapezoidal rule."""
+    own = artifact.scene.numerics.integrator if artifact.method == "recursive" and artifact.implementation == "generated" else "trapezoidal"
+    integrator = own if asked is None else asked
     if integrator not in INTEGRATORS:
         raise RunError(f"no integrator '{integrator}'; there is {', '.join(INTEGRATORS)}")
+    if integrator in EXPLICIT and (artifact.method != "recursive" or artifact.implementation == "generic"):
+        raise RunError(f"the integrator {integrator} takes generated code of the method recursive")
     if integrator == "reference" and (artifact.method in ("augmented", "recursive-newton") or artifact.implementation == "generic"):
         raise RunError("the reference integrator takes generated code of the method recursive or classical")
-    if integrator == "reference" and artifact.method == "recursive" and artifact.scene.numerics.closure == "proximal":
-        raise RunError("the reference integrator draws the loops back by their stabilisation: use closure: penalty")
+    if integrator in (*EXPLICIT, "reference") and artifact.method == "recursive" and artifact.scene.numerics.closure == "proximal":
+        raise RunError(f"the integrator {integrator} closes loops in its own way: use closure: penalty")
+    return integrator
 
 
 def _solver(artifact: Artifact, solver: str) -> str:

@@ -1,6 +1,7 @@
 // The driver of the recursive method.
 #include "cutjoint/driver.hpp"
 
+#include "cutjoint/runge_kutta/method.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/recursive.hpp"
 #include "cutjoint/reference/method.hpp"
@@ -10,6 +11,15 @@ int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMe
   return run_program(argc, argv, "simulator", [&](const Json& file) {
     if (reference::is_reference(file)) {
       reference::RelativeReference<AnyMechanism<Precision>> method(mechanism, file);
+      return Run(start, method, file).perform();
+    }
+    const std::string integrator = file.value("integrator", "");
+    if (integrator == "rk4") {
+      runge_kutta::ExplicitMethod<AnyMechanism<Precision>, runge_kutta::ClassicalTable> method(mechanism, file);
+      return Run(start, method, file).perform();
+    }
+    if (integrator == "dormand-prince") {
+      runge_kutta::ExplicitMethod<AnyMechanism<Precision>, runge_kutta::DormandPrinceTable> method(mechanism, file);
       return Run(start, method, file).perform();
     }
     Recursive<AnyMechanism<Precision>> method(mechanism, file);

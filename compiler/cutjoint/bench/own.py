@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
-from cutjoint.pipeline import COMPARISON_SOLVERS, METHODS, SOLVERS, Artifact, compile_scene, simulate
+from cutjoint.pipeline import COMPARISON_SOLVERS, EXPLICIT, METHODS, SOLVERS, Artifact, compile_scene, simulate
 from cutjoint.reduce.ladder import climb
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
@@ -28,6 +28,7 @@ class OwnRunner:
 
     artifact: Artifact
     solver: str = "emitted"
+    integrator: str = "trapezoidal"
     tolerance: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
 
@@ -43,13 +44,36 @@ class OwnRunner:
         artifact = replace(self.artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)))
         with TemporaryDirectory() as folder:
             steps = Path(folder) / "steps.csv" if measured else None
-            return simulate(artifact, dt=dt, solver=self.solver, tolerance=self.tolerance, parameters=self.parameters, steps=steps)
+            return simulate(
+                artifact, dt=dt, solver=self.solver, integrator=self.integrator, tolerance=self.tolerance, parameters=self.parameters,
+                steps=steps,
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdaptiveRunner(OwnRunner):
+    """A compiled case whose integrator takes steps of its own: ``dt`` says how accurate it is asked to be.
+
+    The tolerance is 1e-6 at the scene's own step and goes with the fifth power, as the errors of such steps do.
+    """
+
+    def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
+        """A run whose rows are the case's."""
+        own = self.artifact.scene.numerics.of_method("recursive").dt
+        with_tolerance = replace(self, tolerance=min(max(1e-6 * (dt / own) ** 5, 1e-13), 1e-2))
+        return OwnRunner.__call__(with_tolerance, self.artifact.scene.output_step, measured=measured)
 
 
 def own_contenders() -> Iterator[Contender]:
-    """Generated code by each method in the order of METHODS; without lanes; of the reduced model; other solvers; generic twins."""
+    """Generated code by each method in the order of METHODS; explicit integrators; without lanes; of the reduced model; other solvers;
+    generic twins."""
     for method in METHODS:
         yield Contender(name=method, label=method, group="generated", prepare=partial(_prepare, method=method))
+    for integrator in EXPLICIT:
+        yield Contender(
+            name=f"recursive/{integrator}", label=f"recursive, {integrator}", group="explicit",
+            prepare=partial(_prepare, method="recursive", integrator=integrator),
+        )  # fmt: skip
     for method in METHODS:
         yield Contender(
             name=f"{method}/scalar", label=f"{method}, without lanes", group="scalar", prepare=partial(_prepare, method=method, lanes=False)
@@ -101,10 +125,11 @@ def precision_contenders() -> Iterator[Contender]:
 
 def _prepare(
     case: Case, *, method: str, solver: str = "emitted", implementation: str = "generated", lanes: bool = True, precision: str = "double",
-    tolerance: float | None = None,
+    tolerance: float | None = None, integrator: str = "trapezoidal",
 ) -> OwnRunner:  # fmt: skip
     artifact = compile_scene(
         case.model, case.scene, method=method, outputs=case.outputs, implementation=implementation, lanes=lanes,
         comparison=solver in COMPARISON_SOLVERS, precision=precision,
     )  # fmt: skip
-    return OwnRunner(artifact=artifact, solver=solver, tolerance=tolerance, parameters=case.parameters)
+    runner = AdaptiveRunner if integrator == "dormand-prince" else OwnRunner
+    return runner(artifact=artifact, solver=solver, integrator=integrator, tolerance=tolerance, parameters=case.parameters)

@@ -96,7 +96,8 @@ def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[
     assert isinstance(equations, RecursiveEquations)
     lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
     files["description.cpp"] = page.render(
-        "description.cpp.jinja", charts=equations.charts, cuts=[c.first for c in equations.closures], **description(equations, lists)
+        "description.cpp.jinja", charts=equations.charts, cuts=[c.first for c in equations.closures], switches=_switches(equations),
+        **description(equations, lists),
     )  # fmt: skip
     return files
 
@@ -116,11 +117,25 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
         "parameters": [{"name": p.name, "unit": p.unit, "value": repr(p.value)} for p in equations.parameters],
         "roads": equations.roads,
         "guards": [
-            {"name": guard.force.name, "place": on_one_line(guard.force.span.place).replace('"', "?")}
+            {"name": guard.force.name, "place": _quotable(guard.force.span.place)}
             for guard in guards_of(equations.topology.model, equations.scene)
         ],
         "columns": equations.columns,
     }
+
+
+def _switches(equations: RecursiveEquations) -> list[dict[str, object]]:
+    """What the description says of the switches."""
+    return [
+        {"element": s.element, "place": _quotable(s.place), "road": equations.roads.index(s.road) if s.road else -1,
+         "across": s.across}
+        for s in equations.switches
+    ]  # fmt: skip
+
+
+def _quotable(text: str) -> str:
+    """Text that stays inside a C++ string."""
+    return on_one_line(text).replace('"', "?")
 
 
 def sources(files: Mapping[str, str]) -> list[str]:

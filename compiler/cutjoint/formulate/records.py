@@ -39,6 +39,20 @@ class Closure:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SwitchPlace:
+    """Where a formula changes: the element and its line in the model file.
+
+    If the value is a place along a road, ``road`` is its tyre and ``across`` the number of the switch that is the place across it;
+    otherwise "" and -1.
+    """
+
+    element: str
+    place: str
+    road: str
+    across: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Column:
     """One reported quantity and its unit."""
 
@@ -95,15 +109,16 @@ class Equations:
 
 @dataclass(frozen=True, kw_only=True)
 class RecursiveEquations(Equations):
-    """The recursive formulation: joint coordinates by ``charts``, cut joints by ``closures``.
+    """The recursive formulation: joint coordinates by ``charts``, cut joints by ``closures``, the values of ``events`` by ``switches``.
 
     Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``gap:joint``, ``numerics``
     (penalty, damping ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
-    ``dz:joint``, ``column:name``.
+    ``dz:joint``, ``column:name``, ``value:number``.
     """
 
     charts: tuple[Chart, ...]
     closures: tuple[Closure, ...]
+    switches: tuple[SwitchPlace, ...]
 
     @property
     def coordinates(self) -> int:

@@ -173,6 +173,8 @@ class Numerics(Part):
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
+    integrator: Literal["trapezoidal", "rk4", "dormand-prince"] = "trapezoidal"
+    absolute_tolerance: Number | None = None
     methods: dict[Literal["recursive", "recursive-newton", "augmented", "classical"], MethodNumerics] = Field(default={})
 
 
@@ -200,6 +202,9 @@ class Scene(Part):
             raise shape_error("'method: auto' and 'tolerance' go together", "write both, such as method: auto, tolerance: 1 mm")
         if self.budget is not None and self.method != "auto":
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
+        if self.numerics.integrator != "trapezoidal" and self.method not in (None, "recursive"):
+            message = f"the integrator {self.numerics.integrator} belongs to the method recursive"
+            raise shape_error(message, "leave 'method' or 'integrator' away")
         return self
 
 

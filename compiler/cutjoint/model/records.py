@@ -377,8 +377,10 @@ class Numerics:
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
-    ``multiplier_updates`` of its own.  ``methods`` has what a method changes, by the names of these figures; ``by_step`` the penalty and
-    frequency that were written as expressions of dt, whose values here are those at ``dt``.
+    ``multiplier_updates`` of its own.  ``integrator`` is that of the recursive method; of "dormand-prince" ``tolerance`` is the relative
+    error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one.  ``methods``
+    has what a method changes, by the names of these figures; ``by_step`` the penalty and frequency that were written as expressions of dt,
+    whose values here are those at ``dt``.
     """
 
     dt: float = 1e-3
@@ -388,6 +390,8 @@ class Numerics:
     tolerance: float = 1e-6
     iterations: int = 100
     multiplier_updates: int = 4
+    integrator: str = "trapezoidal"
+    absolute_tolerance: float | None = None
     methods: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     by_step: Mapping[str, Scalar] = field(default_factory=dict)
     closure: str = "penalty"

@@ -110,7 +110,8 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     }  # fmt: skip
     if part.penalty == "auto" and part.closure != "proximal":
         where.fail("penalty: auto belongs to closure: proximal", "write a number, or closure: proximal", ("numerics", "penalty"))
-    numbers = _figures(where, part, {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE}, ("numerics",))
+    own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE}
+    numbers = _figures(where, part, own, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
         name: _figures(where, figures, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
         for name, figures in part.methods.items()
@@ -123,7 +124,7 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
     if part.closure == "proximal":
         numbers.setdefault("penalty", inf)
-    return Numerics(**numbers, methods=methods, by_step=by_step, closure=part.closure)
+    return Numerics(**numbers, methods=methods, integrator=part.integrator, by_step=by_step, closure=part.closure)
 
 
 def _figures(
@@ -140,7 +141,7 @@ def _figures(
 
 
 def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
-    if key in ("dt", "penalty", "tolerance", "iterations"):
+    if key in ("dt", "penalty", "tolerance", "absolute_tolerance", "iterations"):
         _positive(where, value, keys)
     elif value < 0:
         where.fail(f"{key} must not be negative", "", keys)

@@ -137,14 +137,31 @@ def run_facts(artifact: Artifact, run: Trajectory) -> Table:
 
 
 def _effort_facts(effort: Effort) -> list[tuple[str, str]]:
-    """What a Lagrangian method reports besides."""
+    """What a Lagrangian method or an explicit integrator reports besides."""
     if not effort.solver:
-        return []
+        return _explicit_facts(effort)
     fallbacks = f", {effort.pivoting_fallbacks} with pivoting after all" if effort.pivoting_fallbacks else ""
     r = effort.residuals
     facts = [("solver", f"{effort.solver}, {effort.factorisations} factorisations{fallbacks}")]
     facts += [("penalty", f"{effort.penalty:.3g}")] if effort.penalty == effort.penalty else []
     return [*facts, ("largest residuals", f"Phi {r.position:.1e}, Phid {r.velocity:.1e}, Phidd {r.acceleration:.1e}")]
+
+
+def _explicit_facts(effort: Effort) -> list[tuple[str, str]]:
+    facts = []
+    if effort.rejected:
+        facts.append(("taken again", f"{effort.rejected} steps"))
+    if effort.events:
+        by_element = ", ".join(f"{name} {count}" for name, count in effort.events_by_element.items())
+        facts.append(("events", f"{effort.events}: {by_element}"))
+    if effort.stiff_steps > STIFF * effort.iterations:
+        advice = "the integrator trapezoidal, or the method augmented, may take longer ones"
+        facts.append(("stiff", f"stability, not accuracy, limited {effort.stiff_steps} steps: {advice}"))
+    return facts
+
+
+#: The share of steps limited by stability from which a run is called stiff.
+STIFF = 0.1
 
 
 def _listed(names: tuple[str, ...]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -51,6 +51,8 @@ class Effort:
 
     The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured.  ``penalty`` is that of the
     augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to pivoting.
+    ``rejected`` are attempts of steps that were taken again shorter, ``stiff_steps`` those whose length stability limited, ``events`` the
+    changes of formula at which steps ended, by element in ``events_by_element``: figures of explicit integrators.
     """
 
     solver: str = ""
@@ -59,6 +61,10 @@ class Effort:
     factorisations: int = 0
     pivoting_fallbacks: int = 0
     residuals: Residuals = Residuals()
+    rejected: int = 0
+    stiff_steps: int = 0
+    events: int = 0
+    events_by_element: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +106,9 @@ def read_effort(summary: Mapping[str, Any]) -> Effort:
     return Effort(
         solver=summary.get("solver", ""), penalty=summary.get("penalty", nan), iterations=summary.get("iterations", 0),
         factorisations=summary.get("factorisations", 0),
-        pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), residuals=Residuals(**residuals),
+        pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), residuals=Residuals(**residuals), rejected=summary.get("rejected", 0),
+        stiff_steps=summary.get("stiff_steps", 0), events=summary.get("events", 0),
+        events_by_element=summary.get("events_by_element", {}),
     )  # fmt: skip
 
 

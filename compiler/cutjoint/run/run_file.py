@@ -44,7 +44,8 @@ def make_run_file(
     """The run file of a task: "simulate", "equilibrium" or "evaluate"; of a Lagrangian method also "factor".
 
     ``solver`` names the linear solver of a Lagrangian method, by default the emitted one; ``steps_out`` is where iterations and residuals
-    of each step go.  The ``integrator`` "reference" takes steps as long as ``tolerance`` allows between rows that are ``dt`` apart.
+    of each step go.  The ``integrator`` "reference" takes steps as long as ``tolerance`` allows between rows that are ``dt`` apart,
+    "dormand-prince" such steps without regard to rows, of which each has its place, and the explicit ones have no stabilisation.
     ``numerics`` are the method's figures, a penalty of None is left to the simulator; ``stabilisation`` those of the cut joints of the
     recursive equations, which start every run.
 
@@ -53,10 +54,15 @@ def make_run_file(
     """
     parameters = parameter_values(model, changes)
     value = Evaluator(model, parameters)
+    figures = _figures(scene.numerics, method)
+    if integrator in ("rk4", "dormand-prince"):
+        figures |= _explicit_figures(scene.numerics)
+    if integrator == "dormand-prince":
+        figures["dt"] = scene.output_step
     return {
         "task": task,
         "parameters": parameters,
-        "numerics": _figures(scene.numerics, method),
+        "numerics": figures,
         "stabilisation": _stabilisation(scene.numerics.of_method("recursive"), method),
         "end": scene.end,
         "output_step": scene.output_step,
@@ -98,6 +104,20 @@ def _stabilisation(own: Numerics, method: str) -> dict[str, Any]:
 
 def _bound(penalty: float) -> float | None:
     return penalty if isfinite(penalty) else None
+
+
+#: The largest penalty of explicit integrators, unless one is given for the method: multipliers are corrected until nothing of it is left,
+#: and a larger one would leave fewer digits of the accelerations.
+EXPLICIT_PENALTY = 1e6
+
+
+def _explicit_figures(numerics: Numerics) -> dict[str, float | None]:
+    """The penalty, and the absolute error that a step may have: as a share of 1 (m, rad, m/s, rad/s) the relative one, if none is given."""
+    own, given = numerics.of_method("recursive"), numerics.methods.get("recursive", {})
+    return {
+        "penalty": given.get("penalty", min(own.penalty, EXPLICIT_PENALTY)),
+        "absolute_tolerance": own.tolerance if own.absolute_tolerance is None else own.absolute_tolerance,
+    }
 
 
 class Evaluator:

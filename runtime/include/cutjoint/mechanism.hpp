@@ -34,6 +34,16 @@ struct Guard {
   std::string_view place;
 };
 
+/// A value at whose change of sign a force, a guide or a drive goes over to another formula; the element that it belongs to, and the line of
+/// the model's file.  With a `road` the value is a place along it, which changes formula where the road does; the switch `across` has the
+/// place across it (without one, that place is right of the middle).
+struct Switch {
+  std::string_view element;
+  std::string_view place;
+  int road = -1;
+  int across = -1;
+};
+
 /// Everything about a mechanism that does not change in a run.
 struct Description {
   std::string_view name;
@@ -46,6 +56,7 @@ struct Description {
   std::vector<Named> columns;                 ///< reported quantities
   std::vector<int> cuts{};                    ///< first equation of each cut joint
   std::vector<Guard> guards{};                ///< forces that must not act
+  std::vector<Switch> switches{};             ///< where formulas change
 };
 
 /// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
@@ -104,7 +115,8 @@ class AnyMechanism {
   virtual void close(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
   virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_missing("project"); }
-  virtual void guard(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with guards have it
+  virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
+  virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
 };
 
 /// condition ? yes : no, both evaluated.

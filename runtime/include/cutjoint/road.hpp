@@ -62,10 +62,13 @@ class Road {
 
   /// Pieces in the order of x; the first also holds before its begin.
   Road(std::vector<Piece<Real>> left, std::vector<Piece<Real>> right, bool disc)
-      : left_(std::move(left)), right_(std::move(right)), disc_(disc) {}
+      : left_(std::move(left)), right_(std::move(right)), left_breaks_(breaks_of(left_)), right_breaks_(breaks_of(right_)), disc_(disc) {}
 
   Real height(Real x, Real y) const { return at(x, y).height(x); }
   Real slope(Real x, Real y) const { return disc_ ? Real(0) : at(x, y).slope(x); }
+
+  /// Where one piece ends and the next begins, on the side of y.
+  const std::vector<Real>& breaks(Real y) const { return y > Real(0) ? left_breaks_ : right_breaks_; }
 
   /// The derivatives of height and slope by x.
   Real height_dx(Real x, Real y) const { return at(x, y).slope(x); }
@@ -74,6 +77,12 @@ class Road {
  private:
   static Piece<Real> flat() { return {PieceKind::line, Real(0), Real(0), Real(0), Real(0)}; }
 
+  static std::vector<Real> breaks_of(const std::vector<Piece<Real>>& pieces) {
+    std::vector<Real> begins;
+    for (std::size_t i = 1; i < pieces.size(); ++i) begins.push_back(pieces[i].begin);
+    return begins;
+  }
+
   const Piece<Real>& at(Real x, Real y) const {
     const auto& pieces = y > Real(0) ? left_ : right_;
     const auto after = std::upper_bound(pieces.begin(), pieces.end(), x, [](Real value, const Piece<Real>& p) { return value < p.begin; });
@@ -81,6 +90,7 @@ class Road {
   }
 
   std::vector<Piece<Real>> left_, right_;
+  std::vector<Real> left_breaks_, right_breaks_;
   bool disc_ = false;
 };
 

@@ -61,6 +61,8 @@ class Inputs {
   Inputs(const Inputs&) = delete;
   Inputs& operator=(const Inputs&) = delete;
 
+  const std::vector<Road<Real>>& roads() const { return roads_; }
+
   /// The figures of the cut joints; of the proximal closure `penalties`.
   template <class M>
   void load_mechanism(M& mechanism, const Json& figures, const std::vector<Real>& penalties) const {

@@ -52,7 +52,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     forces = add_forces(system, k, model, scene)
     margins = add_guards(forces, k, model, scene)
     still = b.zero(1)
-    loops = derive_loops(k, topology.cuts, Numbers(penalty=still, damping_ratio=still, frequency=still))
+    loops = derive_loops(k, topology.cuts, Numbers(penalties={}, damping_ratio=still, frequency=still))
     penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
     system_of = _System(
         b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, penalty) for loop in loops),

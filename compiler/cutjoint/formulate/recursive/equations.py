@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
     chart_slots,
@@ -12,7 +14,7 @@ from cutjoint.formulate.inputs import (
     open_parameters,
     report_columns,
 )
-from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot
+from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot, SwitchPlace
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import LoopClosure, corrections, derive_loops
@@ -22,6 +24,7 @@ from cutjoint.formulate.recursive.solution import refine, respond, solve
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Builder
+from cutjoint.program.switches import Switch, find_switches
 from cutjoint.topology.records import Topology
 
 _STATE = ("const Real* q", "const Real* v")
@@ -36,7 +39,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
     rate; ``report``: q, v, vdot, lambda -> the outputs; ``project``: q, gap -> the step of the speeds' integrals that closes the gaps of
-    the cut joints and moves the masses least; with guards ``guard``: q, v -> margins.
+    the cut joints and moves the masses least; with guards ``guard``: q, v -> margins; with switches ``events``: q, v -> their values.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -56,10 +59,11 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     step = respond(topology, masses, k, loops, numbers, gaps, "p").vdot
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=given_accelerations(k))
     closures = _closures(loops)
+    accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
+    switches = find_switches(b, accelerations.values())
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
-            **{f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts},
-            **{f"correction:{loop.joint.name}": correction[loop.joint.name] for loop in loops},
+            **accelerations, **{f"correction:{loop.joint.name}": correction[loop.joint.name] for loop in loops},
         }),
         Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
             **{f"residual:{loop.joint.name}": loop.residual for loop in loops},
@@ -73,6 +77,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
             f"dz:{c.joint}": step[c.joint] for c in charts
         }),
         *guard_function(margins),
+        *_events(switches),
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
@@ -81,8 +86,29 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
         slots={
             **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),
             **margin_slots(model, scene),
+            **{f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(switches))},
         },
+        switches=_described(b, switches),
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
+    )  # fmt: skip
+
+
+def _events(switches: Sequence[Switch]) -> tuple[Function, ...]:
+    """The function ``events``: q, v -> the values of the switches; none if there are none."""
+    arguments = (*_STATE, "Real* value")
+    results = {f"value:{i}": switch.value for i, switch in enumerate(switches)}
+    return (Function(name="events", arguments=arguments, results=results),) if switches else ()
+
+
+def _described(b: Builder, switches: Sequence[Switch]) -> tuple[SwitchPlace, ...]:
+    numbers = {switch.value: i for i, switch in enumerate(switches) if not switch.road}
+    sections = [b.sections[switch.section] for switch in switches]
+    return tuple(
+        SwitchPlace(
+            element=section.element or section.stage, place=section.source, road=switch.road,
+            across=-1 if switch.across is None else numbers.get(switch.across, -1),
+        )
+        for switch, section in zip(switches, sections, strict=True)
     )  # fmt: skip
 
 

@@ -1,9 +1,10 @@
 // A Runge-Kutta method of order 8 whose coefficients are fractions: exact in any precision.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <vector>
+
+#include "cutjoint/coefficients.hpp"
 
 namespace cutjoint::reference {
 
@@ -29,30 +30,16 @@ class Fehlberg {
  private:
   void step(Real t, Real h, const std::vector<Real>& y, std::vector<Real>& end) {
     for (std::size_t stage = 0; stage < stages; ++stage) {
-      add(y, h, weights[stage], at_);
-      dynamics_.derive(t + value(nodes[stage]) * h, at_, slopes_[stage]);
+      at_ = y;
+      add_slopes(h, weights[stage], slopes_, at_);
+      dynamics_.derive(t + nodes[stage].template as<Real>() * h, at_, slopes_[stage]);
     }
-    add(y, h, result, end);
+    end = y;
+    add_slopes(h, result, slopes_, end);
   }
-
-  struct Fraction {
-    int above, below = 1;
-  };
 
   static constexpr std::size_t stages = 13;
-  using Row = std::array<Fraction, stages>;
-
-  /// sum = y + h times the weighted slopes.
-  void add(const std::vector<Real>& y, Real h, const Row& row, std::vector<Real>& sum) const {
-    sum = y;
-    for (std::size_t j = 0; j < stages; ++j) {
-      if (row[j].above == 0) continue;
-      const Real weight = h * value(row[j]);
-      for (std::size_t i = 0; i < y.size(); ++i) sum[i] += weight * slopes_[j][i];
-    }
-  }
-
-  static Real value(Fraction f) { return Real(f.above) / Real(f.below); }
+  using Row = Coefficients<stages>;
 
   static constexpr Row nodes{{{0}, {2, 27}, {1, 9}, {1, 6}, {5, 12}, {1, 2}, {5, 6}, {1, 6}, {2, 3}, {1, 3}, {1}, {0}, {1}}};
 

@@ -10,18 +10,18 @@
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 
-namespace cutjoint::reference {
+namespace cutjoint {
 
-/// y = (q, v).  The multipliers are corrected in each evaluation until the accelerations change by a share `settled` or less, so that no
-/// penalty is left in them; what the loops drift apart comes from the integrator alone and is drawn back by the stabilisation.
+/// y = (q, v).  The multipliers are corrected in each evaluation until what is left would change the accelerations by a share `settled` or
+/// less, so that no penalty is left in them; what the loops drift apart comes from the integrator alone.
 template <Mechanism M>
 class Relative {
  public:
   using Real = typename M::real_type;
 
   Relative(M& mechanism, Real settled)
-      : mechanism_(mechanism), d_(mechanism.description()), settled_(std::max(settled, 16 * std::numeric_limits<Real>::epsilon())),
-        n_(d_.coordinates.size()), state_(d_), before_(d_.speeds.size()), correction_(d_.equations.size()) {}
+      : mechanism_(mechanism), d_(mechanism.description()), n_(d_.coordinates.size()), state_(d_),
+        settled_(std::max(settled, 16 * std::numeric_limits<Real>::epsilon())), before_(d_.speeds.size()), correction_(d_.equations.size()) {}
 
   std::size_t size() const { return n_ + d_.speeds.size(); }
   std::string name(std::size_t i) const { return std::string(i < n_ ? d_.coordinates[i] : d_.speeds[i - n_]); }
@@ -52,16 +52,18 @@ class Relative {
     }
   }
 
-  /// The state with its accelerations and multipliers.
+  /// The state with its accelerations and multipliers; what that takes is no part of a step.
   const State<Real>& complete(Real t, const std::vector<Real>& y) {
+    const long counted = evaluations_;
     take(t, y);
     accelerate();
+    evaluations_ = counted;
     return state_;
   }
 
   long evaluations() const { return evaluations_; }
 
- private:
+ protected:
   void take(Real t, const std::vector<Real>& y) {
     const auto middle = y.begin() + static_cast<std::ptrdiff_t>(n_);
     state_.t = t;
@@ -69,25 +71,50 @@ class Relative {
     std::copy(middle, y.end(), state_.v.begin());
   }
 
-  void accelerate() {
+  static Real largest(const std::vector<Real>& values) {
     using std::abs;
-    constexpr int most = 40;
+    Real result(0);
+    for (const Real value : values)
+      if (const Real x = abs(value); !(x <= result)) result = x;
+    return result;
+  }
+
+  M& mechanism_;
+  const Description& d_;
+  std::size_t n_;
+  State<Real> state_;
+
+ private:
+  /// A pass adds its correction to the multipliers; how far that moves the accelerations is known from a pass not long ago.
+  void accelerate() {
+    constexpr int most = 40, fresh = 8;
     mechanism_.begin_step(state_.t, Real(1));
-    Real last = std::numeric_limits<Real>::infinity();
-    for (int iteration = 0; iteration < most; ++iteration) {
+    Real last = std::numeric_limits<Real>::infinity(), owed(0);
+    for (int pass = 0; pass < most; ++pass) {
       before_ = state_.vdot;
       mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), state_.vdot.data(), correction_.data());
       ++evaluations_;
-      Real change(0), size(1);
-      for (std::size_t i = 0; i < before_.size(); ++i) {
-        if (const Real x = abs(state_.vdot[i] - before_[i]); !(x <= change)) change = x;
-        if (const Real x = abs(state_.vdot[i]); x > size) size = x;
+      if (d_.equations.empty()) return;
+      const Real size = Real(1) + largest(state_.vdot), change = pass > 0 ? largest_change() : Real(0);
+      if (pass == 1 && owed > Real(0)) {
+        effect_ = change / owed;
+        age_ = 0;
       }
-      if (d_.equations.empty() || (iteration > 0 && change <= settled_ * size)) return;
-      if (iteration > 2 && !(change < last)) return;  // what is left is rounding
-      last = change;
+      owed = largest(correction_);
       for (std::size_t i = 0; i < correction_.size(); ++i) state_.lambda[i] += correction_[i];
+      if (age_ < fresh && Real(10) * effect_ * owed <= settled_ * size) break;
+      if (pass > 1 && !(change < last)) break;  // what is left is rounding
+      if (pass > 0) last = change;
     }
+    ++age_;
+  }
+
+  Real largest_change() const {
+    using std::abs;
+    Real result(0);
+    for (std::size_t i = 0; i < before_.size(); ++i)
+      if (const Real x = abs(state_.vdot[i] - before_[i]); !(x <= result)) result = x;
+    return result;
   }
 
   /// Rates of the coordinates: of a quaternion e, (0, omega)/2 e with the angular velocity on the left.
@@ -104,13 +131,11 @@ class Relative {
     rate[3] = (w[2] * e[0] + w[0] * e[2] - w[1] * e[1]) / Real(2);
   }
 
-  M& mechanism_;
-  const Description& d_;
   Real settled_;
-  std::size_t n_;
-  State<Real> state_;
   std::vector<Real> before_, correction_;
+  Real effect_{0};  ///< of a correction of 1 on the accelerations
+  int age_ = 1000;  ///< evaluations since it was seen
   long evaluations_ = 0;
 };
 
-}  // namespace cutjoint::reference
+}  // namespace cutjoint

@@ -1,0 +1,32 @@
+// The coefficients of Runge-Kutta methods as fractions: exact in any precision.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace cutjoint {
+
+struct Fraction {
+  long above, below = 1;
+
+  template <class Real>
+  Real as() const {
+    return Real(above) / Real(below);
+  }
+};
+
+template <std::size_t stages>
+using Coefficients = std::array<Fraction, stages>;
+
+/// sum += h times the weighted slopes.
+template <class Real, std::size_t stages>
+void add_slopes(Real h, const Coefficients<stages>& weights, const std::vector<std::vector<Real>>& slopes, std::vector<Real>& sum) {
+  for (std::size_t j = 0; j < stages; ++j) {
+    if (weights[j].above == 0) continue;
+    const Real weight = h * weights[j].template as<Real>();
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += weight * slopes[j][i];
+  }
+}
+
+}  // namespace cutjoint

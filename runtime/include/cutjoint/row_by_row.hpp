@@ -1,0 +1,86 @@
+// Methods that go from one row of the table to the next by steps of their own, as the driver sees them.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "cutjoint/guards.hpp"
+#include "cutjoint/json.hpp"
+#include "cutjoint/run_file.hpp"
+
+namespace cutjoint {
+
+/// Goes on from a start by a stepper, whose `advance` takes a state of the dynamics from one time to another with as many steps as it likes;
+/// guards are checked at the rows.  A row stands each `dt` of the run file.
+template <class Dynamics, class Stepper, class Subject>
+class RowByRow {
+ public:
+  using Real = typename Dynamics::Real;
+
+  RowByRow(Subject& subject, Dynamics& dynamics, const Json& file)
+      : subject_(subject), dynamics_(dynamics), file_(file), guards_(subject) {}
+
+  const std::vector<Named>& columns() const { return subject_.description().columns; }
+
+  /// Take over a start in the coordinates of the dynamics.
+  void begin(const State<Real>& start) {
+    y_ = dynamics_.begin(start);
+    origin_ = t_ = start.t;
+    check(0);
+  }
+
+  /// Get ready for steps; `how` is what the stepper is made with.
+  template <class... How>
+  void prepare(How&&... how) {
+    dt_ = figure("dt");
+    stepper_.emplace(dynamics_, std::forward<How>(how)...);
+  }
+
+  void step(long number) {
+    const Real until = origin_ + Real(number) * dt_;
+    stepper_->advance(t_, until, y_, number);
+    t_ = until;
+    check(number);
+  }
+
+  Real time() const { return t_; }
+
+  void report(Real* column) {
+    const State<Real>& x = dynamics_.complete(t_, y_);
+    subject_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), column);
+  }
+
+  static constexpr std::array<std::string_view, 1> step_columns{"steps"};
+
+  std::vector<double> measure_step() const { return {static_cast<double>(stepper_->steps())}; }
+
+  void summarise(Json& summary) const {
+    summary["evaluations"] = dynamics_.evaluations();
+    summary["iterations"] = stepper_ ? stepper_->steps() : 0;
+  }
+
+ protected:
+  Real figure(const char* name) const { return read_number<Real>(file_.at("numerics"), name); }
+
+  const std::optional<Stepper>& stepper() const { return stepper_; }
+  Real origin() const { return origin_; }
+  const std::vector<Real>& row() const { return y_; }
+
+ private:
+  void check(long number) {
+    if (!guards_.empty()) guards_.check(dynamics_.complete(t_, y_), number);
+  }
+
+  Subject& subject_;
+  Dynamics& dynamics_;
+  const Json& file_;
+  Guards<Subject> guards_;
+  std::optional<Stepper> stepper_;
+  std::vector<Real> y_;
+  Real origin_{0}, t_{0}, dt_{0};
+};
+
+}  // namespace cutjoint

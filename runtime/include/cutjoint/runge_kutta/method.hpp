@@ -1,0 +1,86 @@
+// Explicit methods as the driver sees them.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/runge_kutta/stepper.hpp"
+#include "cutjoint/runge_kutta/tables.hpp"
+#include "cutjoint/runge_kutta/watched.hpp"
+#include "cutjoint/json.hpp"
+#include "cutjoint/row_by_row.hpp"
+#include "cutjoint/run_file.hpp"
+
+namespace cutjoint::runge_kutta {
+
+/// A mechanism in relative coordinates with an explicit Runge-Kutta method.
+template <Mechanism M, class Table>
+class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M> {
+  using Base = RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M>;
+
+ public:
+  using Real = typename M::real_type;
+
+  ExplicitMethod(M& mechanism, const Json& file)
+      : Base(mechanism, dynamics_, file), inputs_(mechanism.description(), file),
+        dynamics_(mechanism, inputs_.roads(), Table::adaptive ? this->figure("tolerance") / 100 : Real(1e-12)) {
+    Json figures = file.at("stabilisation");
+    figures["penalty"] = file.at("numerics").at("penalty");
+    figures["frequency"] = 0.0;  // loops are projected, not drawn together
+    inputs_.load_mechanism(mechanism, figures, {});
+    end_ = read_number<Real>(file, "end");
+  }
+
+  void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
+
+  void prepare() {
+    const Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
+    const double row = static_cast<double>(this->figure("dt"));
+    Base::prepare(tolerances, this->origin() + Real(std::ceil(static_cast<double>(end_) / row - 1e-9)) * this->figure("dt"));
+  }
+
+  static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
+
+  /// The steps that a row took, and its largest residuals.
+  const std::vector<double>& measure_step() {
+    const auto [position, velocity] = dynamics_.residuals(this->time(), this->row());
+    const long steps = this->stepper()->steps();
+    measured_ = {static_cast<double>(steps - steps_), position, velocity};
+    steps_ = steps;
+    position_ = std::max(position_, position);
+    velocity_ = std::max(velocity_, velocity);
+    return measured_;
+  }
+
+  void summarise(Json& summary) const {
+    Base::summarise(summary);
+    if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
+    if (!this->stepper()) return;
+    const Counts& counts = this->stepper()->counts();
+    summary["steps"] = counts.steps;
+    summary["rejected"] = counts.rejected;
+    summary["stiff_steps"] = counts.stiff;
+    summary["events"] = counts.events;
+    Json by_element = Json::object();
+    for (std::size_t i = 0; i < counts.by_switch.size(); ++i)
+      if (const long n = counts.by_switch[i]; n > 0) {
+        Json& known = by_element[std::string(dynamics_.switches()[i].element)];
+        known = known.is_null() ? n : known.get<long>() + n;
+      }
+    summary["events_by_element"] = by_element;
+  }
+
+ private:
+  Inputs<Real> inputs_;
+  Watched<M> dynamics_;
+  Real end_{0};
+  std::vector<double> measured_;
+  long steps_ = 0;
+  double position_ = 0.0, velocity_ = 0.0;
+};
+
+}  // namespace cutjoint::runge_kutta

@@ -1,0 +1,117 @@
+// A mechanism as an explicit method sees it.
+#pragma once
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "cutjoint/runge_kutta/regime.hpp"
+#include "cutjoint/projection.hpp"
+#include "cutjoint/relative.hpp"
+#include "cutjoint/road.hpp"
+
+namespace cutjoint::runge_kutta {
+
+/// The differential equation of a mechanism whose switches are watched at every stage, and whose loops are closed after each step.
+template <Mechanism M>
+class Watched : public Relative<M> {
+ public:
+  using Real = typename M::real_type;
+
+  Watched(M& mechanism, const std::vector<Road<Real>>& roads, Real settled)
+      : Relative<M>(mechanism, settled), regime_(mechanism.description().switches, roads),
+        projection_(mechanism), last_(mechanism.description().equations.size()), before_last_(last_), residual_(last_), rate_(last_) {}
+
+  /// Take over a start, in the regime in which it stands.
+  std::vector<Real> begin(const State<Real>& start) {
+    std::vector<Real> y = Relative<M>::begin(start);
+    adopt(start.t, y);
+    return y;
+  }
+
+  void derive(Real t, const std::vector<Real>& y, std::vector<Real>& slope) {
+    predict(t);
+    Relative<M>::derive(t, y, slope);
+    if (regime_.empty()) return;
+    evaluate_switches();
+    regime_.look(t);
+  }
+
+  /// Quaternions get their length back, loops are closed, and speeds keep them closed.
+  void settle(Real t, std::vector<Real>& y) {
+    Relative<M>::settle(t, y);
+    if (d_.equations.empty()) return;
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    projection_.positions(state_);
+    projection_.velocities(state_);
+    std::copy(state_.v.begin(), state_.v.end(), std::copy(state_.q.begin(), state_.q.end(), y.begin()));
+  }
+
+  /// The largest residuals of the loops in a state: of positions and of velocities.
+  std::pair<double, double> residuals(Real t, const std::vector<Real>& y) {
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+    return {static_cast<double>(this->largest(residual_)), static_cast<double>(this->largest(rate_))};
+  }
+
+  /// Seek the switches that a state has out of the regime; whether there are any.
+  bool seek(Real t, const std::vector<Real>& y) {
+    switch_at(t, y);
+    return regime_.seek();
+  }
+
+  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  std::size_t found(Real t, const std::vector<Real>& y) {
+    switch_at(t, y);
+    return regime_.found();
+  }
+
+  /// A step ended at t, the last stage there being its end; the regime goes on.
+  void advance(Real t) {
+    regime_.advance();
+    last_.swap(before_last_);
+    std::swap(last_time_, before_last_time_);
+    last_ = state_.lambda;
+    last_time_ = t;
+    known_ = std::min(known_ + 1, 2);
+  }
+
+  /// Go over to the regime of a state.
+  void adopt(Real t, const std::vector<Real>& y) {
+    known_ = 0;
+    if (regime_.empty()) return;
+    switch_at(t, y);
+    regime_.adopt();
+  }
+
+  Regime<Real>& regime() { return regime_; }
+  const std::vector<Switch>& switches() const { return d_.switches; }
+
+ private:
+  using Relative<M>::d_, Relative<M>::mechanism_, Relative<M>::state_;
+
+  /// Multipliers to begin with: on the line through those of the last two steps' ends.
+  void predict(Real t) {
+    if (known_ < 2) return;
+    const Real share = (t - last_time_) / (last_time_ - before_last_time_);
+    for (std::size_t i = 0; i < last_.size(); ++i) state_.lambda[i] = last_[i] + share * (last_[i] - before_last_[i]);
+  }
+
+  void switch_at(Real t, const std::vector<Real>& y) {
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    evaluate_switches();
+  }
+
+  void evaluate_switches() { mechanism_.events(state_.q.data(), state_.v.data(), regime_.values()); }
+
+  Regime<Real> regime_;
+  Projection<M> projection_;
+  std::vector<Real> last_, before_last_, residual_, rate_;
+  Real last_time_{0}, before_last_time_{0};
+  int known_ = 0;
+};
+
+}  // namespace cutjoint::runge_kutta

@@ -1,0 +1,142 @@
+"""Explicit integrators as programs: what they refuse, how they fail, that they repeat themselves to the bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.pipeline import EXPLICIT, compile_model, simulate
+from cutjoint.report.tables import run_facts
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError, make_run_file
+from tests.conftest import MODELS
+from tests.mechanisms.bouncing import bouncing_text
+from tests.physics.simulation import compile_text, completed
+
+SLIDE = """
+cutjoint: 1
+name: slide
+gravity: [0, 0, 0]
+bodies:
+  block: {mass: 1, centre_of_mass: [0, 0, 0]}
+joints:
+  slide: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}
+forces:
+  friction: {kind: joint_force, joint: slide, law: "LAW"}
+outputs: [block.x, block.vx]
+scenes:
+  stop: {end: 1, output_step: 0.1, rates: {slide.displacement_rate: 1}}
+"""
+
+
+def cells(run: Trajectory) -> bytes:
+    return b"".join(column.tobytes() for column in (run.t, *run.columns.values()))
+
+
+@pytest.mark.parametrize("integrator", EXPLICIT)
+@pytest.mark.parametrize(("model", "scene", "end"), [("slider_crank", None, 1.0), ("iltis", "iavsd_inphase_5", 0.4)])
+def test_runs_repeat_themselves_to_the_bit(integrator: str, model: str, scene: str | None, end: float) -> None:
+    artifact = compile_model(MODELS / f"{model}.yaml", scene=scene)
+    one, other = (completed(simulate(artifact, integrator=integrator, end=end)) for _ in range(2))
+    assert cells(one) == cells(other)
+    assert (one.steps, one.evaluations, one.effort) == (other.steps, other.evaluations, other.effort)
+
+
+@pytest.mark.parametrize("how", [{"method": "augmented"}, {"implementation": "generic"}])
+def test_what_explicit_integrators_take(how: dict[str, str]) -> None:
+    artifact = compile_model(MODELS / "pendulum.yaml", **how)
+    with pytest.raises(RunError, match=r"the integrator rk4 takes generated code of the method recursive"):
+        simulate(artifact, integrator="rk4")
+
+
+def test_an_unknown_integrator() -> None:
+    with pytest.raises(RunError, match=r"no integrator 'euler'; there is trapezoidal, rk4, dormand-prince, reference"):
+        simulate(compile_model(MODELS / "pendulum.yaml"), integrator="euler")
+
+
+def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
+    """With its tolerances; other methods and the generic twin keep the trapezoidal rule."""
+    numerics = "numerics: {dt: 0.01, integrator: dormand-prince, tolerance: 1e-7, absolute_tolerance: 1e-9}"
+    path = tmp_path / "bounce.yaml"
+    path.write_text(bouncing_text(0, 0.5).replace("numerics: {dt: 0.01}", numerics), encoding="utf-8")
+    artifact = compile_model(path)
+    asked = simulate(replace(artifact, scene=replace(artifact.scene, numerics=replace(artifact.scene.numerics, integrator="trapezoidal"))),
+                     integrator="dormand-prince")  # fmt: skip
+    assert cells(completed(simulate(artifact))) == cells(completed(asked))
+    file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate", integrator="dormand-prince")
+    assert (file["numerics"]["tolerance"], file["numerics"]["absolute_tolerance"], file["numerics"]["dt"]) == (1e-7, 1e-9, 0.05)
+    assert completed(simulate(compile_model(path, implementation="generic"))).effort.events == 0
+
+
+def test_a_tighter_absolute_tolerance_takes_more_steps(tmp_path: Path) -> None:
+    artifact = compile_text(tmp_path, bouncing_text(0, 0.5))
+    steps = []
+    for absolute in (1e-4, 1e-6, 1e-8):
+        numerics = replace(artifact.scene.numerics, tolerance=1e-4, absolute_tolerance=absolute)
+        own = replace(artifact, scene=replace(artifact.scene, numerics=numerics))
+        steps.append(completed(simulate(own, integrator="dormand-prince")).steps)
+    assert steps[0] < steps[1] < steps[2]
+
+
+@pytest.mark.parametrize("integrator", EXPLICIT)
+def test_dry_friction_that_sticks_is_told_by_name(integrator: str, tmp_path: Path) -> None:
+    """Both sides of rest push back to it: the law has no value that keeps it there.  2 N stop 1 kg after 0.5 s."""
+    artifact = compile_text(tmp_path, SLIDE.replace("LAW", "where(rate > 0, -2, 2)"))
+    failure = simulate(artifact, integrator=integrator, dt=0.01).failure
+    assert failure is not None
+    assert failure.message.startswith("'friction' (")
+    assert "model.yaml:10" in failure.message
+    assert failure.message.endswith("switches to and fro without end")
+    assert failure.advice == "make its law continuous there, or take the integrator trapezoidal"
+    assert failure.element == "friction"
+    assert failure.time == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_force_without_bound_leaves_no_step_small_enough(tmp_path: Path) -> None:
+    """x = 1 - t pulls itself to the origin by -1/x: the speed grows without bound before t = 1."""
+    law = "-1/(position + 1 - 1)".replace("position + 1 - 1", "position")
+    text = SLIDE.replace("LAW", law).replace("rates: {slide.displacement_rate: 1}", "positions: {slide.displacement: 0.5}")
+    run = simulate(compile_text(tmp_path, text), integrator="dormand-prince")
+    assert run.failure is not None
+    assert run.failure.message == "no step is small enough for the tolerance"
+    # 0.5 sqrt(pi/2): a mass falls to a pull of 1/x
+    assert run.failure.time == pytest.approx(0.5 * np.sqrt(np.pi / 2), abs=1e-3)
+    assert run.t[-1] == pytest.approx(0.6)
+    assert np.isfinite(run["block.x"]).all()
+
+
+def test_a_stiff_model_is_told() -> None:
+    """The governor's fastest eigenvalue is -8075 1/s: steps of 3.3/8075 s, whatever the tolerance asks."""
+    artifact = compile_model(MODELS / "flyball.yaml")
+    run = completed(simulate(artifact, integrator="dormand-prince", tolerance=1e-5, end=0.5))
+    assert run.effort.stiff_steps > 0.9 * run.steps
+    assert run.steps == pytest.approx(0.5 * 8075 / 3.3, rel=0.5)
+    facts = run_facts(artifact, run)
+    assert any("stability, not accuracy, limited" in str(cell) for cell in facts.columns[1].cells)
+    failure = simulate(artifact, integrator="rk4", dt=1e-3, end=0.5).failure
+    assert failure is not None
+    assert failure.message == "the accelerations have no finite value"
+    assert failure.advice == "take a smaller dt, or a stable method: the integrator trapezoidal, or the method augmented"
+
+
+def test_events_are_told(tmp_path: Path) -> None:
+    artifact = compile_text(tmp_path, bouncing_text(0, 0.5))
+    facts = run_facts(artifact, completed(simulate(artifact, integrator="dormand-prince")))
+    assert "4: floor 4" in list(facts.columns[1].cells)
+
+
+@pytest.mark.parametrize("precision", ["single", "extended", "quad"])
+def test_number_types(precision: str, tmp_path: Path) -> None:
+    """The same motion to the digits of the shorter one."""
+    path = tmp_path / "bounce.yaml"
+    path.write_text(bouncing_text(10.0, 0.5), encoding="utf-8")
+    tolerance = {"single": 1e-4, "extended": 1e-10, "quad": 1e-10}[precision]
+    plain, other = (
+        completed(simulate(compile_model(path, precision=p), integrator="dormand-prince", tolerance=tolerance)) for p in ("double",
+        precision)
+    )  # fmt: skip
+    assert other["mass.z"] == pytest.approx(plain["mass.z"], abs=20 * tolerance)
+    assert other.effort.events == plain.effort.events
