@@ -1,0 +1,249 @@
+"""Idle joints frozen: bodies that hardly move against each other in a scene become one where the scene starts.  An approximation."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from cutjoint.model.errors import ModelError
+from cutjoint.model.records import (
+    GROUND,
+    AxialForce,
+    Body,
+    BodyLoad,
+    Force,
+    Joint,
+    JointForce,
+    JointKind,
+    Marker,
+    Model,
+    PointSpring,
+    Reaction,
+    Scalar,
+    Scene,
+    Tyre,
+    Vector,
+)  # fmt: skip
+from cutjoint.reduce.poses import Poses, find_poses, numbers
+from cutjoint.reduce.records import Note, Outcome
+from cutjoint.reduce.rename import bodies_of, hand_over
+from cutjoint.reduce.weld import at_centre, merged
+from cutjoint.run.run_file import RunError
+from cutjoint.run.simulator import SimulatorError
+
+#: A joint is idle that moves by less than a scene's tolerance, else than this (m and rad).
+IDLE = 1e-3
+
+#: A body that has moved by less when the scene starts stands where it was drawn (m and rad).
+_SAME = 1e-9
+
+
+def freeze_idle(model: Model, scene: Scene) -> Outcome:
+    """The pass: joints that move by less than IDLE in a run of the model are welded as they are at its start."""
+    outcome = Outcome(model=model, scene=scene)
+    try:
+        poses = find_poses(model, scene)
+    except (ModelError, RunError, SimulatorError):
+        return outcome
+    if poses is None:
+        return outcome
+    moves = {j.name: _movement(model, j, poses) for j in model.joints if j.kind is not JointKind.FREE}
+    limit = IDLE if scene.tolerance is None else scene.tolerance
+    idle = {name for name, moved in moves.items() if moved <= limit}
+    left: list[Note] = []
+    while idle:
+        frozen = _Frozen(model=model, poses=poses, joints=tuple(j for j in model.joints if j.name in idle))
+        problem = frozen.problem(scene)
+        if problem is None:
+            return replace(_freeze(outcome, frozen, moves), left=tuple(dict.fromkeys(left)))
+        note, around = problem
+        left.append(note)
+        idle -= around
+    return replace(outcome, left=tuple(dict.fromkeys(left)))
+
+
+def _movement(model: Model, joint: Joint, poses: Mapping[str, Poses]) -> float:
+    """How far a joint's follower moves as seen from its base, m or rad."""
+    return poses[joint.follower].seen_from(poses[joint.base]).change(numbers(joint.at, model))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Frozen:
+    """Joints that are frozen together."""
+
+    model: Model
+    poses: Mapping[str, Poses]
+    joints: tuple[Joint, ...]
+
+    @property
+    def bearers(self) -> Mapping[str, str]:
+        """For each body the one that it becomes a part of, or itself: the ground, or the first in the file."""
+        order = {name: i for i, name in enumerate((GROUND, *(b.name for b in self.model.bodies)))}
+        bearer = {name: name for name in order}
+        for joint in self.joints:
+            first, last = sorted((bearer[joint.base], bearer[joint.follower]), key=order.__getitem__)
+            bearer = {name: first if b == last else b for name, b in bearer.items()}
+        return bearer
+
+    def shift(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The turn (3, 3) and the way (3,) from where the body is drawn to where it is at the start, as seen from its bearer."""
+        seen = self.poses[body].seen_from(self.poses[self.bearers[body]])
+        return seen.R[0], seen.r[0]
+
+    def is_moved(self, body: str) -> bool:
+        """Whether the body is not where it is drawn."""
+        turn, way = self.shift(body)
+        return bool(max(np.abs(turn - np.eye(3)).max(), np.abs(way).max()) > _SAME)
+
+    def problem(self, scene: Scene) -> tuple[Note, set[str]] | None:
+        """Why some joints cannot be frozen, and which."""
+        bearer = self.bearers
+        if all(bearer[b.name] == GROUND for b in self.model.bodies):
+            return self._stays(self.joints[0], "nothing would move"), {j.name for j in self.joints}
+        inner = [j for j in self.model.joints if bearer[j.base] == bearer[j.follower]]
+        for joint in inner:
+            if reason := _need(self.model, scene, joint):
+                return self._stays(joint, reason), self._way_around(joint)
+        for element in (*self.model.joints, *self.model.forces, *self.model.reactions):
+            for body in sorted(_fixed_in(element, {j.name for j in inner}) - {GROUND}):
+                if bearer[body] != body and self.is_moved(body):
+                    return self._body_stays(body, f"'{element.name}' is drawn where '{body}' is not at the start")
+        for output in (o for o in scene.outputs if o.quantity in _ANGLES and bearer.get(o.element, o.element) != o.element):
+            if self.is_moved(output.element):
+                return self._body_stays(output.element, f"the output '{output.column}' asks for its attitude")
+        return None
+
+    def _stays(self, element: Joint | Body, reason: str) -> Note:
+        return Note(element=element.name, words=f"is not frozen: {reason}", span=element.span)
+
+    def _body_stays(self, body: str, reason: str) -> tuple[Note, set[str]]:
+        note = self._stays(next(b for b in self.model.bodies if b.name == body), reason)
+        return note, {j.name for j in self.joints if body in (j.base, j.follower)}
+
+    def _way_around(self, joint: Joint) -> set[str]:
+        """The joints that hold the two bodies of a joint together: itself, or one way between them."""
+        if joint in self.joints:
+            return {joint.name}
+        ways: dict[str, set[str]] = {joint.base: set()}
+        while joint.follower not in ways:
+            for j in self.joints:
+                for one, other in ((j.base, j.follower), (j.follower, j.base)):
+                    if one in ways:
+                        ways.setdefault(other, ways[one] | {j.name})
+        return ways[joint.follower]
+
+
+_ANGLES = ("roll", "pitch", "yaw")
+
+
+def _need(model: Model, scene: Scene, joint: Joint) -> str:
+    """Why a joint between frozen bodies is needed, "" if it is not."""
+    forces = {f.name for f in model.forces if isinstance(f, JointForce) and f.joint == joint.name}
+    sensors = {r.name for r in model.reactions if getattr(r, "joint", "") == joint.name}
+    asked = next((o.column for o in scene.outputs if o.element in forces | sensors | {joint.name}), "")
+    return f"the output '{asked}' asks for it" if asked else ""
+
+
+def _fixed_in(element: Any, inner: Collection[str]) -> set[str]:
+    """The bodies in which an element that stays has what cannot be moved in one of them alone."""
+    match element:
+        case Joint():
+            return set() if element.name in inner else bodies_of(element)
+        case Reaction():
+            return set() if element.joint in inner else bodies_of(element)
+        case JointForce() | PointSpring() | AxialForce() | Tyre():
+            return set()
+        case BodyLoad():
+            return set() if element.axes == "global" else bodies_of(element)
+    return bodies_of(element)
+
+
+def _freeze(outcome: Outcome, frozen: _Frozen, moves: Mapping[str, float]) -> Outcome:
+    model, scene, bearer = outcome.model, outcome.scene, frozen.bearers
+    gone = [b for b in model.bodies if bearer[b.name] != b.name]
+    inner = {j.name for j in model.joints if bearer[j.base] == bearer[j.follower]}
+    for body in gone:
+        model, scene = at_centre(model, scene, body)
+    for name in dict.fromkeys(bearer[b.name] for b in gone if bearer[b.name] != GROUND):
+        model, scene = at_centre(model, scene, next(b for b in model.bodies if b.name == name))
+    asked = {o.element for o in scene.outputs}
+    forces = tuple(f for f in model.forces if f.name in asked or not _is_inner(f, bearer, inner))
+    reactions = tuple(r for r in model.reactions if getattr(r, "joint", "") not in inner)
+    model = replace(model, forces=forces, reactions=reactions, joints=tuple(j for j in model.joints if j.name not in inner))
+    for body in gone:
+        model = _give_over(model, body, frozen)
+        outputs = tuple(replace(o, element=bearer[body.name], stands_for=o.column) if o.element == body.name else o for o in scene.outputs)
+        scene = replace(scene, outputs=outputs)
+    if scene.pose == "equilibrium":
+        scene = replace(scene, positions={**_places(model, frozen.poses), **scene.positions})
+    positions, rates = (
+        {key: value for key, value in states.items() if key.rpartition(".")[0] not in inner} for states in (scene.positions, scene.rates)
+    )
+    notes = tuple(
+        Note(element=j.name, words=f"is frozen: it moves by {moves[j.name]:.1e} m or rad", span=j.span)
+        for j in outcome.model.joints if j.name in inner
+    )  # fmt: skip
+    return replace(outcome, model=model, scene=replace(scene, positions=positions, rates=rates), done=notes)
+
+
+def _places(model: Model, poses: Mapping[str, Poses]) -> dict[str, Scalar]:
+    """Where free bodies start, near which frozen ones find their equilibrium: they may be off the road where they are drawn."""
+    places: dict[str, Scalar] = {}
+    for joint in (j for j in model.joints if j.kind is JointKind.FREE and j.base == GROUND):
+        at, pose = numbers(joint.at, model), poses[joint.follower]
+        for name, value in zip("xyz", pose.r[0] + pose.R[0] @ at - at, strict=True):
+            places[f"{joint.name}.{name}"] = sympy.Float(value)
+    return places
+
+
+def _is_inner(force: Force, bearer: Mapping[str, str], inner: Collection[str]) -> bool:
+    """Whether a force acts between parts of one body."""
+    if isinstance(force, JointForce):
+        return force.joint in inner
+    return len(bodies_of(force)) == 2 and len({bearer[body] for body in bodies_of(force)}) == 1
+
+
+def _give_over(model: Model, body: Body, frozen: _Frozen) -> Model:
+    """The model with a body's mass and all that stands on it on its bearer."""
+    to, turn, way = frozen.bearers[body.name], *frozen.shift(body.name)
+    if frozen.is_moved(body.name):
+        forces = tuple(_moved_force(f, body.name, turn, way) for f in model.forces)
+        markers = tuple(_moved_marker(m, body.name, turn, way) for m in model.markers)
+        model, body = replace(model, forces=forces, markers=markers), _moved_body(body, turn, way)
+    if to != GROUND:
+        model = replace(model, bodies=tuple(merged(b, body) if b.name == to else b for b in model.bodies))
+    return hand_over(model, body.name, to)
+
+
+def _placed(point: Vector, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Vector:
+    x, y, z = sympy.Matrix(turn) * sympy.Matrix(point) + sympy.Matrix(way)
+    return x, y, z
+
+
+def _moved_body(body: Body, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Body:
+    xx, yy, zz, xy, xz, yz = body.inertia
+    R = sympy.Matrix(turn)
+    J = R * sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * R.T
+    inertia = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
+    return replace(body, centre_of_mass=_placed(body.centre_of_mass, turn, way), inertia=inertia)
+
+
+def _moved_marker(marker: Marker, body: str, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Marker:
+    return replace(marker, point=_placed(marker.point, turn, way)) if marker.body == body else marker
+
+
+def _moved_force(force: Force, body: str, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Force:
+    """A force with its points and directions in a body where that is at the start."""
+    points = {"base": ("start", "origin"), "follower": ("end", "point"), "body": ("point", "centre")}
+    directions = {"base": ("axis",), "follower": (), "body": ("axis",)}
+    own = [end for end in points if getattr(force, end, None) == body]
+    placed: dict[str, Any] = {}
+    for names, offset in ((points, way), (directions, np.zeros(3))):
+        for name in (name for end in own for name in names[end] if getattr(force, name, None) is not None):
+            placed[name] = _placed(getattr(force, name), turn, offset)
+    return replace(force, **placed)
