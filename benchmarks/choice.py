@@ -1,73 +1,133 @@
 """What `method: auto` picks beside the best of an exhaustive search: `make choice`.
 
 The search tries every rung of every method with steps that fall by 9 %, where the choice tries the last rung of each kind of motion with
-steps that fall by a factor of 1.4.  Both measure against the same truth and are timed in one run, in turns.
+steps that fall by a factor of 1.4.  Both measure against the same truth and are timed in one run, in turns.  What was measured is kept in
+results/choice, so that an interrupted run goes on; the results are written to docs/bench/choice.json.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from math import inf
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.bench.measure import machine
+from cutjoint.bench.store import Record, Store
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import METHODS, compile_scene, find_scene
-from cutjoint.reduce.choose import Candidate, choose, find_truth, try_rung
+from cutjoint.reduce.choose import PATIENCE, Candidate, Truth, choose, find_truth, try_rung
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import time_run
 from cutjoint.run.run_file import RunError
+from cutjoint.toolchain.build import runtime_digest
+from cutjoint.version import __version__
 
-MODELS = Path(__file__).resolve().parent.parent / "models"
+ROOT = Path(__file__).resolve().parent.parent
 
-#: Model, scene (the only one of its model where there is none), tolerance in m and rad.
+#: Model, scene (the only one of its model where there is none), end in s (the scene's where there is none), tolerance in m and rad.
 SCENES = (
-    ("pendulum", None, 1e-3), ("four_bar", None, 1e-3), ("slider_crank", None, 1e-3), ("flyball", None, 1e-4),
-    ("iltis", "iavsd_inphase_5", 1e-3), ("iltis", "simul2", 1e-2),
+    ("pendulum", None, None, 1e-3), ("four_bar", None, None, 1e-3), ("slider_crank", None, None, 1e-3), ("flyball", None, None, 1e-4),
+    ("iltis", "iavsd_inphase_5", None, 1e-3), ("iltis", "simul1", 4.0, 1e-2), ("iltis", "simul2", 4.0, 1e-2),
+    ("iltis", "simul3", 4.0, 1e-2),
 )  # fmt: skip
 
 FINE = 2**0.125
 
+#: Rounds of timing, in turns.
+ROUNDS = 5
+
 
 def main() -> None:
-    """Print a row for each scene."""
-    table = Table(title="method auto beside an exhaustive search", title_justify="left", box=None)
-    for heading in ("scene", "tolerance", "picked", "ms", "best of all", "ms", "ratio"):
-        table.add_column(heading, justify="left")
-    for name, scene, tolerance in SCENES:
-        model = read_model(MODELS / f"{name}.yaml")
-        wanted = replace(find_scene(model, scene), method="auto", tolerance=tolerance)
-        table.add_row(*_compared(model, wanted))
-    Console(highlight=False, width=160).print(table)
+    """Measure what is not yet measured, print a row for each scene, and keep the results."""
+    store = Store(ROOT / "results" / "choice" / "measurements.jsonl")
+    rows = []
+    for name, scene, end, tolerance in SCENES:
+        model = read_model(ROOT / "models" / f"{name}.yaml")
+        found = find_scene(model, scene)
+        wanted = replace(found, method="auto", tolerance=tolerance, end=found.end if end is None else end)
+        rows.append(Comparison(model=model, scene=wanted, store=store).row())
+    _print(rows)
+    kept = {"machine": dict(machine()), "version": __version__, "runtime": runtime_digest(), "scenes": rows}
+    (ROOT / "docs" / "bench" / "choice.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
-def _compared(model: Model, scene: Scene) -> tuple[str, ...]:
-    picked = choose(model, scene).picked
-    best = min((c for c in _search(model, scene) if not c.failure), key=lambda c: c.seconds)
-    times = [min(_seconds(model, scene, c) for _ in range(3)) for c in (picked, best)]
-    words = [f"{c.method}, {c.rung}, {1e3 * c.dt:.3g} ms" for c in (picked, best)]
-    name = f"{model.name} {scene.name}"
-    return name, f"{scene.tolerance:g}", words[0], f"{1e3 * times[0]:.3g}", words[1], f"{1e3 * times[1]:.3g}", f"{times[0] / times[1]:.2f}"
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A scene that method auto chooses for, and that is searched."""
 
+    model: Model
+    scene: Scene
+    store: Store
 
-def _search(model: Model, scene: Scene) -> Iterator[Candidate]:
-    truth = find_truth(model, scene, {})
-    for method in METHODS:
+    @cached_property
+    def truth(self) -> Truth:
+        """What errors are measured by."""
+        return find_truth(self.model, self.scene, {})
+
+    def row(self) -> Record:
+        """What was picked, what is best, how far both are from the truth, and their times in s."""
+        return self._get({"row": ROUNDS}, self._compare)
+
+    def _compare(self) -> Record:
+        picked = choose(self.model, self.scene).picked
+        tried = list(self._search())
+        best = min([*(c for c in tried if not c.failure), picked], key=lambda c: c.seconds)
+        times = [[self._seconds(c) for c in (picked, best)] for _ in range(ROUNDS)]
+        seconds = [min(column) for column in zip(*times, strict=True)]
+        return {
+            "model": self.model.name, "scene": self.scene.name, "end": self.scene.end, "tolerance": self.scene.tolerance,
+            "picked": asdict(picked), "best": asdict(best), "candidates": [asdict(c) for c in tried],
+            "settled": self.truth.settled, "seconds": seconds, "ratio": seconds[0] / seconds[1],
+        }  # fmt: skip
+
+    def _search(self) -> Iterator[Candidate]:
+        fastest = inf
+        for method in METHODS:
+            for rung in self._rungs(method):
+                of = {"rung": rung.name, "method": method, "limit": fastest}
+                found = Candidate(**self._get(of, partial(self._try, rung, fastest)))
+                fastest = min(fastest, inf if found.failure else found.seconds)
+                yield found
+
+    def _try(self, rung: Rung, fastest: float) -> Record:
+        return asdict(try_rung(rung, self.scene, {}, self.truth, ratio=FINE, limit=PATIENCE * fastest))
+
+    def _rungs(self, method: str) -> list[Rung]:
         try:
-            rungs = climb(model, scene, method, approximate=True)
+            return climb(self.model, self.scene, method, approximate=True)
         except (ModelError, RunError):
-            continue
-        for rung in rungs:
-            yield try_rung(rung, scene, {}, truth, ratio=FINE)
+            return []
+
+    def _seconds(self, candidate: Candidate) -> float:
+        rung = next(r for r in self._rungs(candidate.method) if r.name == candidate.rung)
+        return time_run(compile_scene(rung.model, rung.scene, method=candidate.method), candidate.dt).seconds
+
+    def _get(self, of: dict[str, Any], make: Any) -> Record:
+        about = {"model": self.model.text, "scene": repr(self.scene), "version": __version__, "runtime": runtime_digest(), **of}
+        return self.store.get(about, make)
 
 
-def _seconds(model: Model, scene: Scene, candidate: Candidate) -> float:
-    rung: Rung = next(r for r in climb(model, scene, candidate.method, approximate=True) if r.name == candidate.rung)
-    return time_run(compile_scene(rung.model, rung.scene, method=candidate.method), candidate.dt).seconds
+def _print(rows: list[Record]) -> None:
+    table = Table(title="method auto beside an exhaustive search", title_justify="left", box=None)
+    for heading in ("scene", "tolerance", "picked", "error", "ms", "best of all", "ms", "ratio"):
+        table.add_column(heading, justify="left")
+    for row in rows:
+        picked, best = ([c["method"], c["rung"], f"{1e3 * c['dt']:.3g} ms"] for c in (row["picked"], row["best"]))
+        mine, theirs = (f"{1e3 * seconds:.3g}" for seconds in row["seconds"])
+        table.add_row(
+            f"{row['model']} {row['scene']}", f"{row['tolerance']:g}", ", ".join(picked), f"{row['picked']['error']:.1e}", mine,
+            ", ".join(best), theirs, f"{row['ratio']:.2f}",
+        )  # fmt: skip
+    Console(highlight=False, width=160).print(table)
 
 
 if __name__ == "__main__":

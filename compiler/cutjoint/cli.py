@@ -270,16 +270,18 @@ def equilibrium(model: Path, scene: str | None, changes: tuple[str, ...]) -> Non
 @_model
 @_scene
 @_method
+@click.option("--reduced", is_flag=True, help="What the exact and guarded passes leave of MODEL.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Markdown file; standard output otherwise.")
 @_reports_errors
-def explain(model: Path, scene: str | None, method: str, out: Path | None) -> None:
+def explain(model: Path, scene: str | None, method: str, reduced: bool, out: Path | None) -> None:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
     from cutjoint.report.explain.document import explain as write_explanation
 
     checked = read_model(model)
     chosen = pipeline.find_scene(checked, next(iter(checked.scenes), None) if scene is None else scene)
     with _progress(f"explaining {model.name}"):
-        text = write_explanation(checked, chosen, method)
+        rung = climb(checked, chosen, method)[-1] if reduced else None
+        text = write_explanation(rung.model, rung.scene, method, done=rung.done) if rung else write_explanation(checked, chosen, method)
     if out is None:
         click.echo(text, nl=False)
     else:

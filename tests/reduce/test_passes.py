@@ -160,6 +160,13 @@ def test_what_never_moves_becomes_one_body() -> None:
     assert max(found.values()) < 1e-12, found
 
 
+def test_what_is_asked_for_is_not_welded_to_the_ground() -> None:
+    hinge = "revolute, bodies: [ground, rod], at: [0, 0, 0], axis: [0, 1, 0]"
+    assert hinge in WELDED
+    fixed = WELDED.replace(hinge, "fixed, bodies: [ground, rod], at: [0, 0, 0]")
+    assert words(weld_bodies(*read(fixed)))["pin"] == "stays: the output 'rod.x' asks for 'rod', which would be the ground"
+
+
 def test_a_guide_that_moves_is_not_welded() -> None:
     assert set(words(weld_bodies(*read(WELDED, "pushed")))) == {"weld"}
 

@@ -132,5 +132,10 @@ def test_what_is_far_from_a_plane_stays() -> None:
     assert flatten_nearly(*tilted(5.0)).done == ()
 
 
+def test_gravity_across_a_plane_is_not_near_it() -> None:
+    model = read_model(MODELS / "pendulum.yaml")
+    assert flatten_nearly(model, model.scenes["swing"]).done == ()
+
+
 def test_what_is_in_a_plane_is_no_approximation() -> None:
     assert flatten_nearly(*swing()).done == ()

@@ -37,6 +37,9 @@ LONGEST, SHORTEST = 16, 2**-9
 #: From one step that is tried to the next.
 RATIO = 2**0.5
 
+#: A rung is given up where a run takes so many times as long as the best so far, and an error counts as lower below this share of another.
+PATIENCE, SETTLING = 3.0, 0.9
+
 #: The truth's step is halved at most so often.
 MOST_HALVINGS = 9
 
@@ -175,6 +178,7 @@ def _fraction(row: float, about: float) -> float:
 
 
 def _candidates(model: Model, scene: Scene, parameters: Mapping[str, float], truth: Truth) -> Iterator[Candidate]:
+    best = inf
     for method in METHODS:
         try:
             rungs = climb(model, scene, method, approximate=True)
@@ -183,26 +187,38 @@ def _candidates(model: Model, scene: Scene, parameters: Mapping[str, float], tru
             continue
         last_of = {rung.motion: rung for rung in rungs}
         for rung in last_of.values():
-            yield try_rung(rung, scene, parameters, truth)
+            candidate = try_rung(rung, scene, parameters, truth, limit=PATIENCE * best)
+            best = min(best, inf if candidate.failure else candidate.seconds)
+            yield candidate
 
 
-def try_rung(rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: Truth, *, ratio: float = RATIO) -> Candidate:
-    """The longest step that keeps the scene's tolerance, and what a run takes there; steps fall by ``ratio``."""
+def try_rung(
+    rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: Truth, *, ratio: float = RATIO, limit: float = inf
+) -> Candidate:  # fmt: skip
+    """The longest step that keeps the scene's tolerance, and what a run takes there; steps fall by ``ratio``.
+
+    It gives up where a run takes longer than ``limit`` (s), or where a fourth of the step has not brought the error down: the rest of
+    the error is then the rung's own.
+    """
     assert scene.tolerance is not None
     artifact = compile_scene(rung.model, rung.scene, method=rung.method)
-    of = Candidate(rung=rung.name, method=rung.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
+    best = Candidate(rung=rung.name, method=rung.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
     for dt in _falling(rung.scene, rung.method, ratio):
         try:
             run = _run(artifact, dt, parameters)
         except SimulatorError as problem:
-            return replace(of, failure=str(problem))
+            return replace(best, failure=str(problem))
         error = distance(run, truth.run)
         if error <= SHARE * scene.tolerance:
             at_step = replace(artifact, scene=replace(artifact.scene, output_step=common_step(dt, artifact.scene.output_step)))
-            return replace(of, dt=dt, error=error, seconds=time_run(at_step, dt, parameters).seconds, failure="")
-        if error < of.error:
-            of = replace(of, dt=dt, error=error)
-    return of
+            return replace(best, dt=dt, error=error, seconds=time_run(at_step, dt, parameters).seconds, failure="")
+        if run.failure is None and run.seconds > limit:
+            return replace(best, failure="slower than another at longer steps already")
+        if error < SETTLING * best.error:
+            best = replace(best, dt=dt, error=error)
+        elif best.error < inf and dt < best.dt / 4:
+            return replace(best, failure="shorter steps do not lower its error")
+    return best
 
 
 def _falling(scene: Scene, method: str, ratio: float) -> list[float]:

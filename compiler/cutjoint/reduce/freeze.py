@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import (
     GROUND,
+    SPEEDS,
     AxialForce,
     Body,
     BodyLoad,
@@ -56,7 +57,7 @@ def freeze_idle(model: Model, scene: Scene) -> Outcome:
     limit = IDLE if scene.tolerance is None else scene.tolerance
     idle = {name for name, moved in moves.items() if moved <= limit}
     left: list[Note] = []
-    while idle:
+    while any(j.name in idle and j.guide is None and SPEEDS[j.kind] for j in model.joints):  # what is fixed anyway is for an exact pass
         frozen = _Frozen(model=model, poses=poses, joints=tuple(j for j in model.joints if j.name in idle))
         problem = frozen.problem(scene)
         if problem is None:
@@ -113,6 +114,8 @@ class _Frozen:
             for body in sorted(_fixed_in(element, {j.name for j in inner}) - {GROUND}):
                 if bearer[body] != body and self.is_moved(body):
                     return self._body_stays(body, f"'{element.name}' is drawn where '{body}' is not at the start")
+        for output in (o for o in scene.outputs if bearer.get(o.element, o.element) == GROUND):
+            return self._body_stays(output.element, f"the output '{output.column}' asks for it")
         for output in (o for o in scene.outputs if o.quantity in _ANGLES and bearer.get(o.element, o.element) != o.element):
             if self.is_moved(output.element):
                 return self._body_stays(output.element, f"the output '{output.column}' asks for its attitude")

@@ -51,6 +51,10 @@ def _obstacle(outcome: Outcome, joint: Joint) -> str:
         return "it closes a loop of welded bodies"
     for name in (o.column for o in outcome.scene.outputs if o.element == joint.name):
         return f"the output '{name}' asks for it"
+    if GROUND in (joint.base, joint.follower):
+        body = joint.follower if joint.base == GROUND else joint.base
+        for name in (o.column for o in outcome.scene.outputs if o.element == body):
+            return f"the output '{name}' asks for '{body}', which would be the ground"
     for reaction in outcome.model.reactions:
         if getattr(reaction, "joint", "") == joint.name:
             return f"'{reaction.name}' is its reaction"

@@ -100,7 +100,8 @@ class Means:
         bodies = tuple(_mean_body(b, seen[self.images.bodies[b.name]]) if b.name in known else b for b in model.bodies)
         joints = tuple(mean_joint(j, seen[self.images.joints[j.name]]) if j.name in known else j for j in model.joints)
         forces = tuple(self._mean_force(f, seen[self.images.forces[f.name]]) if f.name in self.images.forces else f for f in model.forces)
-        gravity = mean(model.gravity, self.pairs.plane.mirror.vector(model.gravity))
+        across = self.pairs.plane.mirror.vector(model.gravity)
+        gravity = mean(model.gravity, across) if self.pairs.same(model.gravity, across) else model.gravity
         return replace(model, bodies=bodies, joints=joints, forces=forces, gravity=gravity)
 
     def _mean_force(self, force: Force, seen: Force) -> Force:
