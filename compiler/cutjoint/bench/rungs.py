@@ -9,11 +9,11 @@ from functools import partial
 from cutjoint.bench.own import OwnRunner
 from cutjoint.bench.records import Case, Contender
 from cutjoint.pipeline import METHODS, compile_scene
-from cutjoint.reduce.ladder import APPROXIMATIONS, STEPS, Rung, climb
+from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
 from cutjoint.run.run_file import RunError
 
 #: What a rung is called after: all passes.
-NAMES = tuple(step.name for step in (*STEPS, *APPROXIMATIONS))
+NAMES = tuple(step.name for step in (*STEPS, *APPROXIMATIONS, ROLLING))
 
 
 class NoRungError(RunError):

@@ -17,7 +17,7 @@ from cutjoint.bench.cases import common_step
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
-from cutjoint.reduce.ladder import STEPS, Rung, climb
+from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
 from cutjoint.reduce.measure import distance, time_run
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
@@ -93,7 +93,8 @@ def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
 
 
 def _key(model: Model, scene: Scene, parameters: Mapping[str, float] | None) -> str:
-    about = (__version__, [step.name for step in STEPS], runtime_digest(), model.text, repr(scene), sorted((parameters or {}).items()))
+    passes = [step.name for step in (*STEPS, *APPROXIMATIONS, ROLLING)]
+    about = (__version__, passes, runtime_digest(), model.text, repr(scene), sorted((parameters or {}).items()))
     return sha256(repr(about).encode()).hexdigest()[:32]
 
 

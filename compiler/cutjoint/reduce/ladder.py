@@ -21,6 +21,7 @@ from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
+from cutjoint.reduce.rolling import roll_straight
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.run_file import RunError
 from cutjoint.topology.spanning_tree import TopologyError
@@ -62,6 +63,10 @@ APPROXIMATIONS: tuple[Step, ...] = tuple(
 _REFUSALS = (ModelError, TopologyError, NoInertiaError, RunError)
 
 
+#: The approximation of what all others leave, since its guards watch the tyres that are left.
+ROLLING = Step(name="rolling", reduce=roll_straight, motion="approximate")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Rung:
     """A model of the ladder: ``name`` is the last pass that changed it, ``done`` what the passes up to it did, ``left`` what it left.
@@ -90,32 +95,40 @@ def climb(model: Model, scene: Scene, method: str = "recursive", *, approximate:
     """
     whole = Outcome(model=model, scene=scene)
     rungs = _descend("full", "exact", whole, method)
-    return _approximate(whole, rungs, method) if approximate else rungs
+    if approximate:
+        _approximate(whole, rungs, method)
+        _take(rungs, ROLLING)
+    return rungs
 
 
 def _descend(name: str, motion: str, outcome: Outcome, method: str) -> list[Rung]:
     """A rung for the model as it is, and those of the passes that are exact or guarded."""
     rungs = [_rung(name, outcome, method, motion=motion)]
     for step in STEPS:
-        below = rungs[-1]
-        reduced = step.reduce(below.model, below.scene)
-        if not reduced.done:
-            rungs[-1] = replace(below, left=below.left + reduced.left)
-            continue
-        try:
-            above = _rung(step.name, reduced, method, motion=max(below.motion, step.motion, key=MOTIONS.index))
-        except _REFUSALS:
-            rungs[-1] = replace(below, left=(*below.left, *_refused(reduced.done, step.name, method)))
-            continue
-        if above.operations < below.operations:
-            rungs.append(replace(above, done=below.done + above.done, left=below.left + above.left))
-        else:
-            rungs[-1] = replace(below, left=(*below.left, *_dearer(reduced.done, step.name, above.operations, below.operations)))
+        _take(rungs, step)
     return rungs
 
 
-def _approximate(whole: Outcome, rungs: list[Rung], method: str) -> list[Rung]:
-    """The rungs, and those of the approximations of a whole model, one on the other, that cost less than the rung below."""
+def _take(rungs: list[Rung], step: Step) -> None:
+    """Add a rung for a pass on what the last one leaves, or say there why not."""
+    below = rungs[-1]
+    reduced = step.reduce(below.model, below.scene)
+    left, above = reduced.left, None
+    if reduced.done:
+        try:
+            above = _rung(step.name, reduced, below.method, motion=max(below.motion, step.motion, key=MOTIONS.index))
+        except _REFUSALS:
+            left = tuple(_refused(reduced.done, step.name, below.method))
+    if above is not None and above.operations >= below.operations:
+        left, above = tuple(_dearer(reduced.done, step.name, above.operations, below.operations)), None
+    if above is None:
+        rungs[-1] = replace(below, left=below.left + left)
+    else:
+        rungs.append(replace(above, done=below.done + above.done, left=below.left + above.left))
+
+
+def _approximate(whole: Outcome, rungs: list[Rung], method: str) -> None:
+    """Add the rungs of the approximations of a whole model, one on the other, that cost less than the rung below."""
     for step in APPROXIMATIONS:
         changed, below = step.reduce(whole.model, whole.scene), rungs[-1]
         if not changed.done:
@@ -130,7 +143,6 @@ def _approximate(whole: Outcome, rungs: list[Rung], method: str) -> list[Rung]:
         if above.operations < below.operations:
             whole = changed
             rungs.append(replace(above, name=step.name))
-    return rungs
 
 
 def _rung(name: str, outcome: Outcome, method: str, *, motion: str) -> Rung:
