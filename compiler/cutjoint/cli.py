@@ -15,6 +15,7 @@ from rich.progress import Progress
 
 from cutjoint import pipeline
 from cutjoint.analysis.conditioning import rate_choices
+from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
@@ -42,7 +43,8 @@ from cutjoint.topology.choice import rank_cuts
 from cutjoint.topology.spanning_tree import TopologyError
 
 _ERRORS = (
-    ModelError, TopologyError, NoInertiaError, MissingLibraryError, RunError, SimulatorError, ToolchainError, NoEquilibriumError, OSError,
+    ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
+    NoEquilibriumError, OSError,
 )  # fmt: skip
 
 _out = Console(highlight=False, soft_wrap=True)

@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
+from cutjoint.analysis.guides import require_guides
 from cutjoint.analysis.inertia import require_inertia
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
 from cutjoint.emit.factorisation import STRAIGHT_LINE
@@ -142,6 +143,7 @@ def generate(
     Raises:
         TopologyError: the cuts that the model gives cannot be honoured.
         NoInertiaError: some motion moves no mass.
+        GuideError: guides tear a loop open.
         ModelError: an output that the method does not know.
     """
     # Model -> Topology
@@ -149,6 +151,7 @@ def generate(
     # Topology -> Equations
     recursive = formulate_recursive(topology, scene, tuple(outputs) if method == "recursive" else ())
     require_inertia(recursive)
+    require_guides(recursive)
     if method != "recursive":
         return generate_lagrangian(recursive, method, tuple(outputs), lanes=lanes, straight_line=straight_line)
     # Equations -> Program

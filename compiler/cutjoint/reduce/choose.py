@@ -158,11 +158,12 @@ def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> T
 
 def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], enough: float) -> Truth:
     before: Trajectory | None = None
-    moved = inf
+    moved, problem = inf, ""
     for halving in range(MOST_HALVINGS + 1):
         dt = _fraction(scene.output_step, scene.numerics.of_method(artifact.method).dt * 2.0**-halving)
         run = _run(artifact, dt, parameters)
         if run.failure is not None:
+            problem = str(run.failure)
             if before is not None:
                 break
             continue
@@ -170,7 +171,7 @@ def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], e
         before = run
         if moved <= enough:
             return Truth(run=run, settled=moved)
-    raise RunError(f"the motion still changes by {moved:.2g} at the smallest step")
+    raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
 
 
 def _fraction(row: float, about: float) -> float:
