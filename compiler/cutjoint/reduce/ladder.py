@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import RecursiveEquations
@@ -60,7 +61,7 @@ APPROXIMATIONS: tuple[Step, ...] = tuple(
 
 
 #: What a method may refuse a reduced model for: equations that depend on each other, loops that cannot be cut as the file wants.
-_REFUSALS = (ModelError, TopologyError, NoInertiaError, RunError)
+_REFUSALS = (ModelError, TopologyError, NoInertiaError, GuideError, RunError)
 
 
 #: The approximation of what all others leave, since its guards watch the tyres that are left.
