@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 #: A crank, a rod between balls, and a rocker in another plane; a plate on springs that swings from the rocker; a slider.  y is up.
 SWING = """\
 cutjoint: 1
@@ -43,3 +45,32 @@ scenes:
     positions: {plate_free.x: 0.01}
     numerics: {dt: 0.0005, penalty: 1.0e+5, tolerance: 1.0e-8}
 """
+
+
+def random_tree(rng: np.random.Generator, count: int = 5) -> str:
+    """A tree in the plane y = 0, of joints that keep bodies there and of others that need symmetry; springs, loads and speeds in it."""
+    bodies, joints, forces, rates, outputs = [], [], [], [], []
+    for i in range(count):
+        x, z = (round(float(value), 3) for value in rng.uniform(-1, 1, 2))
+        parent = f"b{rng.integers(0, i)}" if i and rng.random() < 0.8 else "ground"
+        kinds = ["revolute", "spherical", "prismatic", "cylindrical", "universal"]
+        kind = str(rng.choice([*kinds, "free"] if parent == "ground" else kinds))
+        xx, zz, xz = rng.uniform(0.2, 0.3), rng.uniform(0.2, 0.3), rng.uniform(-0.05, 0.05)
+        inertia = f"[{xx:.3f}, 0.4, {zz:.3f}, 0, {xz:.3f}, 0]"
+        bodies.append(f"  b{i}: {{mass: {rng.uniform(1, 3):.3f}, centre_of_mass: [{x + 0.3}, 0, {z}], inertia: {inertia}}}")
+        axis = {"revolute": ", axis: [0, -1, 0]", "universal": ", axis: [0, 1, 0], axis_2: [1, 0, 2]"}.get(kind, "")
+        axis = ", axis: [1, 0, 2]" if kind in ("prismatic", "cylindrical") else axis
+        joints.append(f"  j{i}: {{kind: {kind}, bodies: [{parent}, b{i}], at: [{x}, 0, {z}]{axis}}}")
+        rates += [f"j{i}.{name}: {rng.uniform(-1, 1):.3f}" for name in _RATES[kind]]
+        ends = f"from: [{z}, 0, 1.5], to: [{x}, 0, {z}]"
+        forces.append(f"  s{i}: {{kind: point_spring, bodies: [ground, b{i}], {ends}, law: 30*length + rate}}")
+        forces.append(f"  l{i}: {{kind: load, body: b{i}, at: [{x}, 0, {z}], force: [\"1 - vx\", \"-3*y - vy\", \"x\"], axes: body}}")
+        outputs += [f"b{i}.{name}" for name in ("x", "y", "z", "pitch", "roll", "vx", "vz", "wx", "wy", "ax", "ay", "az")]
+    lines = ["cutjoint: 1", "name: tree", "gravity: [1, 0, -9.81]", "bodies:", *bodies, "joints:", *joints, "forces:", *forces]
+    return "\n".join([*lines, f"outputs: [{', '.join(outputs)}]", f"scenes: {{go: {{end: 1, rates: {{{', '.join(rates)}}}}}}}"]) + "\n"
+
+
+_RATES = {
+    "revolute": ("angle_rate",), "prismatic": ("displacement_rate",), "cylindrical": ("displacement_rate",), "universal": ("angle_1_rate",),
+    "spherical": (), "free": ("vx", "vz", "wy"),
+}  # fmt: skip

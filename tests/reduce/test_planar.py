@@ -15,7 +15,8 @@ from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.records import Outcome
 from cutjoint.run.results import Trajectory
 from tests.conftest import MODELS
-from tests.mechanisms.planar import SWING
+from tests.mechanisms.planar import SWING, random_tree
+from tests.reduce.test_symmetry import at_start
 
 
 def swing(old: str = "", new: str = "") -> tuple[Model, Scene]:
@@ -56,6 +57,19 @@ def test_a_mechanism_in_its_plane_moves_as_before(method: str, rounding: float) 
     assert np.abs(full["rod.yaw"]).max() > 0.1
     for column in full.columns:
         assert flat[column] == pytest.approx(full[column], abs=rounding * (1 + float(np.abs(full[column]).max()))), column
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_tree_in_a_plane(seed: int) -> None:
+    """All that is reported at an instant of random trees, by the dense twin's coordinates; what leaves the plane is zero in both."""
+    model = read_model_text(random_tree(np.random.default_rng(seed)), "tree.yaml")
+    outcome = flatten(model, model.scenes["go"])
+    assert outcome.done
+    assert {j.kind for j in outcome.model.joints} <= {JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.PLANAR}
+    full, flat = at_start(model, model.scenes["go"]), at_start(outcome.model, outcome.scene)
+    assert list(full) == list(flat)
+    for column, value in full.items():
+        assert flat[column] == pytest.approx(value, abs=1e-9 * (1 + abs(value))), column
 
 
 def test_operations_of_the_recursion() -> None:
