@@ -2,7 +2,7 @@
 
 The search tries every rung of every method with steps that fall by 9 %, where the choice tries the last rung of each kind of motion with
 steps that fall by a factor of 1.4.  Both measure against the same truth and are timed in one run, in turns.  What was measured is kept in
-results/choice, so that an interrupted run goes on; the results are written to docs/bench/choice.json.
+results/choice, so that an interrupted run goes on; the rows are kept in docs/bench/choice.json, each with its machine and version.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+import click
 from rich.console import Console
 from rich.table import Table
 
@@ -46,18 +47,24 @@ FINE = 2**0.125
 ROUNDS = 5
 
 
-def main() -> None:
+KEPT = ROOT / "docs" / "bench" / "choice.json"
+
+
+@click.command()
+@click.option("--only", multiple=True, metavar="NAME", help="Models or scenes to measure; the file keeps the others.")
+def main(only: tuple[str, ...]) -> None:
     """Measure what is not yet measured, print a row for each scene, and keep the results."""
     store = Store(ROOT / "results" / "choice" / "measurements.jsonl")
-    rows = []
+    rows: dict[str, Record] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     for name, scene, end, tolerance in SCENES:
         model = read_model(ROOT / "models" / f"{name}.yaml")
         found = find_scene(model, scene)
+        if only and not {name, found.name} & set(only):
+            continue
         wanted = replace(found, method="auto", tolerance=tolerance, end=found.end if end is None else end)
-        rows.append(Comparison(model=model, scene=wanted, store=store).row())
-    _print(rows)
-    kept = {"machine": dict(machine()), "version": __version__, "runtime": runtime_digest(), "scenes": rows}
-    (ROOT / "docs" / "bench" / "choice.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+        rows[f"{name} {found.name}"] = Comparison(model=model, scene=wanted, store=store).row()
+        KEPT.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    _print(list(rows.values()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +82,7 @@ class Comparison:
 
     def row(self) -> Record:
         """What was picked, what is best, how far both are from the truth, and their times in s."""
-        return self._get({"row": ROUNDS}, self._compare)
+        return self._get({"compared": ROUNDS}, self._compare)
 
     def _compare(self) -> Record:
         picked = choose(self.model, self.scene).picked
@@ -86,7 +93,8 @@ class Comparison:
         return {
             "model": self.model.name, "scene": self.scene.name, "end": self.scene.end, "tolerance": self.scene.tolerance,
             "picked": asdict(picked), "best": asdict(best), "candidates": [asdict(c) for c in tried],
-            "settled": self.truth.settled, "seconds": seconds, "ratio": seconds[0] / seconds[1],
+            "settled": self.truth.settled, "seconds": seconds, "ratio": seconds[0] / seconds[1], "machine": dict(machine()),
+            "version": __version__, "runtime": runtime_digest(),
         }  # fmt: skip
 
     def _search(self) -> Iterator[Candidate]:
