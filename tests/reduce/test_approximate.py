@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import sympy
 
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import Model, Output, Scene
+from cutjoint.model.records import Model, Output, Scalar, Scene
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.freeze import freeze_idle
+from cutjoint.reduce.half.means import Nearness
 from cutjoint.reduce.half.nearly import halve_nearly
 from cutjoint.reduce.half.symmetry import halve
 from cutjoint.reduce.ladder import climb
@@ -135,6 +137,35 @@ def uneven(share: float) -> tuple[Model, Scene]:
     asked = [(e, q) for e in ("frame", "pod", "left.hand", "right.hand") for q in "xyz"]
     outputs = tuple(Output(element=e, quantity=q, span=model.span) for e, q in asked)
     return model, replace(model.scenes["run"], outputs=outputs)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "is_near"),
+    [
+        ((1.0, 2.0, 0.05), (1.0, 2.0, -0.04), True),  # a place, 0.09 m off where the mechanism is 2 m wide
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.11), False),
+        ((1.0, 0.0, 0.0), (0.8, 0.6, 0.0), False),  # directions are near by their own length
+        ((1.0, 0.0, 0.0), (0.9996, 0.0282816548, 0.0), True),
+        ((0.1, 0.2, 0.3, 0.0, 0.0, 0.0), (0.1, 0.2, 0.31, 0.0, 0.0, 0.0), True),  # inertia
+        ((0.1, 0.2, 0.3, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3, 0.02, 0.0, 0.0), False),
+        (100.0, 104.0, True),
+        (100.0, 110.0, False),
+        ("100*position + rate", "103*position + rate", True),
+        ("100*position + rate", "-103*position + rate", False),
+        ("where(position > 0, 5*position, 0)", "where(position > 0.5, 5*position, 0)", False),
+    ],
+)
+def test_what_counts_as_near(a: object, b: object, is_near: bool) -> None:
+    near = Nearness(values={}, size=2.0)
+    assert near(*(law(x) if isinstance(x, str) else sympy.sympify(x) if isinstance(x, float) else x for x in (a, b))) is is_near
+
+
+def law(text: str) -> Scalar:
+    """A joint force's law from a model."""
+    changed = LAMP.replace("law: {stiffness: 20, free_length: 0.5, damping: 0.1}", "law: length").replace(
+        "forces:", f'forces:\n  own: {{kind: joint_force, joint: pin, law: "{text}"}}'
+    )
+    return next(f.law for f in read_model_text(changed, "lamp.yaml").forces if f.name == "own")  # type: ignore[union-attr]
 
 
 def test_half_of_a_nearly_symmetric_scene() -> None:

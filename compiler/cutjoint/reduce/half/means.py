@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import chain
 from math import hypot
@@ -22,13 +22,16 @@ from cutjoint.reduce.half.plane import is_same
 #: What counts as near: a share of a mechanism's size, of a figure, of a law's values.
 NEAR = 0.05
 
-#: Where laws are compared: values of their variables in turn, and the share of the next one that is added.
+#: What the length of a unit vector may be off by.
+_UNIT = 1e-9
+
+#: Where laws are compared: values that their variables take in turn.
 _SAMPLES = (-0.7, -0.2, 0.0, 0.3, 0.6, 1.1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Nearness:
-    """Compares fields of records: places by the mechanism's ``size`` (m), figures by their own, laws by what they give."""
+    """Compares fields of records: places by the mechanism's ``size`` (m), directions and figures by their own, laws by what they give."""
 
     values: Mapping[Scalar, float]
     size: float
@@ -50,10 +53,15 @@ class Nearness:
             place = {s: _SAMPLES[(shift + i) % len(_SAMPLES)] for i, s in enumerate(free)}
             ours, theirs = ([evaluate(sympy.sympify(x), {**self.values, **place}) for x in side] for side in (a, b))
             reach = max(map(abs, (*ours, *theirs)))
-            reach = max(reach, self.size) if len(a) == 3 and not free else reach
+            is_place = len(a) == 3 and not free and not (_is_direction(ours) and _is_direction(theirs))
+            reach = max(reach, self.size) if is_place else reach
             if any(abs(x - y) > NEAR * reach for x, y in zip(ours, theirs, strict=True)):
                 return False
         return True
+
+
+def _is_direction(vector: Sequence[float]) -> bool:
+    return abs(hypot(*vector) - 1) < _UNIT
 
 
 def nearness(model: Model) -> Nearness:
