@@ -72,15 +72,16 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
 
     With g = p - p0 and n = g/l: Phi' = n . g', A = [n, p x n], gamma = g'.g'/l + n . (w_f x p' - w_b x p0').
     """
-    b = k.builder
-    point, start = k.point(joint.follower, joint.to), k.point(joint.base, joint.at)  # type: ignore[arg-type]
+    b, name = k.builder, joint.name.replace(".", "_")
+    assert joint.to is not None
+    point, start = k.point(joint.follower, joint.to), k.point(joint.base, joint.at)
     length = k.translator.scalar((sympy.Matrix(joint.to) - sympy.Matrix(joint.at)).norm())
     share = b.call("div", b.number(1.0), length)
-    way = k.between(joint.follower, point, joint.base, start)
-    n = b.scale(share, way)
+    way = b.label(k.between(joint.follower, point, joint.base, start), f"way_{name}")
+    n = b.label(b.scale(share, way), f"n_{name}")
     speeds = (k.velocity(joint.follower, point), k.velocity(joint.base, start))
     turned = (b.cross(halves(b, k.frames[body].Z)[1], v) for body, v in zip((joint.follower, joint.base), speeds, strict=True))
-    speed, bent = b.sub(*speeds), b.sub(*turned)
+    speed, bent = b.label(b.sub(*speeds), f"speed_{name}"), b.sub(*turned)
     return _Terms(
         residual=b.mul(b.number(0.5), b.sub(b.dot(n, way), length)), rate=b.dot(n, speed),
         A=b.stack([[b.transpose(n), b.transpose(b.cross(point, n))]]),
@@ -102,9 +103,8 @@ def _derive(b: Builder, joint: Joint, kernel: ClosureKernel, terms: _Terms, numb
 def _values(k: Kinematics, joint: Joint, kernel: ClosureKernel, twist: Block, step: Block) -> dict[sympy.Symbol, Block]:
     """The blocks of the kernel's symbols; both points from the follower's pole."""
     b = k.builder
-    follower_point = joint.to if joint.to is not None else joint.at
     columns = [
-        (closures.P, k.point(joint.follower, follower_point)),
+        (closures.P, k.point(joint.follower, joint.at)),
         (closures.P0, b.sub(k.point(joint.base, joint.at), step)),
         (closures.V, b.take(twist, (0, 3))),
         (closures.W, b.take(twist, (3, 6))),
