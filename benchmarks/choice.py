@@ -25,9 +25,10 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import METHODS, compile_scene, find_scene
-from cutjoint.reduce.choose import PATIENCE, Candidate, Truth, choose, find_truth, try_rung
+from cutjoint.reduce.choose import PATIENCE, Candidate, choose, try_rung
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import time_run
+from cutjoint.reduce.truth import Truth, find_truth
 from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint.version import __version__
@@ -82,10 +83,10 @@ class Comparison:
 
     def row(self) -> Record:
         """What was picked, what is best, how far both are from the truth, and their times in s."""
-        return self._get({"compared": ROUNDS}, self._compare)
-
-    def _compare(self) -> Record:
         picked = choose(self.model, self.scene).picked
+        return self._get({"picked": asdict(picked), "rounds": ROUNDS}, partial(self._compare, picked))
+
+    def _compare(self, picked: Candidate) -> Record:
         tried = list(self._search())
         best = min([*(c for c in tried if not c.failure), picked], key=lambda c: c.seconds)
         times = [[self._seconds(c) for c in (picked, best)] for _ in range(ROUNDS)]
