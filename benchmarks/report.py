@@ -44,9 +44,9 @@ def paper() -> Plan:
 
 
 def ladder() -> Plan:
-    """One of the paper's scenes, with and without lanes, in full and reduced."""
+    """One of the paper's scenes, with and without lanes, in full and reduced, rung by rung."""
     case = make_case(MODELS / "iltis.yaml", "simul1", row=0.0075)
-    return Plan(cases=[case], contenders=choose(["generated", "scalar", "reduced"]), reference="extended", title="lanes and reduced models")
+    return Plan(cases=[case], contenders=choose(["generated", "scalar", "rungs"]), reference="extended", title="lanes and reduced models")
 
 
 def vehicle() -> Plan:

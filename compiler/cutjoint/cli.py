@@ -15,6 +15,7 @@ from rich.progress import Progress
 
 from cutjoint import pipeline
 from cutjoint.analysis.conditioning import rate_choices
+from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
@@ -42,7 +43,8 @@ from cutjoint.topology.choice import rank_cuts
 from cutjoint.topology.spanning_tree import TopologyError
 
 _ERRORS = (
-    ModelError, TopologyError, NoInertiaError, MissingLibraryError, RunError, SimulatorError, ToolchainError, NoEquilibriumError, OSError,
+    ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
+    NoEquilibriumError, OSError,
 )  # fmt: skip
 
 _out = Console(highlight=False, soft_wrap=True)
@@ -280,16 +282,18 @@ def equilibrium(model: Path, scene: str | None, changes: tuple[str, ...]) -> Non
 @_model
 @_scene
 @_method
+@click.option("--reduced", is_flag=True, help="What the exact and guarded passes leave of MODEL.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Markdown file; standard output otherwise.")
 @_reports_errors
-def explain(model: Path, scene: str | None, method: str, out: Path | None) -> None:
+def explain(model: Path, scene: str | None, method: str, reduced: bool, out: Path | None) -> None:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
     from cutjoint.report.explain.document import explain as write_explanation
 
     checked = read_model(model)
     chosen = pipeline.find_scene(checked, next(iter(checked.scenes), None) if scene is None else scene)
     with _progress(f"explaining {model.name}"):
-        text = write_explanation(checked, chosen, method)
+        rung = climb(checked, chosen, method)[-1] if reduced else None
+        text = write_explanation(rung.model, rung.scene, method, done=rung.done) if rung else write_explanation(checked, chosen, method)
     if out is None:
         click.echo(text, nl=False)
     else:

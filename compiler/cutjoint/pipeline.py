@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any, TypeVar
 
+from cutjoint.analysis.guides import require_guides
 from cutjoint.analysis.inertia import require_inertia
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
 from cutjoint.emit.factorisation import STRAIGHT_LINE
@@ -152,6 +153,7 @@ def generate(
     Raises:
         TopologyError: the cuts that the model gives cannot be honoured.
         NoInertiaError: some motion moves no mass.
+        GuideError: guides tear a loop open.
         ModelError: an output that the method does not know.
     """
     # Model -> Topology
@@ -160,6 +162,7 @@ def generate(
     closure, reported = (scene.numerics.closure, tuple(outputs)) if method == "recursive" else ("penalty", ())
     recursive = formulate_recursive(topology, scene, reported, closure=closure)
     require_inertia(recursive)
+    require_guides(recursive)
     if method != "recursive":
         return generate_system(_only_starting(recursive), method, tuple(outputs), lanes=lanes, straight_line=straight_line)
     # Equations -> Program

@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass
 
 from cutjoint import pipeline
+from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations
@@ -51,7 +52,7 @@ def _compile(text: str) -> Outcome:
         scene = next(iter(model.scenes.values()), None) or pipeline.find_scene(model, None)
         equations, _, source = pipeline.generate(model, scene, scene.outputs)
         make_run_file(model, scene, {}, task="simulate", out="table.csv")
-    except (ModelError, TopologyError, NoInertiaError, RunError) as error:
+    except (ModelError, TopologyError, NoInertiaError, GuideError, RunError) as error:
         problems = str(error).splitlines()
         return Outcome(problems=tuple(problems))
     return Outcome(source=source, model=model, scene=scene, equations=equations)

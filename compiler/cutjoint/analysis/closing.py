@@ -44,13 +44,22 @@ def design_coordinates(equations: RecursiveEquations) -> Array:
     return q
 
 
-def evaluate_closures(equations: RecursiveEquations, q: Array) -> tuple[Array, Array]:
-    """Residual (equations) and Jacobian (equations, speeds) of the cut joints, guides standing still."""
+def evaluate_closures(equations: RecursiveEquations, q: Array, t: float = 0.0) -> tuple[Array, Array]:
+    """Residual (equations) and Jacobian (equations, speeds) of the cut joints, guides standing still where they are at ``t`` (s)."""
     close = next(f for f in equations.functions if f.name == "close").results
     residuals, rates = ([close[f"{quantity}:{c.joint}"] for c in equations.closures] for quantity in ("residual", "rate"))
-    values = _interpret(equations, q, [*residuals, *rates])
+    values = _interpret(equations, q, [*residuals, *rates], t)
     residual = np.concatenate([np.zeros(0), *(values[block][:, 0] for block in residuals)])
     return residual, np.concatenate([np.zeros((0, equations.speeds)), *(_by_speeds(equations, values[block]) for block in rates)])
+
+
+def evaluate_guided_rates(equations: RecursiveEquations, q: Array, t: float) -> Array:
+    """The rates (equations) at which guides alone open the loops at ``t`` (s)."""
+    close = next(f for f in equations.functions if f.name == "close").results
+    rates = [close[f"rate:{c.joint}"] for c in equations.closures]
+    inputs = {**make_inputs(equations, q, np.zeros(equations.speeds), t), "motion": np.ones(1)}
+    values = interpret_blocks(rates, inputs, _roads(equations))
+    return np.concatenate([np.zeros(0), *(values[block][:, 0] for block in rates)])
 
 
 def evaluate_rates(equations: RecursiveEquations, q: Array, rates: Sequence[Block]) -> list[Array]:
@@ -59,21 +68,24 @@ def evaluate_rates(equations: RecursiveEquations, q: Array, rates: Sequence[Bloc
     return [_by_speeds(equations, values[block]) for block in rates]
 
 
-def _interpret(equations: RecursiveEquations, q: Array, blocks: Sequence[Block]) -> dict[Block, Array]:
+def _interpret(equations: RecursiveEquations, q: Array, blocks: Sequence[Block], t: float = 0.0) -> dict[Block, Array]:
     """The blocks at all unit speeds in one batch; what depends on coordinates alone is evaluated once and has no batch axis."""
-    roads: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
-    return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds)), roads)
+    return interpret_blocks(blocks, make_inputs(equations, q, np.eye(equations.speeds), t), _roads(equations))
+
+
+def _roads(equations: RecursiveEquations) -> dict[str, RoadTable]:
+    return {name: FlatRoad() for name in equations.roads}
 
 
 def _by_speeds(equations: RecursiveEquations, rates: Array) -> Array:
     return np.broadcast_to(rates[..., 0], (equations.speeds, rates.shape[-2])).T
 
 
-def make_inputs(equations: RecursiveEquations, q: Array, v: Array) -> dict[str, Array]:
-    """The interpreter's inputs for coordinates and speeds (..., speeds) at t = 0, everything else at its default."""
+def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.0) -> dict[str, Array]:
+    """The interpreter's inputs for coordinates and speeds (..., speeds) at ``t`` (s), everything else at its default."""
     numerics = equations.scene.numerics
     inputs = {
-        "t": np.zeros(1),
+        "t": np.full(1, t),
         "motion": np.zeros(1),
         "parameters": np.array([p.value for p in equations.parameters]),
         "numerics": np.array([numerics.penalty, numerics.damping_ratio, numerics.frequency]),
@@ -87,16 +99,16 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array) -> dict[str, 
     return inputs
 
 
-def close_loops(equations: RecursiveEquations, q: Array, across: Array | None = None) -> tuple[Array, Array] | None:
+def close_loops(equations: RecursiveEquations, q: Array, across: Array | None = None, t: float = 0.0) -> tuple[Array, Array] | None:
     """Coordinates near q that close the loops, and the Jacobian there, by Gauss-Newton steps; None where they do not converge.
 
     Steps are taken across the direction ``across`` (speeds), so that they do not undo a step along it: where branches of motion cross,
-    shortest steps alone would lead back to the crossing.
+    shortest steps alone would lead back to the crossing.  Guides are where they are at ``t`` (s).
     """
     rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]
     best = np.inf
     for _ in range(_ITERATIONS):
-        residual, jacobian = evaluate_closures(equations, q)
+        residual, jacobian = evaluate_closures(equations, q, t)
         error = float(np.abs(residual).max(initial=0.0))
         if error == 0.0 or best / 2 <= error < CLOSED:
             return q, jacobian

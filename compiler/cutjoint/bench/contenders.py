@@ -7,9 +7,12 @@ from collections.abc import Mapping, Sequence
 from cutjoint.bench.others import peer_contenders
 from cutjoint.bench.own import own_contenders, precision_contenders
 from cutjoint.bench.records import Contender
+from cutjoint.bench.rungs import rung_contenders
 from cutjoint.run.run_file import RunError
 
-CONTENDERS: Mapping[str, Contender] = {c.name: c for c in (*own_contenders(), *precision_contenders(), *peer_contenders())}
+_ALL = (*own_contenders(), *rung_contenders(), *precision_contenders(), *peer_contenders())
+
+CONTENDERS: Mapping[str, Contender] = {c.name: c for c in _ALL}
 
 
 def choose(names: Sequence[str]) -> list[Contender]:

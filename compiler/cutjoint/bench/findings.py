@@ -59,7 +59,7 @@ def best(lines: Sequence[Line], error: float, suits: Callable[[Line], bool]) -> 
 
 def fastest_ours(lines: Sequence[Line], error: float) -> tuple[str, float] | None:
     """The fastest generated code at an error, of the full or the reduced model."""
-    return best(lines, error, lambda line: line["group"] in ("generated", "reduced"))
+    return best(lines, error, lambda line: line["group"] in ("generated", "reduced", "rungs"))
 
 
 def fastest_peer(lines: Sequence[Line], error: float) -> tuple[str, float] | None:

@@ -15,6 +15,7 @@ from cutjoint.bench.measure import extent, largest_step, machine, measure_point
 from cutjoint.bench.paper import PAPER_STEPS
 from cutjoint.bench.records import Case, Contender, Runner
 from cutjoint.bench.reference import Reference, find_reference
+from cutjoint.bench.rungs import NoRungError
 from cutjoint.bench.store import Record, Store
 from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import METHODS
@@ -82,6 +83,8 @@ def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:
         say(f"{case.name}: compiling {contender.label}")
         try:
             runner = contender.prepare(case)
+        except NoRungError:
+            continue
         except (RunError, ModelError, ToolchainError) as error:
             lines.append({"contender": contender.name, "label": contender.label, "group": contender.group, "refused": str(error)})
             continue

@@ -16,6 +16,8 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import GROUND, Body, Joint, JointKind, Model, Scalar, Scene
+from cutjoint.pipeline import is_reduced
+from cutjoint.run.run_file import RunError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, TreeJoint
 
@@ -25,9 +27,11 @@ def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float])
 
     Raises:
         ModelError: a body without mass.
-        RunError: a change names no open parameter, or the scene has no start.
+        RunError: a change names no open parameter, the scene has no start, or the model is reduced.
         TopologyError, SimulatorError, ToolchainError: as for a run.
     """
+    if is_reduced(model, scene):
+        raise RunError(f"{model.span.file}: peers know neither guards nor sensors of rods of reduced models; export the full model")
     topology = build_topology(model)
     starts, coordinates = find_start(topology, scene, parameters)
     return _Builder(topology, scene, Numbers.of(model, scene, parameters), starts, coordinates).build()

@@ -22,6 +22,10 @@ TRAVEL, POSITION = sympy.Symbol("travel", real=True), sympy.Symbol("position", r
 PLACE = sympy.symbols("x y z vx vy vz wx wy wz", real=True)
 
 
+#: The lateral force of a tyre, in the margins of its guard.
+SIDE = sympy.Symbol("side", real=True)
+
+
 def is_active(force: Force, scene: Scene) -> bool:
     """Whether the scene has the force switched on."""
     return scene.switches.get(force.name, force.active)

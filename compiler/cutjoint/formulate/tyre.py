@@ -60,7 +60,7 @@ def tyre_force(b: Builder, translator: Translator, tyre: Tyre, wheel: Wheel) -> 
     moves = b.call("lt", b.number(STANDING), rolling)
     slip = b.call("where", moves, b.call("atan", b.call("div", drift, rolling)), b.zero(1))
     camber = b.call("atan", b.call("div", b.dot(n, axis), b.dot(n, e_z)))
-    side, aligning = calspan(b, constants, load, slip, camber)
+    side, aligning = calspan(b, constants, load, slip, camber) if tyre.lateral else (b.zero(1), b.zero(1))
     side, aligning = (b.call("where", moves, value, b.zero(1)) for value in (side, aligning))
     momentum = b.mul(constants["spin_inertia"], b.call("div", rolling, constants["radius"]))
     height = b.mul(clearance, n_z)

@@ -251,7 +251,7 @@ class Tyre:
     ``centre`` is the wheel centre, ``axis`` the wheel axis (pointing left when the wheel rolls forward).
     ``constants`` maps ``stiffness``, ``radius``, ``spin_inertia`` (kg m2, of the wheel's turning about its axis, which
     no coordinate stands for: its gyroscopic moment acts on the body) and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2``
-    to values.
+    to values.  Without ``lateral``, in a reduced model, nothing pushes it sideways and it does not align.
     """
 
     name: str
@@ -261,6 +261,7 @@ class Tyre:
     constants: Mapping[str, Scalar]
     active: bool
     span: Span
+    lateral: bool = True
 
 
 Force: TypeAlias = PointSpring | AxialForce | Bushing | BodyLoad | JointForce | Tyre
@@ -269,17 +270,22 @@ Force: TypeAlias = PointSpring | AxialForce | Bushing | BodyLoad | JointForce | 
 LawForce: TypeAlias = PointSpring | AxialForce | JointForce
 
 
+#: Forces that a guard can stand for.
+GuardedForce: TypeAlias = LawForce | BodyLoad | Tyre
+
+
 @dataclass(frozen=True, kw_only=True)
 class Guard:
     """A force that was taken out of the model, and what must hold for that.
 
     ``margins`` are expressions over the variables of the force's law: while none of them is negative, the law is zero.  ``index`` is
-    the force's place among all forces.
+    the force's place among all forces.  Of a tyre only the lateral force was taken out, and it has no index; its margins are expressions
+    over ``side``, what that force would be.
     """
 
-    force: LawForce
+    force: GuardedForce
     margins: tuple[Scalar, ...]
-    index: int
+    index: int | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -462,5 +468,6 @@ class Model:
         """The forces with those that were taken out, each in its place."""
         forces = list(self.forces)
         for guard in self.guards:
-            forces.insert(guard.index, guard.force)
+            if guard.index is not None:
+                forces.insert(guard.index, guard.force)
         return tuple(forces)

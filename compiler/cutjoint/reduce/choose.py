@@ -10,16 +10,16 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
-from math import ceil, floor, inf, log
+from math import ceil, inf, log
 from typing import Any
 
 from cutjoint.bench.cases import common_step
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
-from cutjoint.reduce.ladder import STEPS, Rung, climb
+from cutjoint.pipeline import METHODS, compile_scene
+from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
 from cutjoint.reduce.measure import distance, time_run
-from cutjoint.run.results import Trajectory
+from cutjoint.reduce.truth import SETTLED, Truth, at_step, find_truth, fraction, run_at
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.build import cache_folder, runtime_digest
@@ -28,18 +28,17 @@ from cutjoint.version import __version__
 #: The share of the tolerance that a choice may use, since it is measured against a truth that has an error of its own.
 SHARE = 0.8
 
-#: The share that the last halving of the truth's step may move it by: at order two a third of that is left.
-SETTLED = 0.1
-
 #: Steps are tried as multiples of the scene's own for the method: from longer ones down.
 LONGEST, SHORTEST = 16, 2**-9
 
 #: From one step that is tried to the next.
 RATIO = 2**0.5
 
-#: The truth's step is halved at most so often.
-MOST_HALVINGS = 9
+#: A rung is given up where a run takes so many times as long as the best so far, and an error counts as lower below this share of another.
+PATIENCE, SETTLING = 3.0, 0.9
 
+#: Rounds in which the fastest are timed in turns.
+ROUNDS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
@@ -90,7 +89,9 @@ def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
 
 
 def _key(model: Model, scene: Scene, parameters: Mapping[str, float] | None) -> str:
-    about = (__version__, [step.name for step in STEPS], runtime_digest(), model.text, repr(scene), sorted((parameters or {}).items()))
+    passes = [step.name for step in (*STEPS, *APPROXIMATIONS, ROLLING)]
+    figures = (SHARE, SETTLED, LONGEST, SHORTEST, RATIO, PATIENCE, SETTLING, ROUNDS)
+    about = (__version__, passes, figures, runtime_digest(), model.text, repr(scene), sorted((parameters or {}).items()))
     return sha256(repr(about).encode()).hexdigest()[:32]
 
 
@@ -99,18 +100,11 @@ def _from_json(data: dict[str, Any]) -> Choice:
     return Choice(picked=Candidate(**data["picked"]), evidence=evidence, settled=data["settled"])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Truth:
-    """A run of the full model that halving its step moves by ``settled`` (m, rad) only."""
-
-    run: Trajectory
-    settled: float
-
-
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
     assert scene.tolerance is not None
     truth = find_truth(model, scene, parameters)
-    evidence = tuple(_candidates(model, scene, parameters, truth))
+    tried = list(_candidates(model, scene, parameters, truth))
+    evidence = _timed_in_turns(tried, parameters)
     good = [c for c in evidence if not c.failure]
     if not good:
         raise RunError(f"{scene.span}: scene '{scene.name}': nothing keeps the tolerance of {scene.tolerance:g}: {_nearest(evidence)}")
@@ -121,6 +115,20 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     return Choice(picked=picked, evidence=evidence, settled=truth.settled)
 
 
+def _timed_in_turns(tried: Sequence[tuple[Candidate, Rung | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
+    """The candidates; those that may be the fastest are timed again, in turns, so that all are disturbed alike."""
+    fastest = min((c.seconds for c, _ in tried if not c.failure), default=inf)
+    close = {
+        c: at_step(compile_scene(rung.model, rung.scene, method=rung.method), c.dt)
+        for c, rung in tried if rung is not None and not c.failure and c.seconds <= PATIENCE * fastest
+    }  # fmt: skip
+    if len(close) < 2:
+        return tuple(c for c, _ in tried)
+    rounds = [[time_run(artifact, c.dt, parameters).seconds for c, artifact in close.items()] for _ in range(ROUNDS)]
+    seconds = dict(zip(close, (min(column) for column in zip(*rounds, strict=True)), strict=True))
+    return tuple(replace(c, seconds=seconds.get(c, c.seconds)) for c, _ in tried)
+
+
 def _nearest(evidence: Sequence[Candidate]) -> str:
     ran = [c for c in evidence if c.error < inf]
     if not ran:
@@ -129,80 +137,49 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
     return f"{best.method} ({best.rung}) came to {best.error:.2g}; hint: write a larger tolerance"
 
 
-def _run(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Trajectory:
-    """A run whose rows are some of the scene's."""
-    scene = artifact.scene
-    return simulate(replace(artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step))), dt=dt, parameters=parameters)
-
-
-def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Truth:
-    """The full model of a scene with a tolerance by the first method that settles, Lagrangian ones first: they hold loops by the equations.
-
-    Raises:
-        RunError: none settles.
-    """
-    assert scene.tolerance is not None
-    reasons = []
-    for method in (*METHODS[1:], METHODS[0]):
-        try:
-            artifact = compile_scene(model, scene, method=method)
-            return _settle(artifact, scene, parameters, SETTLED * scene.tolerance)
-        except (ModelError, RunError, SimulatorError) as error:
-            reasons.append(f"{method}: {error}")
-    raise RunError(f"{scene.span}: scene '{scene.name}': no truth to measure by: " + "; ".join(reasons))
-
-
-def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], enough: float) -> Truth:
-    before: Trajectory | None = None
-    moved = inf
-    for halving in range(MOST_HALVINGS + 1):
-        dt = _fraction(scene.output_step, scene.numerics.of_method(artifact.method).dt * 2.0**-halving)
-        run = _run(artifact, dt, parameters)
-        if run.failure is not None:
-            if before is not None:
-                break
-            continue
-        moved = distance(before, run) if before is not None else inf
-        before = run
-        if moved <= enough:
-            return Truth(run=run, settled=moved)
-    raise RunError(f"the motion still changes by {moved:.2g} at the smallest step")
-
-
-def _fraction(row: float, about: float) -> float:
-    """The whole fraction or multiple of the rows' distance that is next below a step."""
-    return row * floor(about / row * (1 + 1e-9)) if about >= row else row / ceil(row / about * (1 - 1e-9))
-
-
-def _candidates(model: Model, scene: Scene, parameters: Mapping[str, float], truth: Truth) -> Iterator[Candidate]:
+def _candidates(
+    model: Model, scene: Scene, parameters: Mapping[str, float], truth: Truth
+) -> Iterator[tuple[Candidate, Rung | None]]:  # fmt: skip
+    best = inf
     for method in METHODS:
         try:
             rungs = climb(model, scene, method, approximate=True)
         except (ModelError, RunError) as error:
-            yield Candidate(rung="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error))
+            yield Candidate(rung="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None
             continue
         last_of = {rung.motion: rung for rung in rungs}
         for rung in last_of.values():
-            yield try_rung(rung, scene, parameters, truth)
+            candidate = try_rung(rung, scene, parameters, truth, limit=PATIENCE * best)
+            best = min(best, inf if candidate.failure else candidate.seconds)
+            yield candidate, rung
 
 
-def try_rung(rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: Truth, *, ratio: float = RATIO) -> Candidate:
-    """The longest step that keeps the scene's tolerance, and what a run takes there; steps fall by ``ratio``."""
+def try_rung(
+    rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: Truth, *, ratio: float = RATIO, limit: float = inf
+) -> Candidate:  # fmt: skip
+    """The longest step that keeps the scene's tolerance, and what a run takes there; steps fall by ``ratio``.
+
+    It gives up where a run takes longer than ``limit`` (s), or where a fourth of the step has not brought the error down: the rest of
+    the error is then the rung's own.
+    """
     assert scene.tolerance is not None
     artifact = compile_scene(rung.model, rung.scene, method=rung.method)
-    of = Candidate(rung=rung.name, method=rung.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
+    best = Candidate(rung=rung.name, method=rung.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
     for dt in _falling(rung.scene, rung.method, ratio):
         try:
-            run = _run(artifact, dt, parameters)
+            run = run_at(artifact, dt, parameters)
         except SimulatorError as problem:
-            return replace(of, failure=str(problem))
+            return replace(best, failure=str(problem))
         error = distance(run, truth.run)
         if error <= SHARE * scene.tolerance:
-            at_step = replace(artifact, scene=replace(artifact.scene, output_step=common_step(dt, artifact.scene.output_step)))
-            return replace(of, dt=dt, error=error, seconds=time_run(at_step, dt, parameters).seconds, failure="")
-        if error < of.error:
-            of = replace(of, dt=dt, error=error)
-    return of
+            return replace(best, dt=dt, error=error, seconds=time_run(at_step(artifact, dt), dt, parameters).seconds, failure="")
+        if run.failure is None and run.seconds > limit:
+            return replace(best, failure="slower than another at longer steps already")
+        if error < SETTLING * best.error:
+            best = replace(best, dt=dt, error=error)
+        elif best.error < inf and dt < best.dt / 4:
+            return replace(best, failure="shorter steps do not lower its error")
+    return best
 
 
 def _falling(scene: Scene, method: str, ratio: float) -> list[float]:
@@ -210,5 +187,5 @@ def _falling(scene: Scene, method: str, ratio: float) -> list[float]:
     own = scene.numerics.of_method(method).dt
     longest = min(LONGEST * own, scene.end / 8)
     count = ceil(log(longest / (SHORTEST * own)) / log(ratio)) + 1
-    steps = {_fraction(scene.output_step, longest / ratio**k) for k in range(count)}
+    steps = {fraction(scene.output_step, longest / ratio**k) for k in range(count)}
     return sorted(steps, reverse=True)

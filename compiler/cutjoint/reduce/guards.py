@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.records import Force, Guard, LawForce, Model, Scene
+from cutjoint.model.records import BodyLoad, Force, Guard, LawForce, Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
-from cutjoint.reduce.margins import zero_region
+from cutjoint.reduce.margins import Region, zero_region, zero_region_of
 from cutjoint.reduce.records import Note, Outcome
 
 
@@ -44,14 +44,14 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
     reasons = {f.name: _reason(f, scene) for f in model.forces if f.name in asked}
     places = {f.name: index for index, f in enumerate(model.force_elements)}
     new = [
-        Guard(force=f, margins=zero_region(f.law) or (), index=places[f.name])
-        for f in model.forces if isinstance(f, LawForce) and reasons.get(f.name) == ""
+        Guard(force=f, margins=_region(f) or (), index=places[f.name])
+        for f in model.forces if isinstance(f, LawForce | BodyLoad) and reasons.get(f.name) == ""
     ]  # fmt: skip
     taken = {guard.force.name for guard in new}
     return Outcome(
         model=replace(
             model, forces=tuple(f for f in model.forces if f.name not in taken),
-            guards=tuple(sorted((*model.guards, *new), key=lambda guard: guard.index)),
+            guards=tuple(sorted((*model.guards, *new), key=lambda guard: places[guard.force.name])),
         ),
         scene=scene,
         done=tuple(Note(element=g.force.name, words=_words(g), span=g.force.span) for g in new),
@@ -89,13 +89,18 @@ def _words(guard: Guard) -> str:
     return f"is taken out, guarded by {' and '.join(f'{margin} >= 0' for margin in guard.margins)}"
 
 
+def _region(force: LawForce | BodyLoad) -> Region:
+    """Where a force's law, or all components of a load, are zero."""
+    return zero_region_of(force.components) if isinstance(force, BodyLoad) else zero_region(force.law)
+
+
 def _reason(force: Force, scene: Scene) -> str:
     """Why a force stays, "" if it need not."""
     if not is_active(force, scene):
         return "stays: it is switched off anyway"
-    if not isinstance(force, LawForce):
+    if not isinstance(force, LawForce | BodyLoad):
         return "stays: it has no law over one position"
-    region = zero_region(force.law)
+    region = _region(force)
     if region is None:
         return "stays: its law has no case in which it is zero"
     return "" if region else "stays: its law is zero everywhere"

@@ -62,5 +62,5 @@ def _numbers(expressions: object, values: dict[object, float]) -> list[float]:
 def _freed(outcome: Outcome, cut: Joint) -> Outcome:
     free = replace(cut, kind=JointKind.POINT_ON_LINE)
     model = replace(outcome.model, joints=tuple(free if j.name == cut.name else j for j in outcome.model.joints))
-    note = Note(element=cut.name, words="needs two of its five equations: its loop moves in a plane", span=cut.span)
+    note = Note(element=cut.name, words="needs two of its equations: its loop moves in a plane", span=cut.span)
     return replace(outcome, model=model, done=(*outcome.done, note))

@@ -5,18 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from cutjoint.analysis.guides import GuideError
+from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import ITERATIONS, generate
+from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
+from cutjoint.reduce.half.nearly import flatten_nearly, halve_nearly
 from cutjoint.reduce.half.symmetry import halve
 from cutjoint.reduce.idle import drop_idle_equations
 from cutjoint.reduce.light import lighten_links
 from cutjoint.reduce.links import shorten_links
+from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
+from cutjoint.reduce.rolling import roll_straight
 from cutjoint.reduce.weld import weld_bodies
+from cutjoint.run.run_file import RunError
+from cutjoint.topology.spanning_tree import TopologyError
 
 #: The motion of a reduced model: the full one's, the same while guards hold, or near it.
 MOTIONS = ("exact", "guarded", "approximate")
@@ -38,9 +47,25 @@ STEPS: tuple[Step, ...] = (
     Step(name="half", reduce=halve),
     Step(name="links", reduce=shorten_links),
     Step(name="idle equations", reduce=drop_idle_equations),
+    Step(name="planar", reduce=flatten),
     Step(name="guards", reduce=guard_idle, motion="guarded"),
-    Step(name="light", reduce=lighten_links, motion="approximate"),
 )
+
+#: Approximations in the order in which they are tried: each changes the full model, and the passes above then reduce what it leaves.
+APPROXIMATIONS: tuple[Step, ...] = tuple(
+    Step(name=name, reduce=reduce, motion="approximate")
+    for name, reduce in (
+        ("frozen", freeze_idle), ("nearly half", halve_nearly), ("nearly planar", flatten_nearly), ("light", lighten_links),
+    )
+)  # fmt: skip
+
+
+#: What a method may refuse a reduced model for: equations that depend on each other, loops that cannot be cut as the file wants.
+_REFUSALS = (ModelError, TopologyError, NoInertiaError, GuideError, RunError)
+
+
+#: The approximation of what all others leave, since its guards watch the tyres that are left.
+ROLLING = Step(name="rolling", reduce=roll_straight, motion="approximate")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,19 +94,56 @@ def climb(model: Model, scene: Scene, method: str = "recursive", *, approximate:
     Raises:
         ModelError, TopologyError, RunError: the full model is wrong, or the method does not take it.
     """
-    rungs = [_rung("full", Outcome(model=model, scene=scene), method, motion="exact")]
-    for step in (s for s in STEPS if s.motion != "approximate" or approximate):
-        below = rungs[-1]
-        outcome = step.reduce(below.model, below.scene)
-        if not outcome.done:
-            rungs[-1] = replace(below, left=below.left + outcome.left)
-            continue
-        above = _rung(step.name, outcome, method, motion=max(below.motion, step.motion, key=MOTIONS.index))
-        if above.operations < below.operations:
-            rungs.append(replace(above, done=below.done + outcome.done, left=below.left + outcome.left))
-        else:
-            rungs[-1] = replace(below, left=(*below.left, *_dearer(outcome.done, step.name, above.operations, below.operations)))
+    whole = Outcome(model=model, scene=scene)
+    rungs = _descend("full", "exact", whole, method)
+    if approximate:
+        _approximate(whole, rungs, method)
+        _take(rungs, ROLLING)
     return rungs
+
+
+def _descend(name: str, motion: str, outcome: Outcome, method: str) -> list[Rung]:
+    """A rung for the model as it is, and those of the passes that are exact or guarded."""
+    rungs = [_rung(name, outcome, method, motion=motion)]
+    for step in STEPS:
+        _take(rungs, step)
+    return rungs
+
+
+def _take(rungs: list[Rung], step: Step) -> None:
+    """Add a rung for a pass on what the last one leaves, or say there why not."""
+    below = rungs[-1]
+    reduced = step.reduce(below.model, below.scene)
+    left, above = reduced.left, None
+    if reduced.done:
+        try:
+            above = _rung(step.name, reduced, below.method, motion=max(below.motion, step.motion, key=MOTIONS.index))
+        except _REFUSALS:
+            left = tuple(_refused(reduced.done, step.name, below.method))
+    if above is not None and above.operations >= below.operations:
+        left, above = tuple(_dearer(reduced.done, step.name, above.operations, below.operations)), None
+    if above is None:
+        rungs[-1] = replace(below, left=below.left + left)
+    else:
+        rungs.append(replace(above, done=below.done + above.done, left=below.left + above.left))
+
+
+def _approximate(whole: Outcome, rungs: list[Rung], method: str) -> None:
+    """Add the rungs of the approximations of a whole model, one on the other, that cost less than the rung below."""
+    for step in APPROXIMATIONS:
+        changed, below = step.reduce(whole.model, whole.scene), rungs[-1]
+        if not changed.done:
+            rungs[-1] = replace(below, left=tuple(dict.fromkeys((*below.left, *changed.left))))
+            continue
+        changed = replace(changed, done=whole.done + changed.done, left=whole.left + changed.left)
+        try:
+            above = _descend(step.name, step.motion, changed, method)[-1]
+        except _REFUSALS:
+            rungs[-1] = replace(below, left=(*below.left, *_refused(changed.done, step.name, method)))
+            continue
+        if above.operations < below.operations:
+            whole = changed
+            rungs.append(replace(above, name=step.name))
 
 
 def _rung(name: str, outcome: Outcome, method: str, *, motion: str) -> Rung:
@@ -90,8 +152,13 @@ def _rung(name: str, outcome: Outcome, method: str, *, motion: str) -> Rung:
     unknowns = equations.speed_names if isinstance(equations, RecursiveEquations) else equations.coordinate_names
     return Rung(
         name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=len(unknowns),
-        operations=program.operations(ITERATIONS[method]), equations=len(equations.equation_names),
+        operations=program.operations(ITERATIONS[method]), equations=len(equations.equation_names), done=outcome.done, left=outcome.left,
     )  # fmt: skip
+
+
+def _refused(notes: Sequence[Note], name: str, method: str) -> list[Note]:
+    """What a pass found where the method does not take what it leaves."""
+    return [replace(note, words=f"stays: the method {method} does not take what the pass '{name}' leaves") for note in notes]
 
 
 def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[Note]:

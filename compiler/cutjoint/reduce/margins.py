@@ -35,6 +35,11 @@ def zero_region(law: Scalar) -> Region:
     return None
 
 
+def zero_region_of(laws: Iterable[Scalar]) -> Region:
+    """Where several expressions are zero together."""
+    return _all_of(zero_region(law) for law in laws)
+
+
 def _cases(law: Scalar) -> Region:
     regions: list[Region] = []
     conditions: list[Scalar] = []

@@ -51,15 +51,27 @@ def distance(run: Trajectory, truth: Trajectory) -> float:
 def measure_rungs(
     rungs: Sequence[Rung], *, dt: float | None = None, parameters: Mapping[str, float] | None = None
 ) -> list[Cost]:
-    """Each rung compiled and run at the same step (s); errors are distances from the first rung's run."""
+    """Each rung compiled and run at the same step (s); errors are distances from the first rung's run.
+
+    Raises:
+        RunError: the first rung, the full model, does not run to the end; or as for `distance`.
+    """
     costs: list[Cost] = []
     truth: Trajectory | None = None
     for rung in rungs:
         artifact = compile_scene(rung.model, rung.scene, method=rung.method)
         run = simulate(artifact, dt=dt, parameters=parameters)
-        truth = truth or run
+        truth = truth or _finished(run, rung)
         costs.append(replace(time_run(artifact, dt, parameters), error=distance(run, truth)))
     return costs
+
+
+def _finished(run: Trajectory, rung: Rung) -> Trajectory:
+    if run.failure is None:
+        return run
+    joint = run.failure.element.rpartition(".")[0]
+    place = next((j.span for j in rung.model.joints if j.name == joint), rung.scene.span)
+    raise RunError(f"{place}: scene '{rung.scene.name}': the full model has no run to measure by: {run.failure}")
 
 
 def time_run(artifact: Artifact, dt: float | None, parameters: Mapping[str, float] | None = None) -> Cost:

@@ -36,10 +36,10 @@ def _weld(outcome: Outcome, joint: Joint) -> Outcome:
     bodies = {body.name: body for body in outcome.model.bodies}
     model, scene = outcome.model, outcome.scene
     if kept != GROUND:
-        model, scene = _kept_centre(model, scene, bodies[kept])
-        merged = _merged(bodies[kept], bodies[gone])
-        model = replace(model, bodies=tuple(merged if b.name == kept else b for b in model.bodies))
-    model, scene = _kept_centre(model, scene, bodies[gone])
+        model, scene = at_centre(model, scene, bodies[kept])
+        whole = merged(bodies[kept], bodies[gone])
+        model = replace(model, bodies=tuple(whole if b.name == kept else b for b in model.bodies))
+    model, scene = at_centre(model, scene, bodies[gone])
     model = hand_over(replace(model, joints=tuple(j for j in model.joints if j.name != joint.name)), gone, kept)
     outputs = tuple(replace(o, element=kept, stands_for=o.column) if o.element == gone else o for o in scene.outputs)
     note = Note(element=joint.name, words=f"does not move: '{gone}' becomes a part of '{kept}'", span=joint.span)
@@ -51,13 +51,17 @@ def _obstacle(outcome: Outcome, joint: Joint) -> str:
         return "it closes a loop of welded bodies"
     for name in (o.column for o in outcome.scene.outputs if o.element == joint.name):
         return f"the output '{name}' asks for it"
+    if GROUND in (joint.base, joint.follower):
+        body = joint.follower if joint.base == GROUND else joint.base
+        for name in (o.column for o in outcome.scene.outputs if o.element == body):
+            return f"the output '{name}' asks for '{body}', which would be the ground"
     for reaction in outcome.model.reactions:
         if getattr(reaction, "joint", "") == joint.name:
             return f"'{reaction.name}' is its reaction"
     return ""
 
 
-def _kept_centre(model: Model, scene: Scene, body: Body) -> tuple[Model, Scene]:
+def at_centre(model: Model, scene: Scene, body: Body) -> tuple[Model, Scene]:
     """Reported motion of the body's own centre of mass becomes that of a marker there."""
     asked = [o for o in scene.outputs if o.element == body.name and o.quantity in _MOTION]
     if not asked:
@@ -75,7 +79,7 @@ def _at_marker(output: Output, marker: str) -> Output:
     return replace(output, element=marker, stands_for=output.column)
 
 
-def _merged(a: Body, b: Body) -> Body:
+def merged(a: Body, b: Body) -> Body:
     """Both masses, the common centre, and the inertia about it (Steiner)."""
     if b.mass == 0:
         return a

@@ -28,7 +28,8 @@ def ladder_table(rungs: Sequence[Rung], costs: Sequence[Cost]) -> Table:
     for rung, cost in zip(rungs, costs, strict=True):
         table.add_row(
             rung.name, rung.motion, str(rung.unknowns), str(rung.equations), str(rung.operations),
-            f"{100 * rung.operations / full.operations:.0f} %", f"{1e3 * cost.seconds:.2f}", f"{costs[0].seconds / cost.seconds:.2f}",
+            f"{100 * rung.operations / full.operations:.0f} %", f"{1e3 * cost.seconds:.2f}",
+            "-" if cost.failure else f"{costs[0].seconds / cost.seconds:.2f}",
             cost.failure or (f"{cost.error:.1e}" if rung is not full else "-"),
         )  # fmt: skip
     return table

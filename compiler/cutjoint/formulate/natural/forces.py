@@ -16,6 +16,7 @@ from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
     RATE,
+    SIDE,
     TRAVEL,
     bushing_laws,
     guards_of,
@@ -31,7 +32,7 @@ from cutjoint.formulate.natural.constraints import slide_axis
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.needs import ANGLES
 from cutjoint.formulate.natural.nodes import Form, difference
-from cutjoint.formulate.tyre import Wheel, tyre_force
+from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
     COORDINATES,
@@ -40,6 +41,7 @@ from cutjoint.model.records import (
     Body,
     BodyLoad,
     Bushing,
+    GuardedForce,
     Joint,
     JointForce,
     LawForce,
@@ -127,7 +129,8 @@ class ForceMaker:
             name = guard.force.name
             with self._b.section("guard", name, "the law is zero while the margin is not negative", guard.force.span.place):
                 values = self._law_values(guard.force)
-                elements.append(self._labelled(Element(name=name, quantities=named(values))))
+                if isinstance(guard.force, LawForce):
+                    elements.append(self._labelled(Element(name=name, quantities=named(values))))
                 margin = smallest_margin(self._b, self._m.translator, guard, values)
                 margins[name] = self._b.label(margin, f"margin_{name.replace('.', '_')}")
         return elements, margins
@@ -138,8 +141,8 @@ class ForceMaker:
             self._b.label(block, f"{quantity}_{element.name.replace('.', '_')}")
         return element
 
-    def _law_values(self, force: LawForce) -> dict[Scalar, Block]:
-        """The variables of a force's law: the position that it depends on, and its rate."""
+    def _law_values(self, force: GuardedForce) -> dict[Scalar, Block]:
+        """The variables of a force's law: the position that it depends on, and its rate; a tyre's lateral force."""
         match force:
             case PointSpring():
                 _, way = self._way((force.follower, force.end), (force.base, force.start))
@@ -148,6 +151,10 @@ class ForceMaker:
                 return self._travel(*self._axial(force), TRAVEL)
             case JointForce():
                 return self._coordinate(force)
+            case BodyLoad():
+                return self._load_values(force, *self._load_forms(force))
+            case Tyre():
+                return {SIDE: self._contact(force)[2].quantities["Fy"]}
 
     def weight(self, body: Body) -> tuple[Form, Block]:
         """The weight of a body at its centre of mass."""
@@ -267,12 +274,16 @@ class ForceMaker:
         half = b.scale(b.number(0.5), torque)
         return [Action(body=body, form=form, force=b.cross(half, e.x)) for form, e in self._axes(body)]
 
+    def _load_forms(self, force: BodyLoad) -> tuple[tuple[Form, Motion] | None, list[tuple[Form, Motion]]]:
+        """The load's point, and its body's axes where it needs them."""
+        axes = self._axes(force.body) if force.axes == "body" or force.point is None else []
+        return self._way((force.body, force.point), (GROUND, _ORIGIN)) if force.point is not None else None, axes
+
     def _load(self, force: BodyLoad) -> Element:
         b, in_body = self._b, force.axes == "body"
-        axes = self._axes(force.body) if in_body or force.point is None else []
-        point = force.point
-        at = self._way((force.body, point), (GROUND, _ORIGIN)) if point is not None else None
-        components = self._components(force, at[1] if at else None, axes)
+        at, axes = self._load_forms(force)
+        translator = self._m.translator.with_values(self._load_values(force, at, axes))
+        components = b.column([translator.scalar(c) for c in force.components])
         if force.moving_only:
             components = b.scale(b.symbol("motion", 1, BindingTime.STEP), components)
         vector = b.total([b.scale(b.element(components, i), e.x) for i, (_, e) in enumerate(axes)]) if in_body else components
@@ -281,27 +292,33 @@ class ForceMaker:
         quantities = {name: b.element(components, i) for i, name in enumerate(names)}
         return Element(name=force.name, actions=actions, by=[*([at] if at else []), *axes], quantities=quantities)
 
-    def _components(self, force: BodyLoad, at: Motion | None, axes: list[tuple[Form, Motion]]) -> Block:
-        """The load's components over place and velocity of its point, or the angular velocity of its body."""
+    def _load_values(
+        self, force: BodyLoad, at: tuple[Form, Motion] | None, axes: list[tuple[Form, Motion]]
+    ) -> dict[Scalar, Block]:  # fmt: skip
+        """The variables of the load's components: place and velocity of its point, or the angular velocity of its body."""
         b = self._b
         values: dict[Any, Block] = {}
         if at is not None:
-            speed = b.column([b.dot(e.x, at.v) for _, e in axes]) if force.axes == "body" else at.v
-            values |= {PLACE[i]: b.element(at.x, i) for i in range(3)} | {PLACE[3 + i]: b.element(speed, i) for i in range(3)}
+            place = at[1]
+            speed = b.column([b.dot(e.x, place.v) for _, e in axes]) if force.axes == "body" else place.v
+            values |= {PLACE[i]: b.element(place.x, i) for i in range(3)} | {PLACE[3 + i]: b.element(speed, i) for i in range(3)}
         else:
             forms = [form for form, _ in axes]
             spin = self._m.spin(force.body, (forms[0], forms[1], forms[2]))
             if force.axes == "body":
                 spin = b.column([b.dot(e.x, spin) for _, e in axes])
             values |= {PLACE[6 + i]: b.element(spin, i) for i in range(3)}
-        translator = self._m.translator.with_values(values)
-        return b.column([translator.scalar(c) for c in force.components])
+        return values
 
-    def _tyre(self, force: Tyre) -> Element:
+    def _contact(self, force: Tyre) -> tuple[tuple[Form, Motion], tuple[Form, Motion], Contact]:
+        """The wheel's centre and axis, and its contact with the road."""
         b = self._b
         centre, axis = self._way((force.body, force.centre), (GROUND, _ORIGIN)), self._direction(force.body, force.axis)
         wheel = Wheel(centre=centre[1].x, velocity=centre[1].v, axis=axis[1].x, axis_rate=axis[1].v)
-        contact = tyre_force(b, self._m.translator, force, wheel)
+        return centre, axis, tyre_force(b, self._m.translator, force, wheel)
+
+    def _tyre(self, force: Tyre) -> Element:
+        b, (centre, axis, contact) = self._b, self._contact(force)
         torque = b.add(b.cross(contact.arm, contact.force), contact.moment)
         axes = self._axes(force.body)
         by = [centre, axis, *((f, m) for f, m in axes if m.x is not axis[1].x)]

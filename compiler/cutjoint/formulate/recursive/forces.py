@@ -14,6 +14,7 @@ from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
     RATE,
+    SIDE,
     TRAVEL,
     bushing_laws,
     guards_of,
@@ -26,13 +27,14 @@ from cutjoint.formulate.forces import (
 )  # fmt: skip
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
 from cutjoint.formulate.recursive.recursion import BodySystem
-from cutjoint.formulate.tyre import Wheel, tyre_force
+from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
 from cutjoint.model.records import (
     COORDINATES,
     AxialForce,
     Body,
     BodyLoad,
     Bushing,
+    GuardedForce,
     JointForce,
     LawForce,
     Model,
@@ -112,13 +114,14 @@ def add_guards(forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dic
         name, b = guard.force.name, k.builder
         with b.section("guard", name, "the law is zero while the margin is not negative", guard.force.span.place):
             values = _law_values(k, guard.force)
-            forces.add(b, name, named(values))
+            if isinstance(guard.force, LawForce):
+                forces.add(b, name, named(values))
             margins[name] = b.label(smallest_margin(b, k.translator, guard, values), f"margin_{name.replace('.', '_')}")
     return margins
 
 
-def _law_values(k: Kinematics, force: LawForce) -> dict[Scalar, Block]:
-    """The variables of a force's law: the position that it depends on, and its rate."""
+def _law_values(k: Kinematics, force: GuardedForce) -> dict[Scalar, Block]:
+    """The variables of a force's law: the position that it depends on, and its rate; a tyre's lateral force."""
     match force:
         case PointSpring():
             _, way, speed = _between_ends(k, force)
@@ -127,6 +130,10 @@ def _law_values(k: Kinematics, force: LawForce) -> dict[Scalar, Block]:
             return _along_axis(k, force)[2]
         case JointForce():
             return _of_coordinate(k, force)[2]
+        case BodyLoad():
+            return _load_values(k, force)[1]
+        case Tyre():
+            return {SIDE: _contact(k, force)[1].quantities["Fy"]}
 
 
 _EQUATIONS: Mapping[type, str] = {
@@ -222,14 +229,20 @@ def _small_rotation(b: Builder, S: Block) -> tuple[Block, Block]:
     return rotation, b.scale(half, b.sub(b.scale(trace, b.identity(3)), S))
 
 
-def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block]:
+def _load_values(k: Kinematics, force: BodyLoad) -> tuple[Block, dict[Scalar, Block]]:
+    """The load's point, and the variables of its components."""
     b, frame = k.builder, k.frames[force.body]
     point = k.point(force.body, force.point) if force.point is not None else frame.r
     place, speed = k.absolute(force.body, point), k.velocity(force.body, point)
     spin = halves(b, frame.Z)[1]
     if force.axes == "body":
         speed, spin = (b.mul(b.transpose(frame.R), vector) for vector in (speed, spin))
-    values = dict(zip(PLACE, [b.element(x, i) for x in (place, speed, spin) for i in range(3)], strict=True))
+    return point, dict(zip(PLACE, [b.element(x, i) for x in (place, speed, spin) for i in range(3)], strict=True))
+
+
+def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block]:
+    b, frame = k.builder, k.frames[force.body]
+    point, values = _load_values(k, force)
     translator = k.translator.with_values(values)
     components = b.column([translator.scalar(c) for c in force.components])
     if force.moving_only:
@@ -261,14 +274,19 @@ def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[s
     return law
 
 
-def _tyre(system: BodySystem, k: Kinematics, force: Tyre) -> dict[str, Block]:
+def _contact(k: Kinematics, force: Tyre) -> tuple[Block, Contact]:
+    """The wheel's centre, and its contact with the road."""
     b = k.builder
     centre, axis = k.point(force.body, force.centre), k.direction(force.body, force.axis)
     _, w = halves(b, k.frames[force.body].Z)
     wheel = Wheel(
         centre=k.absolute(force.body, centre), velocity=k.velocity(force.body, centre), axis=axis, axis_rate=b.cross(w, axis)
     )
-    contact = tyre_force(b, k.translator, force, wheel)
+    return centre, tyre_force(b, k.translator, force, wheel)
+
+
+def _tyre(system: BodySystem, k: Kinematics, force: Tyre) -> dict[str, Block]:
+    b, (centre, contact) = k.builder, _contact(k, force)
     torque = b.add(b.cross(b.add(centre, contact.arm), contact.force), contact.moment)
     system.add_force(force.body, b.stack([[contact.force], [torque]]))
     return contact.quantities

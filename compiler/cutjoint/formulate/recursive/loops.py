@@ -16,9 +16,9 @@ import sympy
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive import closures
 from cutjoint.formulate.recursive.closures import ClosureKernel, derive_closure
-from cutjoint.formulate.recursive.kinematics import Kinematics, motion_cross
+from cutjoint.formulate.recursive.kinematics import Kinematics, halves, motion_cross
 from cutjoint.formulate.recursive.recursion import BodySystem
-from cutjoint.model.records import GROUND, Joint
+from cutjoint.model.records import GROUND, Joint, JointKind
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
@@ -40,23 +40,63 @@ def derive_loops(k: Kinematics, cuts: tuple[Joint, ...], numbers: Numbers) -> tu
     loops = []
     for joint in cuts:
         with k.builder.section("closure", joint.name, "Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi", joint.span.place):
-            loops.append(_derive(k, joint, derive_closure(joint), numbers))
+            kernel = derive_closure(joint)
+            terms = _distance(k, joint) if joint.kind is JointKind.DISTANCE else _of_kernel(k, joint, kernel)
+            loops.append(_derive(k.builder, joint, kernel, terms, numbers))
     return tuple(loops)
 
 
-def _derive(k: Kinematics, joint: Joint, kernel: ClosureKernel, numbers: Numbers) -> LoopClosure:
+@dataclass(frozen=True, kw_only=True)
+class _Terms:
+    """Phi, its rate, A, and gamma = Phi'' - A (Zdd_f - Zdd_b)."""
+
+    residual: Block
+    rate: Block
+    A: Block
+    gamma: Block
+
+
+def _of_kernel(k: Kinematics, joint: Joint, kernel: ClosureKernel) -> _Terms:
+    """The terms as SymPy derives them."""
     b, name = k.builder, joint.name.replace(".", "_")
     step = k.pole_step(joint.base, joint.follower)
     base_twist = b.label(k.twist_at(k.frames[joint.base].Z, step), f"Z_base_{name}")
     twist = b.label(b.sub(k.frames[joint.follower].Z, base_twist), f"Z_{name}")
     local = k.translator.with_values(_values(k, joint, kernel, twist, step))
-    residual = b.label(local.matrix(kernel.residual), f"Phi_{name}")
-    A = b.label(local.matrix(kernel.jacobian), f"A_{name}")
-    rate = b.label(b.mul(A, twist), f"Phid_{name}")
+    A = local.matrix(kernel.jacobian)
     gamma = b.sub(local.matrix(kernel.drift), b.mul(A, motion_cross(b, base_twist, twist)))
+    return _Terms(residual=local.matrix(kernel.residual), rate=b.mul(A, twist), A=A, gamma=gamma)
+
+
+def _distance(k: Kinematics, joint: Joint) -> _Terms:
+    """The same of a distance l, over the motion of its two points p and p0, which rods that meet there share.
+
+    With g = p - p0 and n = g/l: Phi' = n . g', A = [n, p x n], gamma = g'.g'/l + n . (w_f x p' - w_b x p0').
+    """
+    b, name = k.builder, joint.name.replace(".", "_")
+    assert joint.to is not None
+    point, start = k.point(joint.follower, joint.to), k.point(joint.base, joint.at)
+    length = k.translator.scalar((sympy.Matrix(joint.to) - sympy.Matrix(joint.at)).norm())
+    share = b.call("div", b.number(1.0), length)
+    way = b.label(k.between(joint.follower, point, joint.base, start), f"way_{name}")
+    n = b.label(b.scale(share, way), f"n_{name}")
+    speeds = (k.velocity(joint.follower, point), k.velocity(joint.base, start))
+    turned = (b.cross(halves(b, k.frames[body].Z)[1], v) for body, v in zip((joint.follower, joint.base), speeds, strict=True))
+    speed, bent = b.label(b.sub(*speeds), f"speed_{name}"), b.sub(*turned)
+    return _Terms(
+        residual=b.mul(b.number(0.5), b.sub(b.dot(n, way), length)), rate=b.dot(n, speed),
+        A=b.stack([[b.transpose(n), b.transpose(b.cross(point, n))]]),
+        gamma=b.add(b.mul(share, b.dot(speed, speed)), b.dot(n, bent)),
+    )  # fmt: skip
+
+
+def _derive(b: Builder, joint: Joint, kernel: ClosureKernel, terms: _Terms, numbers: Numbers) -> LoopClosure:
+    """A cut joint's blocks under their names."""
+    name = joint.name.replace(".", "_")
+    residual, rate, A = b.label(terms.residual, f"Phi_{name}"), b.label(terms.rate, f"Phid_{name}"), b.label(terms.A, f"A_{name}")
     doubled = b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))
     squared = b.mul(numbers.frequency, numbers.frequency)
-    s = b.label(b.add(gamma, b.add(b.scale(doubled, rate), b.scale(squared, residual))), f"s_{name}")
+    s = b.label(b.add(terms.gamma, b.add(b.scale(doubled, rate), b.scale(squared, residual))), f"s_{name}")
     multipliers = b.symbol(f"lambda:{joint.name}", len(kernel.names), BindingTime.ITERATION)
     return LoopClosure(joint=joint, names=kernel.names, residual=residual, rate=rate, A=A, s=s, multipliers=multipliers)
 
@@ -64,9 +104,8 @@ def _derive(k: Kinematics, joint: Joint, kernel: ClosureKernel, numbers: Numbers
 def _values(k: Kinematics, joint: Joint, kernel: ClosureKernel, twist: Block, step: Block) -> dict[sympy.Symbol, Block]:
     """The blocks of the kernel's symbols; both points from the follower's pole."""
     b = k.builder
-    follower_point = joint.to if joint.to is not None else joint.at
     columns = [
-        (closures.P, k.point(joint.follower, follower_point)),
+        (closures.P, k.point(joint.follower, joint.at)),
         (closures.P0, b.sub(k.point(joint.base, joint.at), step)),
         (closures.V, b.take(twist, (0, 3))),
         (closures.W, b.take(twist, (3, 6))),

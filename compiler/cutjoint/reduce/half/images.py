@@ -18,11 +18,11 @@ from cutjoint.model.records import (
     PointSpring,
     Scalar,
 )  # fmt: skip
-from cutjoint.reduce.half.pairs import Pairs, axis_signs
-from cutjoint.reduce.half.plane import AsymmetryError, Plane, is_same
+from cutjoint.reduce.half.pairs import Pairs
+from cutjoint.reduce.half.plane import AsymmetryError, Plane, Same, is_same
 
 #: Fields of a force that say who it is and what it acts on.
-_NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
+NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ def require_images(pairs: Pairs) -> Images:
             words = f"has no image: no {joint.kind} joint like it stands where the reflection in the plane {plane} puts it"
             raise AsymmetryError(joint.name, words, joint.span)
     for body, reflection in zip(elements.bodies, pairs.mirrored.bodies, strict=True):
-        _require_body(reflection, next(b for b in elements.bodies if b.name == pairs.bodies[body.name]), plane)
+        _require_body(reflection, next(b for b in elements.bodies if b.name == pairs.bodies[body.name]), plane, pairs.same)
     joints = {j.name: j for j in elements.joints}
     turned = {j.name: _turned(pairs, j, joints[pairs.joints[j.name]]) for j in elements.joints}
     for joint in elements.joints:
@@ -59,9 +59,9 @@ def require_images(pairs: Pairs) -> Images:
     return Images(bodies=pairs.bodies, joints=pairs.joints, forces=forces, turned=turned)
 
 
-def _require_body(reflection: Body, image: Body, plane: Plane) -> None:
+def _require_body(reflection: Body, image: Body, plane: Plane, same: Same) -> None:
     names = {"mass": "mass", "centre_of_mass": "centre of mass", "inertia": "inertia"}
-    differ = [words for name, words in names.items() if not is_same(getattr(reflection, name), getattr(image, name))]
+    differ = [words for name, words in names.items() if not same(getattr(reflection, name), getattr(image, name))]
     if differ and not (reflection.mass == 0 and image.mass == 0):
         own = reflection.name == image.name
         words = f"is not symmetric about the plane {plane}" if own else f"is not what the plane {plane} shows of '{image.name}'"
@@ -70,7 +70,7 @@ def _require_body(reflection: Body, image: Body, plane: Plane) -> None:
 
 def _turned(pairs: Pairs, joint: Joint, image: Joint) -> Mapping[str, int]:
     """How coordinates and speeds count in the image."""
-    flips = axis_signs(pairs.reflection(joint), image)
+    flips = pairs.signs(joint, image)
     assert flips is not None
     by_axes = _flips(joint.kind, flips)
     mirrored = coordinate_signs(pairs.plane.mirror, joint)
@@ -148,12 +148,12 @@ def _is_attached(pairs: Pairs, force: Force, candidate: Force) -> bool:
 
 def _is_image(pairs: Pairs, force: Force, reflection: Force, candidate: Force, turned: Mapping[str, Mapping[str, int]]) -> bool:
     if isinstance(force, JointForce) and isinstance(candidate, JointForce):
-        return is_same(turned_law(force.law, turned[force.joint][force.coordinate]), candidate.law)
-    names = [f.name for f in fields(reflection) if f.name not in _NAMING]
+        return pairs.same(turned_law(force.law, turned[force.joint][force.coordinate]), candidate.law)
+    names = [f.name for f in fields(reflection) if f.name not in NAMING]
     shown = {name: getattr(reflection, name) for name in names}
     if isinstance(force, PointSpring) and tuple(pairs.bodies[body] for body in ends(force)) != ends(candidate):
         shown |= {"start": shown["end"], "end": shown["start"]}
-    return all(is_same(value, getattr(candidate, name)) for name, value in shown.items())
+    return all(pairs.same(value, getattr(candidate, name)) for name, value in shown.items())
 
 
 def turned_law(law: Scalar, sign: int) -> Scalar:

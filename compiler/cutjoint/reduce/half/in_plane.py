@@ -37,6 +37,11 @@ def restrict(joint: Joint, plane: Plane) -> InPlane:
     return found
 
 
+def in_plane_words(plane: Plane, kind: JointKind, before: JointKind) -> str:
+    """What is said of a joint that becomes one of another kind."""
+    return f"moves in the plane {plane} alone: a {kind} joint in place of a {before} one"
+
+
 def _changed(joint: Joint, kind: JointKind, axes: tuple[Vector, ...], kept: Mapping[str, str]) -> InPlane:
     """A joint of another kind that keeps some coordinates under new names, with their rates."""
     names = COORDINATES[joint.kind]

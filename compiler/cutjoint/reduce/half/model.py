@@ -27,7 +27,7 @@ class Half:
     """How a whole model is cut.
 
     ``removed`` are the names of the other side's elements, ``gone`` also those of forces on coordinates that rest; ``in_plane`` is what
-    becomes of the tree joints between bodies in the plane.
+    becomes of the tree joints between bodies in the plane.  Of a ``flat`` model nothing is left out or halved: all of it is in the plane.
     """
 
     model: Model
@@ -36,10 +36,11 @@ class Half:
     removed: frozenset[str]
     gone: frozenset[str]
     in_plane: Mapping[str, InPlane]
+    flat: bool = False
 
     def is_own(self, name: str) -> bool:
         """Whether a body, joint or force is its own image, so that only half of it is in the half."""
-        return any(images.get(name) == name for images in (self.images.bodies, self.images.joints, self.images.forces))
+        return not self.flat and any(images.get(name) == name for images in (self.images.bodies, self.images.joints, self.images.forces))
 
     def kept_joint(self, name: str) -> str:
         """A joint that is kept: the one of that name, or its image."""
@@ -63,11 +64,14 @@ def cut_in_half(model: Model, plane: Plane, images: Images, removed: frozenset[s
         rests = joint.name in in_plane and not set(COORDINATES[joint.kind]) <= in_plane[joint.name].kept.keys()
         if joint.guide is not None and rests and images.joints[joint.name] != joint.name:
             raise AsymmetryError(joint.name, f"has a guide that moves it out of the plane {plane}", joint.span)
-    idle = {
-        f.name for f in model.forces
-        if isinstance(f, JointForce) and f.joint in in_plane and f.coordinate not in in_plane[f.joint].kept
-    }  # fmt: skip
-    return Half(model=model, plane=plane, images=images, removed=removed, gone=removed | idle, in_plane=in_plane)
+    gone = removed | idle_forces(model, in_plane)
+    return Half(model=model, plane=plane, images=images, removed=removed, gone=gone, in_plane=in_plane)
+
+
+def idle_forces(model: Model, in_plane: Mapping[str, InPlane]) -> frozenset[str]:
+    """The forces on coordinates that would leave the plane."""
+    forces = (f for f in model.forces if isinstance(f, JointForce) and f.joint in in_plane)
+    return frozenset(f.name for f in forces if f.coordinate not in in_plane[f.joint].kept)
 
 
 def half_model(half: Half, scene: Scene) -> Model:
@@ -98,8 +102,10 @@ def _forces(half: Half) -> Iterator[Force]:
         yield halved
 
 
-def _reaction(half: Half, reaction: Reaction | RodForce) -> Reaction:
+def _reaction(half: Half, reaction: Reaction | RodForce) -> Reaction | RodForce:
     """A reaction as it is; that of a joint that is left out is told by the joint's image, along the image of its direction."""
+    if half.flat:
+        return reaction
     if isinstance(reaction, RodForce):
         raise AsymmetryError(reaction.name, "is told by distances that already stand for a link", reaction.span)
     is_removed = reaction.joint in half.removed

@@ -13,7 +13,7 @@ import sympy
 from cutjoint.model.elements import Elements
 from cutjoint.model.mirror import mirror_elements
 from cutjoint.model.records import GROUND, Binding, Joint, Model, Scene, Vector
-from cutjoint.reduce.half.plane import Plane, is_nought, is_same, put_in
+from cutjoint.reduce.half.plane import Plane, Same, is_same, put_in
 
 
 def settle(model: Model, scene: Scene) -> Elements:
@@ -29,9 +29,9 @@ def settle(model: Model, scene: Scene) -> Elements:
     )  # fmt: skip
 
 
-def find_pairs(elements: Elements, plane: Plane) -> Pairs:
-    """The images of bodies and joints as far as joints lead to them."""
-    pairs = Pairs(elements=elements, plane=plane, mirrored=mirror_elements(elements, plane.axis))
+def find_pairs(elements: Elements, plane: Plane, same: Same = is_same) -> Pairs:
+    """The images of bodies and joints as far as joints lead to them; ``same`` compares what should be alike."""
+    pairs = Pairs(elements=elements, plane=plane, mirrored=mirror_elements(elements, plane.axis), same=same)
     queue = [GROUND]
     for body in queue:
         for joint in elements.joints:
@@ -47,6 +47,7 @@ class Pairs:
     elements: Elements
     plane: Plane
     mirrored: Elements
+    same: Same = is_same
     bodies: dict[str, str] = field(default_factory=lambda: {GROUND: GROUND})
     joints: dict[str, str] = field(default_factory=dict)
 
@@ -58,6 +59,10 @@ class Pairs:
     def reflection(self, joint: Joint) -> Joint:
         """A joint as the mirror shows it."""
         return next(m for m in self.mirrored.joints if m.name == joint.name)
+
+    def signs(self, joint: Joint, candidate: Joint) -> tuple[int, ...] | None:
+        """How the axes of a joint's image are turned against a candidate's, see `axis_signs`."""
+        return axis_signs(self.reflection(joint), candidate, self.same)
 
     def follow(self, joint: Joint, body: str) -> list[str]:
         """Find the image of a joint at a body whose image is known, and so that of the body at its other end; returns what is new."""
@@ -73,7 +78,7 @@ class Pairs:
         return found
 
     def _may_be_image(self, joint: Joint, candidate: Joint) -> bool:
-        if candidate.name in self.joints or axis_signs(self.reflection(joint), candidate) is None:
+        if candidate.name in self.joints or self.signs(joint, candidate) is None:
             return False
         ends = ((joint.base, candidate.base), (joint.follower, candidate.follower))
         return all(self.bodies.get(a, b) == b and self.bodies.get(b, a) == a for a, b in ends)
@@ -82,21 +87,21 @@ class Pairs:
         """How many of the joints around have a joint like their image around the candidate; of equals, an element is its own image."""
         around = [j for j in self.elements.joints if {j.base, j.follower} & ({joint.base, joint.follower} - {GROUND})]
         there = [j for j in self.elements.joints if {j.base, j.follower} & ({candidate.base, candidate.follower} - {GROUND})]
-        matched = sum(any(axis_signs(self.reflection(j), c) is not None for c in there) for j in around)
+        matched = sum(any(self.signs(j, c) is not None for c in there) for j in around)
         return matched, joint.name == candidate.name
 
 
-def axis_signs(reflection: Joint, candidate: Joint) -> tuple[int, ...] | None:
+def axis_signs(reflection: Joint, candidate: Joint, same: Same) -> tuple[int, ...] | None:
     """For each axis 1 where the candidate's has the direction of the reflection's, -1 where the opposite; None for another joint."""
-    if reflection.kind is not candidate.kind or not is_same(reflection.at, candidate.at):
+    if reflection.kind is not candidate.kind or not same(reflection.at, candidate.at):
         return None
-    if not is_same(reflection.to, candidate.to) or not is_same(reflection.pitch, candidate.pitch):
+    if not same(reflection.to, candidate.to) or not same(reflection.pitch, candidate.pitch):
         return None
-    signs = [_axis_sign(a, b) for a, b in zip(reflection.axes, candidate.axes, strict=True)]
+    signs = [_axis_sign(a, b, same) for a, b in zip(reflection.axes, candidate.axes, strict=True)]
     return None if 0 in signs else tuple(signs)
 
 
-def _axis_sign(a: Vector, b: Vector) -> int:
-    if is_same(a, b):
+def _axis_sign(a: Vector, b: Vector, same: Same) -> int:
+    if same(a, b):
         return 1
-    return -1 if all(is_nought(x + y) for x, y in zip(a, b, strict=True)) else 0
+    return -1 if same(a, (-b[0], -b[1], -b[2])) else 0

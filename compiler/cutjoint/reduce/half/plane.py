@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import sympy
 
 from cutjoint.model.geometry import GLOBAL_AXES, cross, least_component
 from cutjoint.model.mirror import Mirror
-from cutjoint.model.records import Scalar, Span, Vector
+from cutjoint.model.records import Model, Scalar, Span, Vector
 from cutjoint.reduce.records import Note
 
 _Record = TypeVar("_Record")
+
+#: Whether two values of records' fields count as the same.
+Same: TypeAlias = Callable[[Any, Any], bool]
 
 #: The angles of a body by the axis that each turns about.
 ANGLES: Mapping[str, str] = {"x": "roll", "y": "pitch", "z": "yaw"}
@@ -71,6 +74,12 @@ class Plane:
         """The directions of the displacements of a planar joint whose normal is the plane's."""
         first = cross(self.normal, GLOBAL_AXES[least_component(self.normal)])
         return first, cross(self.normal, first)
+
+
+def require_gravity(model: Model, plane: Plane) -> None:
+    """Raises AsymmetryError where gravity pulls out of the plane."""
+    if not plane.within(model.gravity):
+        raise AsymmetryError(model.name, f"has gravity that pulls out of the plane {plane}", model.span)
 
 
 def is_nought(expression: Scalar) -> bool:

@@ -37,7 +37,8 @@ def half_scene(half: Half, scene: Scene) -> Scene:
     Raises:
         AsymmetryError: it is not symmetric, or asks for what the half does not tell.
     """
-    _require_road(half, scene)
+    if not half.flat:
+        _require_road(half, scene)
     return replace(
         scene, positions=_states(half, scene.positions), rates=_states(half, scene.rates),
         switches={name: is_on for name, is_on in scene.switches.items() if name not in half.gone},
@@ -60,7 +61,8 @@ def _states(half: Half, states: Mapping[str, Scalar]) -> dict[str, Scalar]:
     for key, value in states.items():
         name, _, component = key.rpartition(".")
         joint = next(j for j in half.model.joints if j.name == name)
-        _require_image(half, states, joint, component)
+        if not half.flat:
+            _require_image(half, states, joint, component)
         if name in half.in_plane:
             found |= _in_plane_state(half, joint, component, value)
         elif name not in half.removed:
@@ -83,7 +85,7 @@ def _in_plane_state(half: Half, joint: Joint, component: str, value: Scalar) -> 
         name, sign = found.kept[component]
         return {f"{joint.name}.{name}": sign * value}
     if not is_nought(value):
-        raise AsymmetryError(joint.name, f"starts with a {component} that its half cannot have", joint.span)
+        raise AsymmetryError(joint.name, f"starts with a {component} that leaves the plane {half.plane}", joint.span)
     return {}
 
 
@@ -102,9 +104,9 @@ def _output(half: Half, output: Output) -> Output:
             return _scaled(output, sign, half.images.bodies[element.name]) if element.name in half.removed else output
         case Joint():
             return _joint_output(half, element, output)
-        case RodForce():
+        case RodForce() if not half.flat:
             raise AsymmetryError(element.name, "is told by distances that already stand for a link", element.span)
-    return _force_output(half, element, output)
+    return output if isinstance(element, RodForce) else _force_output(half, element, output)
 
 
 def _scaled(output: Output, factor: float, element: str = "", quantity: str = "") -> Output:
@@ -116,7 +118,7 @@ def _scaled(output: Output, factor: float, element: str = "", quantity: str = ""
 def _force_output(half: Half, force: Force, output: Output) -> Output:
     name, sign = force.name, 1
     if half.kept_force(name) in half.gone:
-        raise AsymmetryError(name, "is asked for, but is not in the half", output.span)
+        raise AsymmetryError(name, "is asked for, but acts on what rests in the plane", output.span)
     if name in half.removed:
         name, sign = half.images.forces[name], _force_sign(half, force, output.quantity)
     if half.is_own(force.name) and output.quantity in HALVED:
@@ -150,7 +152,7 @@ def _joint_output(half: Half, joint: Joint, output: Output) -> Output:
         quantity, factor = found.kept[output.quantity]
         return _scaled(output, sign * factor, name, quantity)
     if output.quantity in found.unknown:
-        raise AsymmetryError(joint.name, f"is asked for its {output.quantity}, which its half does not tell", output.span)
+        raise AsymmetryError(joint.name, f"is asked for its {output.quantity}, which the model in the plane does not tell", output.span)
     return _zero(half, joint, output)
 
 

@@ -13,9 +13,10 @@ from collections.abc import Iterator, Sequence
 
 from cutjoint.model.records import Body, Force, Joint, Model, Scene
 from cutjoint.reduce.half.images import require_images
+from cutjoint.reduce.half.in_plane import in_plane_words
 from cutjoint.reduce.half.model import Half, cut_in_half, half_model
 from cutjoint.reduce.half.pairs import Pairs, find_pairs, settle
-from cutjoint.reduce.half.plane import AsymmetryError, Plane
+from cutjoint.reduce.half.plane import AsymmetryError, Plane, require_gravity
 from cutjoint.reduce.half.scene import half_scene
 from cutjoint.reduce.half.sides import Heights, find_removed, join_sides
 from cutjoint.reduce.records import Note, Outcome
@@ -45,18 +46,13 @@ def _cut(model: Model, scene: Scene, pairs: Pairs) -> Outcome:
     Raises:
         AsymmetryError: the scene is not symmetric, or what is left is not a model.
     """
-    _require_gravity(model, pairs.plane)
+    require_gravity(model, pairs.plane)
     groups = join_sides(pairs)
     images = require_images(pairs)
     heights = Heights(plane=pairs.plane, values={p.symbol: p.value for p in model.parameters})
     half = cut_in_half(model, pairs.plane, images, find_removed(pairs, images, heights, groups))
     changed = half_scene(half, scene)
     return Outcome(model=half_model(half, changed), scene=changed, done=tuple(_notes(half)))
-
-
-def _require_gravity(model: Model, plane: Plane) -> None:
-    if not plane.within(model.gravity):
-        raise AsymmetryError(model.name, f"has gravity that pulls out of the plane {plane}", model.span)
 
 
 def _notes(half: Half) -> Iterator[Note]:
@@ -68,5 +64,4 @@ def _notes(half: Half) -> Iterator[Note]:
     for joint in model.joints:
         kind = half.in_plane[joint.name].joint.kind if joint.name in half.in_plane else joint.kind
         if kind is not joint.kind:
-            words = f"moves in the plane {half.plane} alone: a {kind} joint in place of a {joint.kind} one"
-            yield Note(element=joint.name, words=words, span=joint.span)
+            yield Note(element=joint.name, words=in_plane_words(half.plane, kind, joint.kind), span=joint.span)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cutjoint.model.records import Model, Scene
+from cutjoint.reduce.records import Note
 from cutjoint.report.explain.bodies import explain_bodies
 from cutjoint.report.explain.closures import explain_closures
 from cutjoint.report.explain.forces import explain_forces
@@ -13,6 +15,7 @@ from cutjoint.report.explain.groups import find_counterparts
 from cutjoint.report.explain.joints import explain_joints
 from cutjoint.report.explain.natural.document import explain_natural
 from cutjoint.report.explain.operations import cost_table, count_operations, derive, operations_table, parameter_costs
+from cutjoint.report.explain.reduced import explain_reduction
 from cutjoint.report.explain.render import Explanation, render
 from cutjoint.report.explain.views import Chapter, Entry, Table
 from cutjoint.topology.build import build_topology
@@ -32,17 +35,20 @@ class RecursiveExplanation(Explanation):
     costs: Table
 
 
-def explain(model: Model, scene: Scene, method: str = "recursive") -> str:
-    """The Markdown of a model in a scene, by a method of ``cutjoint.pipeline.METHODS``.
+def explain(model: Model, scene: Scene, method: str = "recursive", *, done: Sequence[Note] = ()) -> str:
+    """The Markdown of a model in a scene, by a method of ``cutjoint.pipeline.METHODS``; ``done`` is what passes did to a reduced one.
 
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
         ModelError: an output or a force that the method does not tell.
     """
-    return _explain_recursive(model, scene) if method == "recursive" else explain_natural(model, scene, method)
+    reduction = explain_reduction(model, scene, done)
+    if method != "recursive":
+        return explain_natural(model, scene, method, reduction)
+    return _explain_recursive(model, scene, reduction)
 
 
-def _explain_recursive(model: Model, scene: Scene) -> str:
+def _explain_recursive(model: Model, scene: Scene, reduction: tuple[Chapter, ...]) -> str:
     # Model -> Program
     equations, program = derive(build_topology(model), scene)
     # Program -> Explanation
@@ -59,6 +65,7 @@ def _explain_recursive(model: Model, scene: Scene) -> str:
             explain_joints(equations, counterparts),
             explain_closures(topology, scene.numerics, counterparts),
             explain_forces(equations, counterparts),
+            *reduction,
         ),
         operations=operations_table(topology, counts), costs=cost_table(parameter_costs(equations, program)),
     )  # fmt: skip

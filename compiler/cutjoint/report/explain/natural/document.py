@@ -37,8 +37,8 @@ class NaturalExplanation(Explanation):
     operations: Table
 
 
-def explain_natural(model: Model, scene: Scene, method: str) -> str:
-    """The Markdown of a model in a scene, by "augmented" or "classical".
+def explain_natural(model: Model, scene: Scene, method: str, reduction: tuple[Chapter, ...] = ()) -> str:
+    """The Markdown of a model in a scene, by "augmented" or "classical"; ``reduction`` is the chapter of a reduced one.
 
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
@@ -59,6 +59,7 @@ def explain_natural(model: Model, scene: Scene, method: str) -> str:
             explain_masses(d, counterparts),
             explain_forces(d.full, counterparts, manners.describe_natural, manners.NOTES),
             explain_dependence(d),
+            *reduction,
         ),
         operations=operations_table(topology, count_operations(d.program, "linearise"), _STAGES, "all together"),
     )  # fmt: skip

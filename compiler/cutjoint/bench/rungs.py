@@ -1,0 +1,55 @@
+"""The rungs of a scene's ladder as contenders: what each pass leaves of the model, by every method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+from cutjoint.bench.own import OwnRunner
+from cutjoint.bench.records import Case, Contender
+from cutjoint.pipeline import METHODS, compile_scene
+from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
+from cutjoint.run.run_file import RunError
+
+#: What a rung is called after: all passes.
+NAMES = tuple(step.name for step in (*STEPS, *APPROXIMATIONS, ROLLING))
+
+
+class NoRungError(RunError):
+    """A scene's ladder has no rung of that name."""
+
+
+def rung_contenders() -> Iterator[Contender]:
+    """Each pass with each method; those that leave a scene as it is refuse it."""
+    for method in METHODS:
+        for name in NAMES:
+            yield Contender(
+                name=f"{method}/{name.replace(' ', '-')}", label=f"{method}, {name}", group="rungs",
+                prepare=partial(_prepare, method=method, name=name),
+            )  # fmt: skip
+
+
+def _prepare(case: Case, *, method: str, name: str) -> OwnRunner:
+    """The rung of that name.
+
+    Raises:
+        NoRungError: there is none.
+    """
+    rung = next((rung for rung in _ladder(case, method) if rung.name == name), None)
+    if rung is None:
+        raise NoRungError(f"the pass '{name}' leaves this scene as it is")
+    return OwnRunner(artifact=compile_scene(rung.model, rung.scene, method=method), parameters=case.parameters)
+
+
+#: The last case's ladders by method: its rungs are asked for one after the other.
+_LAST: dict[tuple[int, str], tuple[Case, list[Rung]]] = {}
+
+
+def _ladder(case: Case, method: str) -> list[Rung]:
+    key = (id(case), method)
+    if key not in _LAST:
+        rungs = climb(case.model, replace(case.scene, outputs=case.outputs), method, approximate=True)
+        _LAST.clear()
+        _LAST[key] = (case, rungs)  # holds the case, so that no other one gets its id
+    return _LAST[key][1]

@@ -1,0 +1,123 @@
+"""Mechanisms that move in a plane: joints with the motions in it.  What cut joints hold across it folds to zero.
+
+Joints that turn about the plane's normal or slide across it hold bodies in the plane, whatever acts on them.  A body that none of
+them holds, such as a rod between balls, stays there as long as it and all that touches it are their own image in the plane: then nothing
+pushes it out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+
+from cutjoint.model.elements import Elements
+from cutjoint.model.mirror import mirror_elements
+from cutjoint.model.records import COORDINATES, GROUND, Force, Joint, JointForce, JointKind, Model, Scene
+from cutjoint.reduce.half.images import Images, ends, require_images
+from cutjoint.reduce.half.in_plane import InPlane, in_plane_words, restrict
+from cutjoint.reduce.half.model import Half, half_model, idle_forces
+from cutjoint.reduce.half.pairs import Pairs, settle
+from cutjoint.reduce.half.plane import AsymmetryError, Plane, Same, is_nought, is_same, require_gravity
+from cutjoint.reduce.half.scene import half_scene
+from cutjoint.reduce.records import Note, Outcome
+from cutjoint.topology.build import build_topology
+
+
+def flatten(model: Model, scene: Scene) -> Outcome:
+    """The pass: a mechanism that moves in one of the planes y = 0, x = 0, z = 0, or in parallel ones, gets coordinates in it.
+
+    ``left`` says why one stays of which joints hold a body in a plane.
+    """
+    left: list[Note] = []
+    for plane in (Plane(axis=axis) for axis in "yxz"):
+        held = held_bodies(model.joints, plane)
+        try:
+            return _flatten(model, scene, plane, held)
+        except AsymmetryError as error:
+            left += [replace(error.note, words=f"{error.note.words}: it may leave the plane")] if held != {GROUND} else []
+    return Outcome(model=model, scene=scene, left=tuple(left[:1]))
+
+
+def held_bodies(joints: Collection[Joint], plane: Plane) -> set[str]:
+    """The ground, and the bodies that joints alone keep in a plane."""
+    held, grows = {GROUND}, True
+    while grows:
+        ends_of = [{j.base, j.follower} for j in joints if _holds(j, plane)]
+        found = {body for pair in ends_of if pair & held for body in pair - held}
+        grows = bool(found)
+        held |= found
+    return held
+
+
+def _holds(joint: Joint, plane: Plane) -> bool:
+    """Whether a joint leaves its bodies' planes parallel, and at their distance."""
+    match joint.kind:
+        case JointKind.FIXED:
+            return True
+        case JointKind.REVOLUTE | JointKind.PLANAR:
+            return plane.along_normal(joint.axes[0])
+        case JointKind.PRISMATIC:
+            return plane.within(joint.axes[0])
+    return False
+
+
+def _flatten(model: Model, scene: Scene, plane: Plane, held: Collection[str]) -> Outcome:
+    """The model in a plane.
+
+    Raises:
+        AsymmetryError: something may leave it, or no joint kind stands for what is left of a joint.
+    """
+    loose = [b.name for b in model.bodies if b.name not in held]
+    if loose:
+        require_gravity(model, plane)
+        own_images(settle(model, scene), plane, loose)
+    cuts = {joint.name for joint in build_topology(model).cuts}
+    in_plane = {j.name: _restricted(j, plane) for j in model.joints if j.name not in cuts}
+    images = Images(bodies={}, joints={}, forces={}, turned={})
+    gone = idle_forces(model, in_plane)
+    half = Half(model=model, plane=plane, images=images, removed=frozenset(), gone=gone, in_plane=in_plane, flat=True)
+    changed = half_scene(half, scene)
+    flat = half_model(half, changed)
+    notes = tuple(_notes(model, in_plane, plane))
+    if not notes:
+        return Outcome(model=model, scene=scene)
+    flat = replace(flat, joints=tuple(replace(j, cut=True) if j.name in cuts else j for j in flat.joints))
+    return Outcome(model=flat, scene=changed, done=notes)
+
+
+def own_images(elements: Elements, plane: Plane, loose: Collection[str], same: Same = is_same) -> tuple[Pairs, Images]:
+    """Bodies that nothing holds, and all that touches them, which must be their own images; forces may be in pairs.
+
+    Raises:
+        AsymmetryError: one is not.
+    """
+    joints = tuple(j for j in elements.joints if {j.base, j.follower} & set(loose))
+    forces = tuple(f for f in elements.forces if _touches(f, loose, {j.name for j in joints}))
+    touched = Elements(tuple(b for b in elements.bodies if b.name in loose), joints, forces, (), ())
+    pairs = Pairs(elements=touched, plane=plane, mirrored=mirror_elements(touched, plane.axis), same=same)
+    pairs.bodies |= {b.name: b.name for b in elements.bodies}
+    for joint in joints:
+        if pairs.signs(joint, joint) is None:
+            raise AsymmetryError(joint.name, f"is not symmetric about the plane {plane}", joint.span)
+        pairs.joints[joint.name] = joint.name
+    return pairs, require_images(pairs)
+
+
+def _touches(force: Force, bodies: Collection[str], joints: Collection[str]) -> bool:
+    return force.joint in joints if isinstance(force, JointForce) else bool(set(ends(force)) & set(bodies))
+
+
+def _restricted(joint: Joint, plane: Plane) -> InPlane:
+    """A joint of the tree with its motions in the plane; guides of the others must be zero."""
+    found = restrict(joint, plane)
+    for coordinate, guide in zip(COORDINATES[joint.kind], joint.guide or (), strict=False):
+        if coordinate not in found.kept and not is_nought(guide):
+            raise AsymmetryError(joint.name, f"has a guide of its {coordinate} that moves it out of the plane {plane}", joint.span)
+    return found
+
+
+def _notes(model: Model, in_plane: Mapping[str, InPlane], plane: Plane) -> Iterator[Note]:
+    for joint in (j for j in model.joints if j.name in in_plane):
+        kind = in_plane[joint.name].joint.kind
+        if kind is not joint.kind:
+            yield Note(element=joint.name, words=in_plane_words(plane, kind, joint.kind), span=joint.span)

@@ -1,0 +1,81 @@
+"""The truth that reduced models are measured by: the full model at steps that are halved until nothing changes any more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import ceil, floor, inf
+
+from cutjoint.bench.cases import common_step
+from cutjoint.model.errors import ModelError
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
+from cutjoint.reduce.measure import distance
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError
+from cutjoint.run.simulator import SimulatorError
+
+#: The share that the last halving of the truth's step may move it by: at order two a third of that is left.
+SETTLED = 0.1
+
+#: The truth's step is halved at most so often.
+MOST_HALVINGS = 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """A run of the full model that halving its step moves by ``settled`` (m, rad) only."""
+
+    run: Trajectory
+    settled: float
+
+
+def at_step(artifact: Artifact, dt: float) -> Artifact:
+    """The artifact with rows that a step reaches."""
+    scene = artifact.scene
+    return replace(artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)))
+
+
+def run_at(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Trajectory:
+    """A run whose rows are some of the scene's."""
+    return simulate(at_step(artifact, dt), dt=dt, parameters=parameters)
+
+
+def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Truth:
+    """The full model of a scene with a tolerance by the first method that settles, Lagrangian ones first: they hold loops by the equations.
+
+    Raises:
+        RunError: none settles.
+    """
+    assert scene.tolerance is not None
+    reasons = []
+    for method in (*METHODS[1:], METHODS[0]):
+        try:
+            artifact = compile_scene(model, scene, method=method)
+            return _settle(artifact, scene, parameters, SETTLED * scene.tolerance)
+        except (ModelError, RunError, SimulatorError) as error:
+            reasons.append(f"{method}: {error}")
+    raise RunError(f"{scene.span}: scene '{scene.name}': no truth to measure by: " + "; ".join(reasons))
+
+
+def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], enough: float) -> Truth:
+    before: Trajectory | None = None
+    moved, problem = inf, ""
+    for halving in range(MOST_HALVINGS + 1):
+        dt = fraction(scene.output_step, scene.numerics.of_method(artifact.method).dt * 2.0**-halving)
+        run = run_at(artifact, dt, parameters)
+        if run.failure is not None:
+            problem = str(run.failure)
+            if before is not None:
+                break
+            continue
+        moved = distance(before, run) if before is not None else inf
+        before = run
+        if moved <= enough:
+            return Truth(run=run, settled=moved)
+    raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
+
+
+def fraction(row: float, about: float) -> float:
+    """The whole fraction or multiple of the rows' distance that is next below a step."""
+    return row * floor(about / row * (1 + 1e-9)) if about >= row else row / ceil(row / about * (1 - 1e-9))

@@ -1,0 +1,39 @@
+"""Every rung of a ladder is a contender."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cutjoint.bench.cases import make_case
+from cutjoint.bench.contenders import CONTENDERS, choose
+from cutjoint.bench.rungs import NoRungError
+from cutjoint.bench.store import Store
+from cutjoint.bench.study import Plan, perform
+from cutjoint.reduce.ladder import climb
+from tests.conftest import MODELS
+from tests.mechanisms.planar import SWING
+
+
+def test_lines_are_named_by_rung(tmp_path: Path) -> None:
+    """The rungs that a scene has are its lines, and no others."""
+    path = tmp_path / "swing.yaml"
+    path.write_text(SWING)
+    case = make_case(path)
+    contenders = choose(["classical", *(f"classical/{name}" for name in ("half", "planar", "guards", "nearly-half"))])
+    plan = Plan(cases=[case], contenders=contenders, reference="none", limits=False, steps=[0.01], repetitions=1)
+    (found,) = perform(plan, Store(tmp_path / "measurements.jsonl"))["cases"]
+    full, planar = found["lines"]
+    assert [(line["contender"], line["label"], line["group"]) for line in (full, planar)] == [
+        ("classical", "classical", "generated"), ("classical/planar", "classical, planar", "rungs"),
+    ]  # fmt: skip
+    assert planar["points"][0]["seconds"]
+    assert planar["configuration"]["digest"] != full["configuration"]["digest"]
+
+
+def test_rungs_that_a_scene_does_not_have() -> None:
+    case = make_case(MODELS / "pendulum.yaml")
+    assert len(climb(case.model, case.scene)) == 1
+    with pytest.raises(NoRungError, match="the pass 'half' leaves this scene as it is"):
+        CONTENDERS["recursive/half"].prepare(case)

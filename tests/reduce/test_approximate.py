@@ -1,0 +1,212 @@
+"""Approximations: what they change, and errors that follow what they leave out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy
+
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.model.records import Model, Output, Scalar, Scene
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.reduce.freeze import freeze_idle
+from cutjoint.reduce.half.means import Nearness
+from cutjoint.reduce.half.nearly import halve_nearly
+from cutjoint.reduce.half.symmetry import halve
+from cutjoint.reduce.ladder import climb
+from cutjoint.reduce.measure import distance
+from cutjoint.reduce.records import Outcome
+from cutjoint.run.results import Trajectory
+from tests.conftest import MODELS
+from tests.mechanisms.symmetric import CARRIAGE
+
+#: A pendulum with a lamp on a stiff hinge, which a cord holds; the lamp starts away from where it is drawn.
+LAMP = """\
+cutjoint: 1
+name: lamp
+gravity: [0, 0, -9.81]
+parameters: {stiffness: {value: 1.0e+6, unit: N*m, binding: param}}
+bodies:
+  rod: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [0.01, 0.1, 0.1]}
+  lamp: {mass: 2, centre_of_mass: [1.2, 0.1, 0.05], inertia: [0.02, 0.03, 0.04, 0.001, 0.002, 0.003]}
+joints:
+  pin: {kind: revolute, bodies: [ground, rod], at: [0, 0, 0], axis: [0, 1, 0]}
+  hinge: {kind: revolute, bodies: [rod, lamp], at: [1, 0, 0], axis: [0, 0, 1],
+          spring: {stiffness: stiffness, damping: 40, free_position: 0.3}}
+forces:
+  cord: {kind: point_spring, bodies: [ground, lamp], from: [1, 1, 1], to: [1.4, 0, 0], law: {stiffness: 20, free_length: 0.5, damping: 0.1}}
+markers: {tip: {body: lamp, at: [1.4, 0, 0]}}
+outputs: [pin.angle, lamp.x, lamp.y, lamp.z, tip.x, tip.y, tip.z, cord.length]
+scenes:
+  fall: {end: 1, output_step: 0.01, positions: {hinge.angle: 0.3}, numerics: {dt: 0.0005, tolerance: 1.0e-9}}
+"""
+
+
+def run(model: Model, scene: Scene, method: str = "recursive") -> Trajectory:
+    trajectory = simulate(compile_scene(model, scene, method=method))
+    assert trajectory.failure is None
+    return trajectory
+
+
+def words(outcome: Outcome) -> dict[str, str]:
+    return {note.element: note.words for note in (*outcome.done, *outcome.left)}
+
+
+def lamp(old: str = "", new: str = "") -> tuple[Model, Scene]:
+    assert not old or old in LAMP
+    model = read_model_text(LAMP.replace(old, new) if old else LAMP, "lamp.yaml")
+    return model, model.scenes["fall"]
+
+
+def by_hand() -> tuple[Model, Scene]:
+    """The lamp drawn where it starts, turned by 0.3 rad about the hinge, on a joint that does not move."""
+    cosine, sine = np.cos(0.3), np.sin(0.3)
+    R, hinge = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]), np.array([1.0, 0, 0])
+    J = R @ np.array([[0.02, 0.001, 0.002], [0.001, 0.03, 0.003], [0.002, 0.003, 0.04]]) @ R.T
+    inertia = [float(J[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    centre, tip = ([float(x) for x in hinge + R @ (np.array(p) - hinge)] for p in ([1.2, 0.1, 0.05], [1.4, 0, 0]))
+    text = LAMP.replace("centre_of_mass: [1.2, 0.1, 0.05], inertia: [0.02, 0.03, 0.04, 0.001, 0.002, 0.003]",
+                        f"centre_of_mass: {centre}, inertia: {inertia}").replace("[1.4, 0, 0]", str(tip))  # fmt: skip
+    start, end = text.index("  hinge:"), text.index("forces:")
+    text = text[:start] + "  hinge: {kind: fixed, bodies: [rod, lamp], at: [1, 0, 0]}\n" + text[end:]
+    model = read_model_text(text.replace("positions: {hinge.angle: 0.3}, ", ""), "lamp.yaml")
+    return model, model.scenes["fall"]
+
+
+def test_a_frozen_body_is_where_it_starts() -> None:
+    outcome = freeze_idle(*lamp())
+    assert [b.name for b in outcome.model.bodies] == ["rod"]
+    assert [f.name for f in outcome.model.forces] == ["cord"]
+    assert words(outcome)["hinge"].startswith("is frozen: it moves by ")
+    frozen, drawn = run(outcome.model, outcome.scene), run(*by_hand())
+    assert list(frozen.columns) == list(drawn.columns)
+    assert np.abs(frozen["pin.angle"]).max() > 0.5
+    for column in frozen.columns:
+        assert frozen[column] == pytest.approx(drawn[column], abs=1e-9), column
+
+
+def test_the_error_falls_as_the_hinge_gets_stiff() -> None:
+    errors = []
+    for stiffness in ("2.0e+4", "4.0e+4"):
+        model, scene = lamp("value: 1.0e+6", f"value: {stiffness}")
+        scene = replace(scene, tolerance=0.1)
+        outcome = freeze_idle(model, scene)
+        assert outcome.done
+        errors.append(distance(run(outcome.model, outcome.scene), run(model, scene)))
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "note"),
+    [
+        ("[pin.angle,", "[hinge.angle, pin.angle,", ("hinge", "is not frozen: the output 'hinge.angle' asks for it")),
+        ("lamp.x, lamp.y", "lamp.yaw, lamp.y", ("lamp", "is not frozen: the output 'lamp.yaw' asks for its attitude")),
+    ],
+)
+def test_what_is_asked_for_is_not_frozen(old: str, new: str, note: tuple[str, str]) -> None:
+    outcome = freeze_idle(*lamp(old, new))
+    assert outcome.done == ()
+    assert note in words(outcome).items()
+
+
+def test_joints_that_move_are_not_frozen() -> None:
+    outcome = freeze_idle(*lamp("value: 1.0e+6", "value: 1.0e+3"))
+    assert (outcome.done, outcome.left) == ((), ())
+
+
+def test_a_standing_car_is_one_body() -> None:
+    """Nothing moves: the frozen car, and then that car in its plane, stand as the full one does."""
+    model = read_model(MODELS / "iltis.yaml")
+    scene = model.scenes["iavsd_equilibrium"]
+    scene = replace(scene, outputs=tuple(o for o in scene.outputs if o.element == "chassis"))
+    rungs = climb(model, scene, approximate=True)
+    assert [(r.name, r.unknowns) for r in rungs[-2:]] == [("frozen", 6), ("nearly planar", 3)]
+    full = run(model, scene)
+    for rung in rungs[-2:]:
+        assert distance(run(rung.model, rung.scene), full) < 1e-7
+
+
+def uneven(share: float) -> tuple[Model, Scene]:
+    """The carriage with its mass beside the plane, and one hand heavier, by a share."""
+    text = CARRIAGE.replace("{mass: 10, centre_of_mass: [0.1, 0, 0.2]", f"{{mass: 10, centre_of_mass: [0.1, {0.02 * share}, 0.2]")
+    model = read_model_text(text, "carriage.yaml")
+    heavier = tuple(replace(b, mass=b.mass * (1 + 0.03 * share)) if b.name == "left.hand" else b for b in model.bodies)
+    model = replace(model, bodies=heavier)
+    asked = [(e, q) for e in ("frame", "pod", "left.hand", "right.hand") for q in "xyz"]
+    outputs = tuple(Output(element=e, quantity=q, span=model.span) for e, q in asked)
+    return model, replace(model.scenes["run"], outputs=outputs)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "is_near"),
+    [
+        ((1.0, 2.0, 0.05), (1.0, 2.0, -0.04), True),  # a place, 0.09 m off where the mechanism is 2 m wide
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.11), False),
+        ((1.0, 0.0, 0.0), (0.8, 0.6, 0.0), False),  # directions are near by their own length
+        ((1.0, 0.0, 0.0), (0.9996, 0.0282816548, 0.0), True),
+        ((0.1, 0.2, 0.3, 0.0, 0.0, 0.0), (0.1, 0.2, 0.31, 0.0, 0.0, 0.0), True),  # inertia
+        ((0.1, 0.2, 0.3, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3, 0.02, 0.0, 0.0), False),
+        (100.0, 104.0, True),
+        (100.0, 110.0, False),
+        ("100*position + rate", "103*position + rate", True),
+        ("100*position + rate", "-103*position + rate", False),
+        ("where(position > 0, 5*position, 0)", "where(position > 0.5, 5*position, 0)", False),
+    ],
+)
+def test_what_counts_as_near(a: object, b: object, is_near: bool) -> None:
+    near = Nearness(values={}, size=2.0)
+    assert near(*(law(x) if isinstance(x, str) else sympy.sympify(x) if isinstance(x, float) else x for x in (a, b))) is is_near
+
+
+def law(text: str) -> Scalar:
+    """A joint force's law from a model."""
+    changed = LAMP.replace("law: {stiffness: 20, free_length: 0.5, damping: 0.1}", "law: length").replace(
+        "forces:", f'forces:\n  own: {{kind: joint_force, joint: pin, law: "{text}"}}'
+    )
+    return next(f.law for f in read_model_text(changed, "lamp.yaml").forces if f.name == "own")  # type: ignore[union-attr]
+
+
+def test_half_of_a_nearly_symmetric_scene() -> None:
+    """Errors in proportion to the asymmetry."""
+    errors = []
+    for share in (1.0, 0.5):
+        model, scene = uneven(share)
+        assert halve(model, scene).done == ()
+        outcome = halve_nearly(model, scene)
+        found = words(outcome)
+        assert all(found[name] == "is taken as symmetric about the plane y = 0" for name in ("frame", "left.hand", "right.hand"))
+        assert {b.name for b in outcome.model.bodies} & {"left.hand", "right.hand"} == {"left.hand"}
+        errors.append(distance(run(outcome.model, outcome.scene), run(model, scene)))
+    assert 1e-4 < errors[0] < 0.1
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.15)
+
+
+def test_what_is_far_from_symmetric_stays() -> None:
+    outcome = halve_nearly(*uneven(10.0))
+    assert outcome.done == ()
+    assert "its centre of mass is not" in words(outcome)["frame"]
+
+
+def test_what_is_symmetric_is_no_approximation() -> None:
+    assert halve_nearly(*uneven(0.0)).done == ()
+
+
+def test_a_road_with_tracks_that_differ_a_little() -> None:
+    model = read_model(MODELS / "iltis.yaml")
+    scene = model.scenes["simul2"]
+    left = tuple(replace(s, rise=1.02 * s.rise) for s in scene.road.left)
+    scene = replace(scene, road=replace(scene.road, left=left))
+    assert "has a road whose left and right tracks differ" in words(halve(model, scene)).values()
+    outcome = halve_nearly(model, scene)
+    assert "has the mean of its road's two tracks" in words(outcome).values()
+    assert outcome.scene.road.left[0].rise == pytest.approx(1.01 * 0.5)
+
+
+def test_the_slalom_is_never_half() -> None:
+    """What a scene prescribes is not averaged."""
+    model = read_model(MODELS / "iltis.yaml")
+    outcome = halve_nearly(model, model.scenes["simul3"])
+    assert outcome.done == ()
+    assert "has a guide of its displacement that moves it out of the plane y = 0" in words(outcome)["rack_slide"]
