@@ -7,7 +7,7 @@ takes about an hour; run it on a machine that does nothing else.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,13 +15,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from cutjoint.bench.cases import make_case
+from cutjoint.bench.command import spinner, write_whole
 from cutjoint.bench.contenders import choose
 from cutjoint.bench.exact.chain import Chain, chain_motion, write_chain
-from cutjoint.bench.failures.situations import try_situations
+from cutjoint.bench.failures.situations import all_situations
+from cutjoint.bench.kept import find_outdated
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
@@ -31,6 +31,7 @@ from cutjoint.report.bench.page import render_page
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"
 IAVSD = "iavsd_inphase_5"
+MEASUREMENTS = ROOT / "results" / "report" / "measurements.jsonl"
 PAPER = ("simul1", "simul2", "simul3", "simul1s")
 
 #: Peers need mass in every body: the variant with link masses of the vehicle.
@@ -90,6 +91,11 @@ def failures() -> Plan:
     return Plan(cases=[make_case(MODELS / "slider_crank.yaml", end=1.0)], contenders=[], atlas=True)
 
 
+def situations() -> Plan:
+    """Hard situations with known outcomes."""
+    return Plan(cases=[], contenders=[], situations=list(all_situations()))
+
+
 def _chain(windows: int) -> Case:
     chain = Chain(windows=windows)
     with TemporaryDirectory() as folder:
@@ -99,8 +105,9 @@ def _chain(windows: int) -> Case:
 
 
 STUDIES: dict[str, Callable[[], Plan]] = {
-    study.__name__: study for study in (paper, ladder, vehicle, verification, governor, chain, twins, precisions, failures)
-}  # fmt: skip
+    study.__name__: study
+    for study in (paper, ladder, vehicle, verification, governor, chain, twins, precisions, failures, situations)
+}
 
 
 #: The studies whose charts are kept as pictures too.
@@ -108,36 +115,35 @@ PICTURES = ("vehicle", "chain", "verification", "governor")
 
 
 @click.command()
-@click.option("--only", type=click.Choice([*STUDIES, "situations"]), multiple=True, help="Of these alone.")
+@click.option("--only", type=click.Choice(list(STUDIES)), multiple=True, help="Measure these; the page keeps the others.")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=ROOT / "docs" / "bench", show_default=True)
 def main(only: tuple[str, ...], out: Path) -> None:
     """Measure what is not yet measured and write the report."""
-    store = Store(ROOT / "results" / "report" / "measurements.jsonl")
-    with Progress(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=Console(stderr=True)) as progress:
-        task = progress.add_task("", total=None)
+    store = Store(MEASUREMENTS)
+    page = out / "bench.json"
+    kept: dict[str, Any] = json.loads(page.read_text(encoding="utf-8"))["studies"] if page.exists() else {}
+    with spinner() as say:
+        for name in only or STUDIES:
+            kept[name] = perform(STUDIES[name](), store, say)
+            write_whole(page, as_text(kept))
+        for name in (name for name in STUDIES if name in kept and only and name not in only):
+            say(f"{name}: comparing what is kept with this version's code")
+            kept[name]["outdated"] = find_outdated(STUDIES[name](), kept[name])
+        say("drawing")
+        write_page(out, {name: kept[name] for name in STUDIES if name in kept})
 
-        def say(text: str) -> None:
-            progress.update(task, description=text)
 
-        studies = {name: perform(STUDIES[name](), store, say) for name in STUDIES if not only or name in only}
-        data = merge(studies.values())
-        if not only or "situations" in only:
-            data["situations"] = try_situations(store, say)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "bench.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    (out / "bench.html").write_text(render_page(data), encoding="utf-8")
+def as_text(studies: dict[str, Any]) -> str:
+    """All figures as JSON, in the order of STUDIES."""
+    return json.dumps({"studies": {name: studies[name] for name in STUDIES if name in studies}}, indent=1) + "\n"
+
+
+def write_page(out: Path, studies: dict[str, Any]) -> None:
+    """The page, its figures as data, and the pictures."""
+    write_whole(out / "bench.json", as_text(studies))
+    write_whole(out / "bench.html", render_page(studies))
     for case in (case for name in PICTURES if name in studies for case in studies[name]["cases"]):
-        (out / f"{case['model']}_{case['scene']}.svg").write_text(draw_work_precision(case), encoding="utf-8")
-
-
-def merge(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """The studies' results as one."""
-    merged: dict[str, Any] = {"machine": {}, "cases": [], "drifts": [], "atlases": [], "situations": []}
-    for part in parts:
-        merged["machine"] = part["machine"]
-        for name in ("cases", "drifts", "atlases"):
-            merged[name] += part[name]
-    return merged
+        write_whole(out / f"{case['model']}_{case['scene']}.svg", draw_work_precision(case))
 
 
 if __name__ == "__main__":

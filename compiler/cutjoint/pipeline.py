@@ -157,6 +157,14 @@ def generate(
     return recursive, program, emit(program, recursive)
 
 
+def generate_for(
+    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str, lanes: bool, precision: str
+) -> tuple[Equations, Program, Source]:  # fmt: skip
+    """The same for a number type: lanes and straight-line factorisations are for those of which several fit a register."""
+    packed = precision in _SIDE_BY_SIDE
+    return generate(model, scene, outputs, method=method, lanes=lanes and packed, straight_line=STRAIGHT_LINE if packed else 0)
+
+
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_families(equations.builder, equations.topology) if lanes else []
@@ -262,15 +270,13 @@ def compile_scene(
     if implementation == "generic" and is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
     # Model -> Source
-    begin, packed = perf_counter(), precision in _SIDE_BY_SIDE
-    equations, program, source = generate(
-        model, scene, scene.outputs if outputs is None else outputs, method=method, lanes=lanes and packed,
-        straight_line=STRAIGHT_LINE if packed else 0,
-    )  # fmt: skip
+    begin = perf_counter()
+    wanted = scene.outputs if outputs is None else outputs
+    equations, program, source = generate_for(model, scene, wanted, method=method, lanes=lanes, precision=precision)
     generated = perf_counter()
     # Source -> Binary
     kind = Kind(comparison=comparison, precision=precision)
-    flags = flags if packed else (*flags, *_SCALAR_FLAGS)
+    flags = flags if precision in _SIDE_BY_SIDE else (*flags, *_SCALAR_FLAGS)
     binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out, kind=kind)
     return Artifact(
         topology=equations.topology, scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,

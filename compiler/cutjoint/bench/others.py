@@ -47,6 +47,7 @@ def peer_contenders() -> Iterator[Contender]:
             yield Contender(
                 name=f"{peer.name}/{integrator}", label=f"{peer.name}, {integrator}", group="peer",
                 prepare=partial(_prepare, peer=peer, integrator=integrator), available=partial(available, peer),
+                identify=partial(_identify, peer=peer),
             )  # fmt: skip
 
 
@@ -57,6 +58,10 @@ def _prepare(case: Case, *, peer: Peer, integrator: str) -> PeerRunner:
     return PeerRunner(
         peer=peer, integrator=integrator, row=case.scene.output_step, end=case.scene.end, folder=folder, differences=export.differences
     )
+
+
+def _identify(_: Case, *, peer: Peer) -> Mapping[str, str]:
+    return {"version": _version(peer)}
 
 
 def _version(peer: Peer) -> str:

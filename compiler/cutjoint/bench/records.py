@@ -81,12 +81,14 @@ class Runner(Protocol):
 class Contender:
     """A way to run a case.  ``prepare`` compiles it and raises an error of the user's making where the case does not suit it.
 
-    ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "solvers", "generic",
-    "precision", "peer".
+    ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "reduced", "solvers", "generic",
+    "precision", "peer".  ``identify`` tells, without compiling, the part of the configuration by which kept figures are known to be of this
+    version: digests of generated code and runtime, or a peer's version.
     """
 
     name: str
     label: str
     group: str
     prepare: Callable[[Case], Runner]
+    identify: Callable[[Case], Mapping[str, str]]
     available: Callable[[], bool] = lambda: True

@@ -10,7 +10,8 @@ from typing import Any
 
 from cutjoint.bench.cases import falling_steps
 from cutjoint.bench.drift import measure_drift
-from cutjoint.bench.failures.atlas import map_case, suggest_grid
+from cutjoint.bench.failures.atlas import Grid, map_case, suggest_grid
+from cutjoint.bench.failures.trials import Situation, try_situation
 from cutjoint.bench.measure import extent, largest_step, machine, measure_point
 from cutjoint.bench.paper import PAPER_STEPS
 from cutjoint.bench.records import Case, Contender, Runner
@@ -36,8 +37,8 @@ class Plan:
     """What a bench is to do.
 
     ``steps`` (s) are tried instead of those that suit a scene; ``reference`` is the number type in which references are integrated,
-    "quad" or "extended", or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty; ``title`` stands
-    beside the cases' names.
+    "quad" or "extended", or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty, ``situations`` are
+    hard ones to try; ``title`` stands beside the cases' names.
     """
 
     cases: Sequence[Case]
@@ -49,6 +50,7 @@ class Plan:
     drift: bool = False
     atlas: bool = False
     vary: str = ""
+    situations: Sequence[Situation] = ()
     title: str = ""
 
 
@@ -58,12 +60,18 @@ def perform(plan: Plan, store: Store, say: Say = lambda _: None) -> dict[str, An
         "machine": dict(machine()), "cases": [_case(plan, case, store, say) for case in plan.cases],
         "drifts": [d for case in plan.cases if (d := _drift(case, store, say))] if plan.drift else [],
         "atlases": [_atlas(plan, case, store, say) for case in plan.cases] if plan.atlas else [],
+        "situations": [row for situation in plan.situations for row in try_situation(situation, store, say)],
     }  # fmt: skip
 
 
 def _atlas(plan: Plan, case: Case, store: Store, say: Say) -> Record:
     refer = partial(find_reference, precision="quad" if plan.reference == "none" else plan.reference, say=say)
-    return map_case(case, suggest_grid(case, parameter=plan.vary), store, say, refer=refer)
+    return map_case(case, grid_of(plan, case), store, say, refer=refer)
+
+
+def grid_of(plan: Plan, case: Case) -> Grid:
+    """The axes of a case's atlas."""
+    return suggest_grid(case, parameter=plan.vary)
 
 
 def _drift(case: Case, store: Store, say: Say) -> Record | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import Any
 
@@ -18,6 +18,7 @@ from cutjoint.report.bench.tables import (
     tabulate_paper,
     tabulate_parallel,
     tabulate_situations,
+    tabulate_studies,
     tabulate_targets,
 )
 
@@ -27,17 +28,20 @@ Data = Mapping[str, Any]
 _JUMP, _KINK = 1e-3, 1e-8
 
 
-def render_page(data: Data) -> str:
-    """The page of what `bench.study.perform` returned."""
+def render_page(studies: Mapping[str, Data]) -> str:
+    """The page of what `bench.study.perform` returned for each study, by its name."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(templates_folder()), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=True,
     )  # fmt: skip
+    cases, drifts, atlases, situations = (
+        [part for data in studies.values() for part in data[name]] for name in ("cases", "drifts", "atlases", "situations")
+    )
     return environment.get_template("bench.html.jinja").render(
-        machine=data["machine"], configurations=_configurations(data), cases=[_case(case) for case in data["cases"]],
-        paper=tabulate_paper(data["cases"]), parallel=tabulate_parallel(data["cases"]), drifts=[_drift(drift) for drift in data["drifts"]],
-        atlases=[{"title": a["title"], "words": a["words"], "chart": draw_atlas(a)} for a in data["atlases"]],
-        situations=tabulate_situations(data.get("situations", ())),
+        studies=tabulate_studies(studies), configurations=_configurations(cases), cases=[_case(case) for case in cases],
+        paper=tabulate_paper(cases), parallel=tabulate_parallel(cases), drifts=[_drift(drift) for drift in drifts],
+        atlases=[{"title": a["title"], "words": a["words"], "chart": draw_atlas(a)} for a in atlases],
+        situations=tabulate_situations(situations),
     )  # fmt: skip
 
 
@@ -102,12 +106,12 @@ def describe(case: Data) -> list[str]:
     return sentences
 
 
-def _configurations(data: Data) -> list[tuple[str, str]]:
+def _configurations(cases: Sequence[Data]) -> list[tuple[str, str]]:
     """What each contender is, once."""
     known: dict[str, str] = {}
-    for case in data["cases"]:
+    for case in cases:
         for line in case["lines"]:
             if "configuration" in line:
-                parts = [f"{name} {value}" for name, value in line["configuration"].items() if name != "digest"]
+                parts = [f"{name} {value}" for name, value in line["configuration"].items() if name not in ("digest", "runtime")]
                 known.setdefault(line["label"], ", ".join(parts))
     return list(known.items())

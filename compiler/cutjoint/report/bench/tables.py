@@ -34,6 +34,15 @@ def size(value: float | None) -> str:
     return "" if value is None or isnan(value) else f"{value:.1e}"
 
 
+def tabulate_studies(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable:
+    """Where each study was measured, and what of it was measured with other code than that of this version."""
+    rows = []
+    for name, data in studies.items():
+        outdated = data.get("outdated", [])
+        rows.append((name, *(data["machine"][part] for part in ("processor", "system")), "; ".join(outdated) or "nothing"))
+    return BenchTable(head=("study", "processor", "system", "measured with other code than this version's"), rows=tuple(rows))
+
+
 def tabulate_lines(case: Case) -> BenchTable:
     """Each contender at its scene's own step, its order, and the largest step."""
     rows = []
