@@ -25,6 +25,7 @@ from cutjoint.bench.kept import find_outdated
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
+from cutjoint.pipeline import with_figures
 from cutjoint.report.bench.charts import draw_work_precision
 from cutjoint.report.bench.page import render_page
 
@@ -60,7 +61,12 @@ def vehicle() -> Plan:
 def verification() -> Plan:
     """The verification problems, with peers."""
     cases = [make_case(MODELS / f"{name}.yaml") for name in ("pendulum", "four_bar", "andrews", "slider_crank")]
-    return Plan(cases=cases, contenders=choose(["generated", "peer"]), drift=True)
+    return Plan(cases=cases, contenders=choose(["generated", "peer"]), drift=True, shortest=0.005)
+
+
+def smooth() -> Plan:
+    """The N-four-bar with gravity upwards: it sways about the upright and stays away from its singular poses."""
+    return Plan(cases=[_chain(Chain(windows=2, gravity=9.81))], contenders=choose(["generated"]), title="away from singular poses")
 
 
 def governor() -> Plan:
@@ -70,7 +76,7 @@ def governor() -> Plan:
 
 def chain() -> Plan:
     """Forty windows of the N-four-bar, with peers."""
-    return Plan(cases=[_chain(40)], contenders=choose(["generated", "peer"]), title="and peers")
+    return Plan(cases=[_chain(Chain(windows=40))], contenders=choose(["generated", "peer"]), title="and peers")
 
 
 def twins() -> Plan:
@@ -81,14 +87,31 @@ def twins() -> Plan:
 
 
 def precisions() -> Plan:
-    """The precision ladder."""
+    """The precision ladder of a small mechanism."""
     case = make_case(MODELS / "slider_crank.yaml", end=1.0)
     return Plan(cases=[case], contenders=choose(["precision"]), limits=False, title="number types")
 
 
+def ill_conditioned() -> Plan:
+    """The paper's suspicion: small steps with its penalty of 1e9 on a smooth piece of the bump, in all number types."""
+    case = make_case(MODELS / "iltis.yaml", IAVSD, end=0.1, row=0.01)
+    given = replace(case, scene=with_figures(case.scene, "augmented", {"penalty": 1e9}))
+    names = [f"{method}/{kind}" for method in ("augmented", "classical") for kind in ("double", "extended", "quad", "mixed")]
+    return Plan(
+        cases=[given], contenders=choose(["recursive", *names]), reference="extended", limits=False, repetitions=2,
+        steps=[2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5], title="small steps with a penalty of 1e9, by number type",
+    )  # fmt: skip
+
+
 def failures() -> Plan:
-    """The atlas of a mechanism with a singular pose and of one with stiff bumpers."""
+    """The atlas of a mechanism with a singular pose."""
     return Plan(cases=[make_case(MODELS / "slider_crank.yaml", end=1.0)], contenders=[], atlas=True)
+
+
+def bumpers() -> Plan:
+    """The atlas of the vehicle over the stiffness of its bumpers, up to the second of the steps down, where they are hit."""
+    case = make_case(MODELS / "iltis.yaml", "simul1s", end=4.8, row=0.01)
+    return Plan(cases=[case], contenders=[], reference="extended", atlas=True, vary="bumper_stiffness")
 
 
 def situations() -> Plan:
@@ -96,17 +119,18 @@ def situations() -> Plan:
     return Plan(cases=[], contenders=[], situations=list(all_situations()))
 
 
-def _chain(windows: int) -> Case:
-    chain = Chain(windows=windows)
+def _chain(chain: Chain) -> Case:
     with TemporaryDirectory() as folder:
-        path = Path(folder) / f"chain_{windows}.yaml"
+        path = Path(folder) / f"chain_{chain.windows}.yaml"
         path.write_text(write_chain(chain), encoding="utf-8")
         return replace(make_case(path), motion=partial(chain_motion, chain))
 
 
 STUDIES: dict[str, Callable[[], Plan]] = {
     study.__name__: study
-    for study in (paper, ladder, vehicle, verification, governor, chain, twins, precisions, failures, situations)
+    for study in (
+        paper, ladder, vehicle, verification, smooth, governor, chain, twins, precisions, ill_conditioned, failures, bumpers, situations,
+    )
 }
 
 

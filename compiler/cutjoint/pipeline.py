@@ -288,13 +288,14 @@ def compile_scene(
 def simulate(
     artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
     tolerance: float | None = None, parameters: Mapping[str, float] | None = None, solver: str = "emitted",
-    integrator: str = "trapezoidal", steps: Path | None = None, progress: Progress | None = None,
+    integrator: str = "trapezoidal", steps: Path | None = None, tangents: Path | None = None, progress: Progress | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
 
     ``dt``, ``penalty`` and ``tolerance`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``integrator`` one of
-    INTEGRATORS, ``steps`` a CSV file that receives iterations and residuals of each step.  A run that fails numerically is returned as far
-    as it came, with its failure.
+    INTEGRATORS, ``steps`` a CSV file that receives iterations and residuals of each step, ``tangents`` a file that receives a line of JSON
+    for each row, the Jacobians of the recursive method's accelerations.  A run that fails numerically is returned as far as it came, with
+    its failure.
 
     Raises:
         RunError: a parameter that cannot be set.
@@ -313,7 +314,7 @@ def simulate(
         run_file = make_run_file(
             artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
             solver=_solver(artifact, solver) if integrator == "trapezoidal" else "", integrator=integrator,
-            steps_out="" if steps is None else str(steps.resolve()),
+            steps_out="" if steps is None else str(steps.resolve()), tangents_out="" if tangents is None else str(tangents.resolve()),
         )  # fmt: skip
         if artifact.implementation == "generic":
             run_file["model"] = str(_describe(artifact, Path(folder)))

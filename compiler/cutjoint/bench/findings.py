@@ -17,8 +17,9 @@ Line = Mapping[str, Any]
 #: Errors of position (m) at which contenders are compared.
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
-#: Points of a line, from its smallest step on, by which its order is found.
-_FINEST = 5
+#: Points of a line, from its smallest step on, by which its order is found: projections add terms of odd powers of the step, which at
+#: larger steps may cancel the leading one.
+_FINEST = 3
 
 
 def order(line: Line, name: str = "position") -> float:
@@ -49,6 +50,27 @@ def _crossing(a: tuple[float, float], b: tuple[float, float], error: float) -> f
         return min(a[1], b[1])
     share = (log(error) - log(a[0])) / (log(b[0]) - log(a[0]))
     return exp(log(a[1]) + share * (log(b[1]) - log(a[1])))
+
+
+def breakdown(line: Line) -> float | None:
+    """The largest step from which on smaller ones fail, or are less accurate than a larger one; None where a line has none or no good step.
+
+    Failures at steps above the first that ends are another matter: these are too large.
+    """
+    least: float | None = None
+    for p in sorted(line["points"], key=lambda p: -float(p["dt"])):
+        error = None if p["failure"] else p["errors"]["position"]
+        if least is not None and (error is None or error > least):
+            return float(p["dt"])
+        least = error if error is not None else least
+    return None
+
+
+def price(line: Line, base: Line) -> float | None:
+    """The CPU time of a line over that of another, the median over the steps that both reach the end with."""
+    seconds = {p["dt"]: median(p["seconds"]) for p in timed(base)}
+    ratios = [median(p["seconds"]) / seconds[p["dt"]] for p in timed(line) if p["dt"] in seconds]
+    return median(ratios) if ratios else None
 
 
 def best(lines: Sequence[Line], error: float, suits: Callable[[Line], bool]) -> tuple[str, float] | None:

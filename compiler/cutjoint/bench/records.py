@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from math import inf, nan
 from typing import Protocol
 
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.run.results import Array, Trajectory
+from cutjoint.run.run_file import make_run_file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +32,11 @@ class Case:
     def name(self) -> str:
         """Model and scene."""
         return f"{self.model.name}/{self.scene.name}"
+
+    def input_digest(self, method: str) -> str:
+        """A digest of all that a simulator of this case reads when it runs: parameters, figures of the method, start, roads."""
+        given = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method)
+        return sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True, kw_only=True)

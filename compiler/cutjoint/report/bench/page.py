@@ -12,8 +12,10 @@ from cutjoint.bench.findings import fastest_ours, fastest_peer, order
 from cutjoint.locations import templates_folder
 from cutjoint.report.bench.atlas_charts import draw_atlas
 from cutjoint.report.bench.charts import draw_convergence, draw_drift, draw_work_precision
+from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.report.bench.tables import (
     milliseconds,
+    tabulate_limits,
     tabulate_lines,
     tabulate_paper,
     tabulate_parallel,
@@ -39,7 +41,8 @@ def render_page(studies: Mapping[str, Data]) -> str:
     )
     return environment.get_template("bench.html.jinja").render(
         studies=tabulate_studies(studies), configurations=_configurations(cases), cases=[_case(case) for case in cases],
-        paper=tabulate_paper(cases), parallel=tabulate_parallel(cases), drifts=[_drift(drift) for drift in drifts],
+        paper=tabulate_paper(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
+        drifts=[_drift(drift) for drift in drifts],
         atlases=[{"title": a["title"], "words": a["words"], "chart": draw_atlas(a)} for a in atlases],
         situations=tabulate_situations(situations),
     )  # fmt: skip
@@ -100,6 +103,7 @@ def describe(case: Data) -> list[str]:
             sentences.append(f"At an error of {target:.0e} m the fastest generated code is {ours[0]} with {milliseconds(ours[1])} ms.")
         if ours and peer:
             sentences.append(f"The fastest peer there is {peer[0]} with {milliseconds(peer[1])} ms, {peer[1] / ours[1]:.1f} times that.")
+    sentences += describe_precisions(lines)
     failed = [f"{line['label']} at {1e3 * p['dt']:g} ms ({p['failure']})" for line in lines for p in line["points"][:1] if p["failure"]]
     if failed:
         sentences.append(f"With the largest step tried these fail: {'; '.join(failed)}.")

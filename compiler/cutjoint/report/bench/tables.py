@@ -118,6 +118,18 @@ def tabulate_paper(cases: Sequence[Case]) -> BenchTable | None:
     return BenchTable(head=head, rows=tuple(rows)) if rows else None
 
 
+def tabulate_limits(cases: Sequence[Case]) -> BenchTable | None:
+    """Where the fixed point of the recursive method ends, predicted and observed; None where nothing is predicted."""
+    rows = {}
+    for case in cases:
+        for line in (x for x in case["lines"] if x.get("predicted")):
+            found = line["predicted"]
+            steps = (found["contracts"], found["ends"], line["largest_step"])
+            rows[case["name"]] = (case["name"], *(f"{1e3 * step:.3g}" for step in steps), f"{found['time']:.2f}")
+    head = ("scene", "contracts below, ms", "ends in time below, ms", "observed, ms", "the narrowest at, s")
+    return BenchTable(head=head, rows=tuple(rows.values())) if rows else None
+
+
 def tabulate_situations(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Hard situations, each with its words and a table: a row for trials of one method with one expectation."""
     found: dict[str, dict[tuple[str, ...], list[Mapping[str, Any]]]] = {}
