@@ -82,8 +82,8 @@ def chain() -> Plan:
 def twins() -> Plan:
     """Other solvers of the same matrices, and the generic twins."""
     case = make_case(MODELS / "iltis.yaml", "simul1", row=0.0075)
-    return Plan(cases=[case], contenders=choose(["generated", "solvers", "generic"]), reference="extended", limits=False,
-                title="solvers and generic twins")  # fmt: skip
+    return Plan(cases=[case], contenders=choose(["generated", "solvers", "generic"]), reference="extended", limits=False, repetitions=3,
+                shortest=0.2, title="solvers and generic twins")  # fmt: skip
 
 
 def precisions() -> Plan:

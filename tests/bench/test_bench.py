@@ -106,6 +106,10 @@ def test_order_and_time_at_an_accuracy() -> None:
     assert time_at(line, 4.0**-2.5) == pytest.approx(2.0**2.5)
     assert time_at(line, 1e-9) is None
     assert time_at(line, 5.0) == 1.0
+    floored = line_of([(2.0**-k, 4.0**-k + 3e-5, 1.0) for k in range(10)])
+    assert order(floored) == pytest.approx(2.0, abs=0.1)
+    mixed = line_of([(2.0**-k, abs(4.0**-k - 3 * 8.0**-k), 1.0) for k in range(14)])  # cancels between the larger steps
+    assert order(mixed) == pytest.approx(2.0, abs=0.01)
     flat = line_of([(2.0**-k, max(4.0**-k, 4.0**-5), 2.0**k) for k in range(10)])
     assert order(flat) == pytest.approx(2.0, abs=0.1)
 

@@ -23,15 +23,21 @@ _FINEST = 3
 
 
 def order(line: Line, name: str = "position") -> float:
-    """The slope of error over step by least squares, of the smallest steps whose error still falls with them; nan of fewer than three."""
+    """The slope of error over step by least squares, of the smallest steps before the line flattens out; nan of fewer than three."""
     points = [(log(p["dt"]), log(p["errors"][name])) for p in timed(line) if p["errors"][name]]
     points.sort()
-    while len(points) > 1 and points[0][1] > points[1][1] - (points[1][0] - points[0][0]) / 2:  # rounding
+    while len(points) > 1 and _flattens(points):
         del points[0]
     if len(points) < 3:
         return float("nan")
     x, y = np.array(points[:_FINEST]).T
     return float(np.polyfit(x, y, 1)[0])
+
+
+def _flattens(points: Sequence[tuple[float, float]]) -> bool:
+    """Whether the smallest step meets rounding or the reference: its error hardly falls, or falls clearly less than that before it."""
+    slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(points[:3])]
+    return slopes[0] < 0.5 or (len(slopes) > 1 and slopes[0] < slopes[1] - 0.2)
 
 
 def time_at(line: Line, error: float) -> float | None:
