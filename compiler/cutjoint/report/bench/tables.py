@@ -44,20 +44,20 @@ def tabulate_studies(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable:
 
 
 def tabulate_lines(case: Case) -> BenchTable:
-    """Each contender at its scene's own step, its order, and the largest step."""
+    """Each contender at its scene's own step, its order, the largest step, and the digest of its code."""
     rows = []
     for line in case["lines"]:
         if "refused" in line:
-            rows.append((line["label"], line["refused"], "", "", "", "", "", ""))
+            rows.append((line["label"], line["refused"], "", "", "", "", "", "", ""))
             continue
         own = next((p for p in timed(line) if p["dt"] == line.get("dt")), None)
         limit = line.get("largest_step")
         rows.append((
             line["label"], *(_own(own) if own else ("fails",) + ("",) * 4),
             "" if isnan(found := order(line)) else f"{found:.2f}",
-            f"{1e3 * limit:.3g}" if limit else "",
+            f"{1e3 * limit:.3g}" if limit else "", line["configuration"].get("digest", "")[:8],
         ))  # fmt: skip
-    head = ("contender", "step, ms", "CPU, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms")
+    head = ("contender", "step, ms", "CPU, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms", "code")
     return BenchTable(head=head, rows=tuple(rows))
 
 
