@@ -30,17 +30,15 @@ Say = Callable[[str], None]
 LONGEST = 16.0
 MOST_STEPS = 1_000_000
 
-#: Nor is one that would take longer than this, in s.
-MOST_SECONDS = 10.0
-
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """What a bench is to do.
 
-    ``steps`` (s) are tried instead of those that suit a scene, which go down to the share ``shortest`` of its own; ``reference`` is the
-    number type in which references are integrated, "quad" or "extended", or "none".  ``vary`` is a parameter of the model that the atlas
-    varies in place of the penalty, ``situations`` are hard ones to try; ``title`` stands beside the cases' names.
+    ``steps`` (s) are tried instead of those that suit a scene, which go down to the share ``shortest`` of its own; runs that would take
+    longer than ``most_seconds`` are not begun.  ``reference`` is the number type in which references are integrated, "quad" or "extended",
+    or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty, ``situations`` are hard ones to try;
+    ``title`` stands beside the cases' names.
     """
 
     cases: Sequence[Case]
@@ -48,6 +46,7 @@ class Plan:
     repetitions: int = 5
     steps: Sequence[float] = ()
     shortest: float = 0.02
+    most_seconds: float = 10.0
     reference: str = "quad"
     limits: bool = True
     drift: bool = False
@@ -123,7 +122,7 @@ def _line(
     }  # fmt: skip
     points: list[Record] = []
     for dt in _steps(plan, case, contender, own):
-        if points and _predicted(points[-1], dt) > MOST_SECONDS:
+        if points and _predicted(points[-1], dt) > plan.most_seconds:
             break
         say(f"{case.name}: {contender.label} at {1e3 * dt:g} ms")
         make = partial(_point, case, contender.name, runner, dt, reference, plan.repetitions)
