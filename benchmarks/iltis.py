@@ -103,7 +103,7 @@ def provenance_table(figures: Figures) -> Table:
         ("coordinates", str(counts.speeds)),
         ("cut-joint equations", f"{counts.equations}, rank {counts.rank}"),
         ("degrees of freedom", str(counts.degrees_of_freedom)),
-        ("processor", f"{p.processor}, {p.cores} cores"),
+        ("machine", p.machine),
         ("compiler", f"{p.compiler}, {p.flags}"),
         ("cutjoint", f"{p.cutjoint}, runtime {p.runtime}"),
         ("generated source", ", ".join(f"{digest} ({', '.join(scenes)})" for digest, scenes in digests.items())),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.analysis.mobility import Mobility, find_mobility
+from cutjoint.bench.measure import machine
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
 from cutjoint.pipeline import Artifact, compile_model, find_equilibrium, simulate
@@ -134,8 +134,7 @@ class Provenance:
     """What the figures depend on."""
 
     cutjoint: str
-    processor: str
-    cores: int
+    machine: str
     compiler: str
     flags: str
     runtime: str
@@ -283,17 +282,9 @@ def _peak(run: Trajectory, column: str) -> float:
 def provenance(artifact: Artifact, repetitions: int) -> Provenance:
     """Machine, compiler, flags and versions; neither date, host nor path."""
     return Provenance(
-        cutjoint=__version__, processor=_processor(), cores=os.cpu_count() or 1, compiler=artifact.binary.compiler,
+        cutjoint=__version__, machine=", ".join(machine().values()), compiler=artifact.binary.compiler,
         flags=" ".join(artifact.binary.flags), runtime=runtime_digest(generic=True)[:16], repetitions=repetitions,
     )  # fmt: skip
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return "unknown"
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
 
 
 def spread(values: Sequence[float]) -> dict[str, float]:

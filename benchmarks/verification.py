@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from statistics import median
 
 from tests.mechanisms.verification import PROBLEMS, Errors, Problem, measure_errors, observed_orders
 
+from cutjoint.bench.measure import machine
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.run.results import Trajectory
 
@@ -47,14 +46,6 @@ def completed(artifact: Artifact, *, dt: float | None = None, end: float | None 
     return run
 
 
-def machine() -> str:
-    """Processor and system."""
-    cpuinfo = Path("/proc/cpuinfo")
-    lines = cpuinfo.read_text(encoding="utf-8").splitlines() if cpuinfo.exists() else []
-    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return f"{models[0] if models else platform.processor()} ({len(models)} cores), {platform.system()} {platform.machine()}"
-
-
 HEADER = ("problem", "dt [s]", "end [s]", "largest error", "e", "threshold", "order", "iterations", "run/real time", "spread", "code")
 
 
@@ -78,7 +69,7 @@ def table(rows: list[tuple[str, ...]]) -> Iterator[str]:
 def report(measurements: list[Measurement]) -> Iterator[str]:
     """What was measured with what, how to read it, and the table."""
     binary, repetitions = measurements[0].artifact.binary, len(measurements[0].ratios)
-    yield f"machine   {machine()}"
+    yield f"machine   {', '.join(machine().values())}"
     yield f"compiler  {binary.compiler}"
     yield f"flags     {' '.join(binary.flags)}"
     yield f"runs      {repetitions} of each scene as its model file has it; run/real time is their median, of the steps alone"

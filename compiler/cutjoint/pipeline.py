@@ -48,13 +48,16 @@ from cutjoint.topology.records import Topology
 
 E = TypeVar("E", bound=SystemEquations)
 
-METHODS = ("recursive", "recursive-newton", "augmented", "classical")
+METHODS = ("recursive", "augmented", "classical", "recursive-newton")
+
+#: Methods that have a generic twin.
+TWINS = ("recursive", "augmented", "classical")
 
 #: How the recursive method holds its cut joints.
 CLOSURES = ("penalty", "proximal")
 
 #: What each iteration of a step calls, by method.
-ITERATIONS = {"recursive": "evaluate", "recursive-newton": "linearise", "augmented": "linearise", "classical": "linearise"}
+ITERATIONS = {"recursive": "evaluate", "augmented": "linearise", "classical": "linearise", "recursive-newton": "linearise"}
 
 #: Linear solvers of the Lagrangian methods: the emitted factorisation, and libraries.
 SOLVERS = ("emitted", "eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack")
@@ -169,6 +172,14 @@ def generate(
     program = schedule_recursive(recursive, lanes=lanes)
     # Program -> Source
     return recursive, program, emit(program, recursive)
+
+
+def generate_for(
+    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str, lanes: bool, precision: str
+) -> tuple[Equations, Program, Source]:  # fmt: skip
+    """The same for a number type: lanes and straight-line factorisations are for those of which several fit a register."""
+    packed = precision in _SIDE_BY_SIDE
+    return generate(model, scene, outputs, method=method, lanes=lanes and packed, straight_line=STRAIGHT_LINE if packed else 0)
 
 
 #: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
@@ -291,20 +302,20 @@ def compile_scene(
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
     if precision not in PRECISIONS or (precision != "double" and (comparison or implementation == "generic")):
         raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")
+    if implementation == "generic" and method not in TWINS:
+        raise RunError(f"{method} has no generic twin: there is one of {', '.join(TWINS)}; use --implementation generated")
     if implementation == "generic" and is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
     if implementation == "generic" and method == "recursive" and scene.numerics.closure != "penalty":
         raise RunError(f"the generic twin knows closure: penalty only, not {scene.numerics.closure}; use --implementation generated")
     # Model -> Source
-    begin, packed = perf_counter(), precision in _SIDE_BY_SIDE
-    equations, program, source = generate(
-        model, scene, scene.outputs if outputs is None else outputs, method=method, lanes=lanes and packed,
-        straight_line=STRAIGHT_LINE if packed else 0,
-    )  # fmt: skip
+    begin = perf_counter()
+    wanted = scene.outputs if outputs is None else outputs
+    equations, program, source = generate_for(model, scene, wanted, method=method, lanes=lanes, precision=precision)
     generated = perf_counter()
     # Source -> Binary
     kind = Kind(comparison=comparison, precision=precision)
-    flags = flags if packed else (*flags, *_SCALAR_FLAGS)
+    flags = flags if precision in _SIDE_BY_SIDE else (*flags, *_SCALAR_FLAGS)
     binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out, kind=kind)
     return Artifact(
         topology=equations.topology, scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
@@ -316,13 +327,14 @@ def compile_scene(
 def simulate(
     artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
     tolerance: float | None = None, parameters: Mapping[str, float] | None = None, solver: str = "emitted",
-    integrator: str | None = None, steps: Path | None = None, progress: Progress | None = None,
+    integrator: str | None = None, steps: Path | None = None, tangents: Path | None = None, progress: Progress | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
 
     ``dt``, ``penalty`` and ``tolerance`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``integrator`` one of
-    INTEGRATORS, by default the scene's, ``steps`` a CSV file that receives iterations and residuals of each step.  A run that fails
-    numerically is returned as far as it came, with its failure.
+    INTEGRATORS, by default the scene's, ``steps`` a CSV file that receives iterations and residuals of each step, ``tangents`` a file
+    that receives a line of JSON for each row, the Jacobians of the recursive method's accelerations.  A run that fails numerically is
+    returned as far as it came, with its failure.
 
     Raises:
         RunError: a parameter that cannot be set.
@@ -341,7 +353,7 @@ def simulate(
         run_file = make_run_file(
             artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
             solver=_solver(artifact, solver) if integrator == "trapezoidal" else "", integrator=integrator,
-            steps_out="" if steps is None else str(steps.resolve()),
+            steps_out="" if steps is None else str(steps.resolve()), tangents_out="" if tangents is None else str(tangents.resolve()),
         )  # fmt: skip
         if artifact.implementation == "generic":
             run_file["model"] = str(_describe(artifact, Path(folder)))
@@ -379,8 +391,9 @@ def _solver(artifact: Artifact, solver: str) -> str:
     """What a run file names as solver; the generic twin has no emitted factorisation and takes a library's in its place."""
     if artifact.method == "recursive":
         return ""
-    library = {"augmented": "eigen-ldlt", "recursive-newton": "eigen-lu", "classical": "klu"}[artifact.method]
-    return library if solver == "emitted" and artifact.implementation == "generic" else solver
+    if solver == "emitted" and artifact.implementation == "generic":
+        return {"augmented": "eigen-ldlt", "classical": "klu"}[artifact.method]
+    return solver
 
 
 def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:

@@ -17,12 +17,13 @@ from cutjoint.bench.exact.chain import Chain, chain_motion, crank_motion, singul
 from cutjoint.bench.exact.crank import SLIDER_CRANK, slider_crank_motion
 from cutjoint.bench.exact.pendulum import PENDULUM, pendulum_motion
 from cutjoint.bench.failures.atlas import Grid, describe_cells, map_case, suggest_grid
-from cutjoint.bench.failures.outcomes import exact_truth, judge
+from cutjoint.bench.failures.outcomes import exact_truth, judge, try_run
 from cutjoint.bench.failures.situations import all_situations, cross_chain
 from cutjoint.bench.failures.trials import Situation, Trial, try_situation
 from cutjoint.bench.records import Case, Errors
 from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
+from cutjoint.pipeline import compile_scene
 from cutjoint.report.bench.atlas_charts import COLOURS, draw_atlas
 from cutjoint.run.results import Array, FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
@@ -210,6 +211,20 @@ def test_situations_have_names_of_their_own_and_reasons() -> None:
     assert len({s.name for s in situations}) == len(situations) == 10
     assert all(trial.because.endswith(".") for s in situations for trial in s.trials)
     assert all(s.pose is not None for s in situations for trial in s.trials if trial.lands)
+
+
+def test_a_long_chain_needs_more_corrections_of_its_multipliers(tmp_path: Path) -> None:
+    """Ten windows in steps of 20 ms: with 4 a step what the loops lack does not reach the ends of the chain, with 8 it does."""
+    chain = Chain(windows=10)
+    case = case_of(tmp_path, write_chain(chain), 10.0)
+    artifact = compile_scene(case.model, case.scene, outputs=case.outputs)
+    truth = exact_truth(partial(chain_motion, chain), 10.0)
+    errors = [
+        try_run(case, artifact, truth, dt=0.02, row=0.02, figures={"multiplier_updates": updates}).position
+        for updates in (4, chain.multiplier_updates)
+    ]
+    assert errors[1] < 0.6 * errors[0]
+    assert errors[1] < 0.1
 
 
 def test_chain_moves_as_published() -> None:

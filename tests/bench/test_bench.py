@@ -16,13 +16,14 @@ from click.testing import CliRunner
 from cutjoint.bench.cases import common_step, falling_steps, make_case
 from cutjoint.bench.contenders import CONTENDERS, choose
 from cutjoint.bench.errors import measure_errors
-from cutjoint.bench.findings import order, time_at
+from cutjoint.bench.findings import breakdown, order, time_at
 from cutjoint.bench.measure import largest_step, shared_steps
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
 from cutjoint.cli import main
-from cutjoint.pipeline import METHODS
+from cutjoint.pipeline import METHODS, TWINS
+from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
 from tests.conftest import MODELS
@@ -105,8 +106,35 @@ def test_order_and_time_at_an_accuracy() -> None:
     assert time_at(line, 4.0**-2.5) == pytest.approx(2.0**2.5)
     assert time_at(line, 1e-9) is None
     assert time_at(line, 5.0) == 1.0
+    floored = line_of([(2.0**-k, 4.0**-k + 3e-5, 1.0) for k in range(10)])
+    assert order(floored) == pytest.approx(2.0, abs=0.1)
+    mixed = line_of([(2.0**-k, abs(4.0**-k - 3 * 8.0**-k), 1.0) for k in range(14)])  # cancels between the larger steps
+    assert order(mixed) == pytest.approx(2.0, abs=0.01)
     flat = line_of([(2.0**-k, max(4.0**-k, 4.0**-5), 2.0**k) for k in range(10)])
     assert order(flat) == pytest.approx(2.0, abs=0.1)
+
+
+def precision_line(kind: str, points: list[tuple[float, float | None, float]]) -> dict[str, Any]:
+    """Of step, error (None where it fails) and seconds."""
+    found = [
+        {"dt": dt, "errors": {"position": e}, "seconds": [] if e is None else [s], "failure": "it stopped" if e is None else ""}
+        for dt, e, s in points
+    ]
+    return {"contender": f"augmented/{kind}", "group": "precision", "points": found}
+
+
+def test_words_on_more_digits() -> None:
+    double = precision_line("double", [(1e-2, None, 1), (1e-3, 1e-6, 1), (1e-4, 1e-8, 10), (1e-5, None, 100)])
+    extended = precision_line("extended", [(1e-3, 1e-6, 5), (1e-4, 1e-8, 50), (1e-5, 1e-10, 500)])
+    mixed = precision_line("mixed", [(1e-3, 1e-6, 3), (1e-4, 1e-8, 30), (1e-5, 2e-8, 300)])
+    assert [breakdown(line) for line in (double, extended, mixed)] == [1e-5, None, 1e-5]
+    assert describe_precisions([double, extended, mixed]) == [
+        "augmented, small steps: double breaks down from 0.01 ms on, extended holds down to 0.01 ms, mixed breaks down from 0.01 ms on. "
+        "More digits cure it at that step: extended (down to the smallest step tried: extended).",
+        "CPU time of augmented at equal steps, over that in double: extended 5, mixed 3.",
+    ]
+    assert describe_precisions([double, {**mixed, "contender": "augmented/quad"}])[0].endswith("More digits do not cure it.")
+    assert describe_precisions([{**extended, "contender": "augmented/double"}])[0].endswith("There is nothing for more digits to cure.")
 
 
 def test_a_store_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
@@ -122,7 +150,7 @@ def test_a_store_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
 
 def test_every_method_is_a_contender() -> None:
     assert [c.name for c in choose(["generated"])] == list(METHODS)
-    assert {f"{m}/generic" for m in METHODS} < set(CONTENDERS)
+    assert {f"{m}/generic" for m in TWINS} < set(CONTENDERS)
     with pytest.raises(RunError, match="no contender 'gauss'; there is recursive, augmented, classical"):
         choose(["gauss"])
 

@@ -14,7 +14,8 @@ from cutjoint.bench.reference import find_reference
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import RunError
-from tests.conftest import MODELS
+from tests.conftest import DATA, MODELS
+from tests.physics.simulation import read_reference
 
 
 def test_the_pendulum_is_where_elliptic_functions_put_it() -> None:
@@ -35,6 +36,18 @@ def test_two_routes_agree_on_a_closed_loop() -> None:
     assert reference.position_apart < 1e-12
     assert reference.velocity_apart < 1e-11
     assert reference.provenance["routes"] == ["Runge-Kutta", "extrapolation"]
+
+
+def test_two_routes_agree_on_the_stiff_governor() -> None:
+    """A05, eigenvalue -8075 1/s: 64 bits do, and are affordable where 113 are not; the published slider has 13 digits."""
+    case = make_case(MODELS / "flyball.yaml", end=0.2)
+    reference = find_reference(case, precision="extended")
+    assert reference.position_apart < 1e-13
+    assert reference.velocity_apart < 1e-11
+    published = read_reference(DATA / "ref_a05_flyball.csv")
+    rows = len(reference.t)
+    assert reference.t == pytest.approx(published["t"][:rows], abs=1e-12)
+    assert reference.columns["slider.z"] == pytest.approx(published["s"][:rows], abs=1e-12)
 
 
 def test_a_reference_is_found_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.export.start import find_start
+from cutjoint.model.read import read_model
 from cutjoint.pipeline import compile_model, find_equilibrium
 from cutjoint.run.results import Trajectory
+from cutjoint.topology.build import build_topology
 from tests.conftest import DATA, MODELS
 from tests.physics.simulation import compile_text, completed, read_reference, simulate
 
@@ -31,6 +34,14 @@ def test_static_equilibrium() -> None:
             assert found[f"{corner}.{quantity}"] == pytest.approx(expected, abs=0.5), (corner, quantity)
     assert found["front_left.shock.length"] == pytest.approx(0.4348738, abs=5e-6)
     assert found["rear_left.shock.length"] == pytest.approx(0.4379429, abs=5e-6)
+
+
+def test_nothing_strays_along_directions_without_stiffness() -> None:
+    """The car may stand at any yaw: every simulator leaves it at that of the given pose, to the digits of differences by 1e-5."""
+    assert find_equilibrium(ILTIS, scene="iavsd_equilibrium")["chassis.yaw"] == pytest.approx(0, abs=1e-9)
+    model = read_model(ILTIS)
+    starts, _ = find_start(build_topology(model), model.scenes["iavsd_inphase_5"], {})  # by the generic simulator
+    assert starts["chassis"].rotation[1, 0] == pytest.approx(0, abs=1e-9)
 
 
 def test_nominal_forces(tmp_path: Path) -> None:

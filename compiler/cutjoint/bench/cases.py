@@ -34,14 +34,15 @@ def make_case(
     model = with_link_masses(read_model(path), link_masses or {})
     chosen = find_scene(model, scene)
     until = chosen.end if end is None else end
-    apart = _apart(chosen.output_step, until) if row is None else row
+    apart = make_rows(chosen.output_step, until) if row is None else row
     scene_to_run = replace(chosen, end=until, output_step=apart)
     return Case(model=model, scene=scene_to_run, outputs=_outputs(model), parameters=dict(parameters or {}))
 
 
-def _apart(step: float, end: float) -> float:
+def make_rows(step: float, end: float, most: int = MOST_ROWS) -> float:
+    """The distance in s of rows, a multiple of ``step`` so that there are at most so many up to the end."""
     multiple = 1
-    while end / (multiple * step) > MOST_ROWS:
+    while end / (multiple * step) > most:
         multiple *= 2
     return float(multiple * exact(step))
 

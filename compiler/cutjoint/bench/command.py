@@ -39,11 +39,11 @@ def run_bench(
         contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
         drift=drift, atlas=atlas, vary=vary,
     )  # fmt: skip
-    with _spinner() as say:
+    with spinner() as say:
         data = perform(plan, Store(out / "measurements.jsonl"), say)
         say("drawing")
-        page = render_page(data)
-    return [_write(out / "bench.json", json.dumps(data, indent=1) + "\n"), _write(out / "bench.html", page)]
+        page = render_page({"bench": data})
+    return [write_whole(out / "bench.json", json.dumps(data, indent=1) + "\n"), write_whole(out / "bench.html", page)]
 
 
 def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterator[Case]:
@@ -58,7 +58,7 @@ def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterato
 
 
 @contextmanager
-def _spinner() -> Iterator[Say]:
+def spinner() -> Iterator[Say]:
     """What is being done, on standard error."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
@@ -66,7 +66,9 @@ def _spinner() -> Iterator[Say]:
         yield lambda text: progress.update(task, description=text)
 
 
-def _write(path: Path, text: str) -> Path:
+def write_whole(path: Path, text: str) -> Path:
+    """Write a file so that nobody sees half of it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.part")
     part.write_text(text, encoding="utf-8", newline="\n")
     part.replace(path)

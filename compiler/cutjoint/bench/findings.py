@@ -17,20 +17,27 @@ Line = Mapping[str, Any]
 #: Errors of position (m) at which contenders are compared.
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
-#: Points of a line, from its smallest step on, by which its order is found.
-_FINEST = 5
+#: Points of a line, from its smallest step on, by which its order is found: projections add terms of odd powers of the step, which at
+#: larger steps may cancel the leading one.
+_FINEST = 3
 
 
 def order(line: Line, name: str = "position") -> float:
-    """The slope of error over step by least squares, of the smallest steps whose error still falls with them; nan of fewer than three."""
+    """The slope of error over step by least squares, of the smallest steps before the line flattens out; nan of fewer than three."""
     points = [(log(p["dt"]), log(p["errors"][name])) for p in timed(line) if p["errors"][name]]
     points.sort()
-    while len(points) > 1 and points[0][1] > points[1][1] - (points[1][0] - points[0][0]) / 2:  # rounding
+    while len(points) > 1 and _flattens(points):
         del points[0]
     if len(points) < 3:
         return float("nan")
     x, y = np.array(points[:_FINEST]).T
     return float(np.polyfit(x, y, 1)[0])
+
+
+def _flattens(points: Sequence[tuple[float, float]]) -> bool:
+    """Whether the smallest step meets rounding or the reference: its error hardly falls, or falls clearly less than that before it."""
+    slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(points[:3])]
+    return slopes[0] < 0.5 or (len(slopes) > 1 and slopes[0] < slopes[1] - 0.2)
 
 
 def time_at(line: Line, error: float) -> float | None:
@@ -49,6 +56,27 @@ def _crossing(a: tuple[float, float], b: tuple[float, float], error: float) -> f
         return min(a[1], b[1])
     share = (log(error) - log(a[0])) / (log(b[0]) - log(a[0]))
     return exp(log(a[1]) + share * (log(b[1]) - log(a[1])))
+
+
+def breakdown(line: Line) -> float | None:
+    """The largest step from which on smaller ones fail, or are less accurate than a larger one; None where a line has none or no good step.
+
+    Failures at steps above the first that ends are another matter: these are too large.
+    """
+    least: float | None = None
+    for p in sorted(line["points"], key=lambda p: -float(p["dt"])):
+        error = None if p["failure"] else p["errors"]["position"]
+        if least is not None and (error is None or error > least):
+            return float(p["dt"])
+        least = error if error is not None else least
+    return None
+
+
+def price(line: Line, base: Line) -> float | None:
+    """The CPU time of a line over that of another, the median over the steps that both reach the end with."""
+    seconds = {p["dt"]: median(p["seconds"]) for p in timed(base)}
+    ratios = [median(p["seconds"]) / seconds[p["dt"]] for p in timed(line) if p["dt"] in seconds]
+    return median(ratios) if ratios else None
 
 
 def best(lines: Sequence[Line], error: float, suits: Callable[[Line], bool]) -> tuple[str, float] | None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,11 +30,13 @@ class PeerRunner:
     end: float
     folder: TemporaryDirectory[str]
     differences: tuple[str, ...]
+    digest: str
 
     @property
     def configuration(self) -> Mapping[str, str]:
-        """Version, integrator, and what cannot be the same."""
-        return {"version": _version(self.peer), "integrator": self.integrator, "differences": " ".join(self.differences)}
+        """Version, integrator, what cannot be the same, and the digest of what was exported."""
+        made = {"version": _version(self.peer), "integrator": self.integrator, "digest": self.digest}
+        return {**made, "differences": " ".join(self.differences)}
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
         """A run whose rows are some of the case's."""
@@ -47,6 +51,7 @@ def peer_contenders() -> Iterator[Contender]:
             yield Contender(
                 name=f"{peer.name}/{integrator}", label=f"{peer.name}, {integrator}", group="peer",
                 prepare=partial(_prepare, peer=peer, integrator=integrator), available=partial(available, peer),
+                identify=partial(_identify, peer=peer),
             )  # fmt: skip
 
 
@@ -55,8 +60,13 @@ def _prepare(case: Case, *, peer: Peer, integrator: str) -> PeerRunner:
     folder = TemporaryDirectory(prefix="cutjoint-peer-")
     write_export(export, Path(folder.name))
     return PeerRunner(
-        peer=peer, integrator=integrator, row=case.scene.output_step, end=case.scene.end, folder=folder, differences=export.differences
+        peer=peer, integrator=integrator, row=case.scene.output_step, end=case.scene.end, folder=folder, differences=export.differences,
+        digest=sha256(json.dumps(dict(export.files), sort_keys=True).encode()).hexdigest(),
     )
+
+
+def _identify(_: Case, *, peer: Peer) -> Mapping[str, str]:
+    return {"version": _version(peer)}
 
 
 def _version(peer: Peer) -> str:

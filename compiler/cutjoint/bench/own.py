@@ -7,13 +7,27 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
-from cutjoint.pipeline import COMPARISON_SOLVERS, EXPLICIT, METHODS, SOLVERS, Artifact, compile_scene, simulate
-from cutjoint.reduce.ladder import climb
+from cutjoint.emit.source import Source
+from cutjoint.pipeline import (
+    COMPARISON_SOLVERS,
+    EXPLICIT,
+    METHODS,
+    SOLVERS,
+    TWINS,
+    Artifact,
+    compile_scene,
+    generate,
+    generate_for,
+    simulate,
+)
+from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint.toolchain.build import runtime_digest
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
@@ -36,7 +50,8 @@ class OwnRunner:
     def configuration(self) -> Mapping[str, str]:
         """Compiler, flags and digest of the generated code."""
         a = self.artifact
-        return {"compiler": a.binary.compiler, "flags": " ".join(a.binary.flags), "digest": a.source.digest, "precision": a.precision}
+        made = {"compiler": a.binary.compiler, "flags": " ".join(a.binary.flags), "precision": a.precision}
+        return {**made, **identity(a.source, a.implementation)}
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
         """A run whose rows are some of the case's."""
@@ -68,59 +83,40 @@ def own_contenders() -> Iterator[Contender]:
     """Generated code by each method in the order of METHODS; explicit integrators; without lanes; of the reduced model; other solvers;
     generic twins."""
     for method in METHODS:
-        yield Contender(name=method, label=method, group="generated", prepare=partial(_prepare, method=method))
+        yield _contender(method, method, "generated", method=method)
     for integrator in EXPLICIT:
+        yield _contender(f"recursive/{integrator}", f"recursive, {integrator}", "explicit", method="recursive", integrator=integrator)
+    for method in METHODS:
+        yield _contender(f"{method}/scalar", f"{method}, without lanes", "scalar", method=method, lanes=False)
+    for method in METHODS:
         yield Contender(
-            name=f"recursive/{integrator}", label=f"recursive, {integrator}", group="explicit",
-            prepare=partial(_prepare, method="recursive", integrator=integrator),
+            name=f"{method}/reduced", label=f"{method}, reduced model", group="reduced", prepare=partial(_reduced, method=method),
+            identify=partial(_identify_reduced, method=method),
         )  # fmt: skip
-    for method in METHODS:
-        yield Contender(
-            name=f"{method}/scalar", label=f"{method}, without lanes", group="scalar", prepare=partial(_prepare, method=method, lanes=False)
-        )
-    for method in METHODS:
-        yield Contender(
-            name=f"{method}/reduced", label=f"{method}, reduced model", group="reduced", prepare=partial(_reduced, method=method)
-        )
     for method in METHODS[1:]:
         for solver in SOLVERS:
             if solver != "emitted" and (method == "augmented" or solver not in _SYMMETRIC):
-                yield Contender(
-                    name=f"{method}/{solver}", label=f"{method}, {solver}", group="solvers",
-                    prepare=partial(_prepare, method=method, solver=solver),
-                )  # fmt: skip
-    for method in METHODS:
-        yield Contender(
-            name=f"{method}/generic", label=f"{method}, generic twin", group="generic",
-            prepare=partial(_prepare, method=method, implementation="generic"),
-        )  # fmt: skip
-
-
-def _reduced(case: Case, *, method: str) -> OwnRunner:
-    """The last exact rung of the ladder.
-
-    Raises:
-        RunError: there is none but the full model.
-    """
-    rungs = [rung for rung in climb(case.model, replace(case.scene, outputs=case.outputs), method) if rung.motion == "exact"]
-    if len(rungs) == 1:
-        raise RunError("no pass makes the model smaller")
-    return OwnRunner(artifact=compile_scene(rungs[-1].model, rungs[-1].scene, method=method), parameters=case.parameters)
+                yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
+    for method in TWINS:
+        yield _contender(f"{method}/generic", f"{method}, generic twin", "generic", method=method, implementation="generic")
 
 
 def precision_contenders() -> Iterator[Contender]:
     """Each method in each number type; then the Lagrangian ones with the balance in 64 bits and the factors in 53."""
     for method in METHODS:
         for precision, tolerance in TOLERANCES.items():
-            yield Contender(
-                name=f"{method}/{precision}", label=f"{method}, {precision}", group="precision",
-                prepare=partial(_prepare, method=method, precision=precision, tolerance=tolerance),
-            )  # fmt: skip
+            yield _contender(
+                f"{method}/{precision}", f"{method}, {precision}", "precision", method=method, precision=precision, tolerance=tolerance
+            )
     for method, solver in (("augmented", "double-ldlt"), ("classical", "double-lu")):
-        yield Contender(
-            name=f"{method}/mixed", label=f"{method}, extended with factors in double", group="precision",
-            prepare=partial(_prepare, method=method, precision="extended", solver=solver, tolerance=TOLERANCES["extended"]),
+        yield _contender(
+            f"{method}/mixed", f"{method}, extended with factors in double", "precision", method=method, precision="extended",
+            solver=solver, tolerance=TOLERANCES["extended"],
         )  # fmt: skip
+
+
+def _contender(name: str, label: str, group: str, **how: Any) -> Contender:
+    return Contender(name=name, label=label, group=group, prepare=partial(_prepare, **how), identify=partial(identify_code, **how))
 
 
 def _prepare(
@@ -133,3 +129,38 @@ def _prepare(
     )  # fmt: skip
     runner = AdaptiveRunner if integrator == "dormand-prince" else OwnRunner
     return runner(artifact=artifact, solver=solver, integrator=integrator, tolerance=tolerance, parameters=case.parameters)
+
+
+def identify_code(
+    case: Case, *, method: str, implementation: str = "generated", lanes: bool = True, precision: str = "double", **_: object
+) -> Mapping[str, str]:  # fmt: skip
+    """The `identity` of what a case's generated code is now, without compiling it."""
+    made = generate_for(case.model, case.scene, case.outputs, method=method, lanes=lanes, precision=precision)
+    return identity(made[-1], implementation)
+
+
+def identity(source: Source, implementation: str = "generated") -> Mapping[str, str]:
+    """What figures of generated code depend on besides machine and compiler: its digest and that of the runtime."""
+    return {"digest": source.digest, "runtime": runtime_digest(generic=implementation == "generic")}
+
+
+def _reduced(case: Case, *, method: str) -> OwnRunner:
+    rung = _last_exact(case, method)
+    return OwnRunner(artifact=compile_scene(rung.model, rung.scene, method=method), parameters=case.parameters)
+
+
+def _identify_reduced(case: Case, *, method: str) -> Mapping[str, str]:
+    rung = _last_exact(case, method)
+    return identity(generate(rung.model, rung.scene, rung.scene.outputs, method=method)[-1])
+
+
+def _last_exact(case: Case, method: str) -> Rung:
+    """The last exact rung of the ladder.
+
+    Raises:
+        RunError: there is none but the full model.
+    """
+    rungs = [rung for rung in climb(case.model, replace(case.scene, outputs=case.outputs), method) if rung.motion == "exact"]
+    if len(rungs) == 1:
+        raise RunError("no pass makes the model smaller")
+    return rungs[-1]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from math import inf, nan
 from typing import Protocol
 
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.run.results import Array, Trajectory
+from cutjoint.run.run_file import make_run_file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +32,11 @@ class Case:
     def name(self) -> str:
         """Model and scene."""
         return f"{self.model.name}/{self.scene.name}"
+
+    def input_digest(self, method: str) -> str:
+        """A digest of all that a simulator of this case reads when it runs: parameters, figures of the method, start, roads."""
+        given = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method)
+        return sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +89,14 @@ class Runner(Protocol):
 class Contender:
     """A way to run a case.  ``prepare`` compiles it and raises an error of the user's making where the case does not suit it.
 
-    ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "solvers", "generic",
-    "precision", "peer".
+    ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "reduced", "solvers", "generic",
+    "precision", "peer".  ``identify`` tells, without compiling, the part of the configuration by which kept figures are known to be of this
+    version: digests of generated code and runtime, or a peer's version.
     """
 
     name: str
     label: str
     group: str
     prepare: Callable[[Case], Runner]
+    identify: Callable[[Case], Mapping[str, str]]
     available: Callable[[], bool] = lambda: True

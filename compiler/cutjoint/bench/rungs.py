@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
-from cutjoint.bench.own import OwnRunner
+from cutjoint.bench.own import OwnRunner, identity
 from cutjoint.bench.records import Case, Contender
-from cutjoint.pipeline import METHODS, compile_scene
+from cutjoint.pipeline import METHODS, compile_scene, generate
 from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
 from cutjoint.run.run_file import RunError
 
@@ -26,11 +26,21 @@ def rung_contenders() -> Iterator[Contender]:
         for name in NAMES:
             yield Contender(
                 name=f"{method}/{name.replace(' ', '-')}", label=f"{method}, {name}", group="rungs",
-                prepare=partial(_prepare, method=method, name=name),
+                prepare=partial(_prepare, method=method, name=name), identify=partial(_identify, method=method, name=name),
             )  # fmt: skip
 
 
 def _prepare(case: Case, *, method: str, name: str) -> OwnRunner:
+    rung = _rung(case, method, name)
+    return OwnRunner(artifact=compile_scene(rung.model, rung.scene, method=method), parameters=case.parameters)
+
+
+def _identify(case: Case, *, method: str, name: str) -> Mapping[str, str]:
+    rung = _rung(case, method, name)
+    return identity(generate(rung.model, rung.scene, rung.scene.outputs, method=method)[-1])
+
+
+def _rung(case: Case, method: str, name: str) -> Rung:
     """The rung of that name.
 
     Raises:
@@ -39,7 +49,7 @@ def _prepare(case: Case, *, method: str, name: str) -> OwnRunner:
     rung = next((rung for rung in _ladder(case, method) if rung.name == name), None)
     if rung is None:
         raise NoRungError(f"the pass '{name}' leaves this scene as it is")
-    return OwnRunner(artifact=compile_scene(rung.model, rung.scene, method=method), parameters=case.parameters)
+    return rung
 
 
 #: The last case's ladders by method: its rungs are asked for one after the other.

@@ -10,46 +10,50 @@ from typing import Any
 
 from cutjoint.bench.cases import falling_steps
 from cutjoint.bench.drift import measure_drift
-from cutjoint.bench.failures.atlas import map_case, suggest_grid
+from cutjoint.bench.failures.atlas import Grid, map_case, suggest_grid
+from cutjoint.bench.failures.trials import Situation, try_situation
+from cutjoint.bench.fixed_point import predict_limit
 from cutjoint.bench.measure import extent, largest_step, machine, measure_point
+from cutjoint.bench.own import OwnRunner
 from cutjoint.bench.paper import PAPER_STEPS
 from cutjoint.bench.records import Case, Contender, Runner
 from cutjoint.bench.reference import Reference, find_reference
 from cutjoint.bench.rungs import NoRungError
 from cutjoint.bench.store import Record, Store
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import METHODS
+from cutjoint.pipeline import METHODS, Artifact
 from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.build import ToolchainError, runtime_digest
 
 Say = Callable[[str], None]
 
-#: Steps are tried from this share of a scene's own step up to the other; a run of more steps than ``MOST_STEPS`` is not begun.
-SHORTEST, LONGEST = 0.02, 16.0
-MOST_STEPS = 400_000
-
-#: Nor is one that would take longer than this, in s.
-MOST_SECONDS = 10.0
+#: Steps are tried up to this multiple of a scene's own step; a run of more steps than ``MOST_STEPS`` is not begun.
+LONGEST = 16.0
+MOST_STEPS = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """What a bench is to do.
 
-    ``steps`` (s) are tried instead of those that suit a scene; ``reference`` is the number type in which references are integrated,
-    "quad" or "extended", or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty; ``title`` stands
-    beside the cases' names.
+    ``steps`` (s) are tried instead of those that suit a scene, which go down to the share ``shortest`` of its own; runs that would take
+    longer than ``most_seconds`` are not begun.  ``reference`` is the number type in which references are integrated, "quad" or "extended",
+    or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty, ``situations`` are hard ones to try;
+    ``title`` stands beside the cases' names.
     """
 
     cases: Sequence[Case]
     contenders: Sequence[Contender]
     repetitions: int = 5
     steps: Sequence[float] = ()
+    shortest: float = 0.02
+    most_seconds: float = 10.0
     reference: str = "quad"
     limits: bool = True
     drift: bool = False
     atlas: bool = False
     vary: str = ""
+    situations: Sequence[Situation] = ()
     title: str = ""
 
 
@@ -59,12 +63,18 @@ def perform(plan: Plan, store: Store, say: Say = lambda _: None) -> dict[str, An
         "machine": dict(machine()), "cases": [_case(plan, case, store, say) for case in plan.cases],
         "drifts": [d for case in plan.cases if (d := _drift(case, store, say))] if plan.drift else [],
         "atlases": [_atlas(plan, case, store, say) for case in plan.cases] if plan.atlas else [],
+        "situations": [row for situation in plan.situations for row in try_situation(situation, store, say)],
     }  # fmt: skip
 
 
 def _atlas(plan: Plan, case: Case, store: Store, say: Say) -> Record:
     refer = partial(find_reference, precision="quad" if plan.reference == "none" else plan.reference, say=say)
-    return map_case(case, suggest_grid(case, parameter=plan.vary), store, say, refer=refer)
+    return map_case(case, grid_of(plan, case), store, say, refer=refer)
+
+
+def grid_of(plan: Plan, case: Case) -> Grid:
+    """The axes of a case's atlas."""
+    return suggest_grid(case, parameter=plan.vary)
 
 
 def _drift(case: Case, store: Store, say: Say) -> Record | None:
@@ -107,14 +117,15 @@ def _line(
     plan: Plan, case: Case, contender: Contender, runner: Runner, reference: Reference | None, store: Store, say: Say
 ) -> Record:  # fmt: skip
     """All that is measured of a contender on a case."""
-    own = case.scene.numerics.of_method(contender.name.partition("/")[0]).dt
+    method = contender.name.partition("/")[0]
+    own = case.scene.numerics.of_method(method).dt
     identity = {
-        "case": case.name, "contender": contender.name, "configuration": dict(runner.configuration), "end": case.scene.end,
-        "row": case.scene.output_step, "repetitions": plan.repetitions, "reference": plan.reference,
+        "case": case.name, "input": case.input_digest(method), "contender": contender.name, "configuration": dict(runner.configuration),
+        "end": case.scene.end, "row": case.scene.output_step, "repetitions": plan.repetitions, "reference": plan.reference,
     }  # fmt: skip
     points: list[Record] = []
     for dt in _steps(plan, case, contender, own):
-        if points and _predicted(points[-1], dt) > MOST_SECONDS:
+        if points and _predicted(points[-1], dt) > plan.most_seconds:
             break
         say(f"{case.name}: {contender.label} at {1e3 * dt:g} ms")
         make = partial(_point, case, contender.name, runner, dt, reference, plan.repetitions)
@@ -124,13 +135,21 @@ def _line(
     if plan.limits and contender.group == "generated":
         say(f"{case.name}: largest step of {contender.label}")
         line["largest_step"] = store.get({**identity, "limit": "largest step"}, partial(_limit, case, runner, reference, own))["dt"]
+        if isinstance(runner, OwnRunner) and runner.artifact.method == "recursive":
+            line["predicted"] = store.get({**identity, "limit": "predicted"}, partial(_prediction, case, runner.artifact))
     return line
+
+
+def _prediction(case: Case, artifact: Artifact) -> Record:
+    """Empty where there is none."""
+    found = predict_limit(case, artifact)
+    return {} if found is None else asdict(found)
 
 
 def _steps(plan: Plan, case: Case, contender: Contender, own: float) -> list[float]:
     if plan.steps:
         return list(plan.steps)
-    shortest = max(SHORTEST * own, case.scene.end / MOST_STEPS)
+    shortest = max(plan.shortest * own, case.scene.end / MOST_STEPS)
     steps = falling_steps(case.scene.output_step, min(LONGEST * own, case.scene.end / 8), shortest)
     paper = PAPER_STEPS.get(case.name, {}).get(contender.name.partition("/")[0])
     return sorted({*steps, own, *([paper] if paper else [])}, reverse=True)
@@ -149,7 +168,10 @@ def _predicted(last: Record, dt: float) -> float:
 
 
 def _limit(case: Case, runner: Runner, reference: Reference | None, own: float) -> Record:
-    return {"dt": largest_step(case, runner, reference, low=own / 64, high=min(own * 64, case.scene.end / 4))}
+    """From the scene's own step upwards; where that is too large, from below."""
+    high = min(own * 64, case.scene.end / 4)
+    found = largest_step(case, runner, reference, low=own, high=high)
+    return {"dt": found or largest_step(case, runner, reference, low=own / 64, high=own)}
 
 
 def plain(value: Any) -> Any:

@@ -12,6 +12,7 @@
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/retraction.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/trapezoidal.hpp"
@@ -85,6 +86,40 @@ class Recursive {
     summary["evaluations"] = evaluations;
     summary["iterations"] = evaluations;
     if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
+  }
+
+  /// The Jacobians of the accelerations by the coordinates (as increments that are retracted) and by the speeds at the state, column by
+  /// column, by central differences of `evaluate`; multipliers stay.
+  Json differentiate() {
+    const std::size_t n = d_.speeds.size();
+    const Real h(1e-5);
+    std::vector<Real> stiffness, damping, delta(n), forward(n), backward(n);
+    State<Real> probe = state_;
+    const auto evaluate_at = [&](std::vector<Real>& vdot) {
+      mechanism_.evaluate(probe.q.data(), probe.v.data(), state_.lambda.data(), vdot.data(), residual_.data());
+    };
+    const auto append = [&](std::vector<Real>& columns) {
+      for (std::size_t i = 0; i < n; ++i) columns.push_back((forward[i] - backward[i]) / (2 * h));
+    };
+    for (std::size_t j = 0; j < n; ++j) {
+      for (const Real move : {h, -h}) {
+        delta[j] = move;
+        retract<Real>(d_.charts, state_.q.data(), delta.data(), probe.q.data());
+        evaluate_at(move > Real(0) ? forward : backward);
+      }
+      delta[j] = Real(0);
+      append(stiffness);
+    }
+    probe.q = state_.q;
+    for (std::size_t j = 0; j < n; ++j) {
+      for (const Real move : {h, -h}) {
+        probe.v[j] = state_.v[j] + move;
+        evaluate_at(move > Real(0) ? forward : backward);
+      }
+      probe.v[j] = state_.v[j];
+      append(damping);
+    }
+    return Json{{"t", state_.t}, {"stiffness", stiffness}, {"damping", damping}};
   }
 
   /// One evaluation at given q, v, lambda: the mechanism as a function, for comparison with other implementations.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <fstream>
 #include <iostream>
 #include <optional>
 #include <span>
@@ -28,6 +29,7 @@ namespace cutjoint {
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
 /// - `evaluate`, the results of its functions at the run file's states,
+/// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state,
 /// - if it has a linear solver, `time_solver`.
 template <Mechanism M, class Method>
 class Run {
@@ -92,6 +94,7 @@ class Run {
     table.header(std::span(method_.columns()));
     values_.resize(method_.columns().size());
     open_steps();
+    if (file_.contains("tangents_out")) tangents_.open(file_.at("tangents_out").template get<std::string>());
     write(table);
     const long block = steps_table_ ? 1 : stride;
     for (long first = 0; first < steps; first += block) {
@@ -127,6 +130,8 @@ class Run {
   void write(Table& table) {
     method_.report(values_.data());
     table.row(method_.time(), values_);
+    if constexpr (requires { method_.differentiate(); })
+      if (tangents_.is_open()) tangents_ << method_.differentiate() << '\n';
   }
 
   Json counts() const {
@@ -148,6 +153,7 @@ class Run {
   const Json& file_;
   std::vector<Real> values_;
   std::optional<Table> steps_table_;
+  std::ofstream tangents_;  ///< a line of JSON a row
   long steps_ = 0, mark_ = -1;
   double seconds_ = 0.0;
 };

@@ -95,24 +95,13 @@ class Starter {
   /// Throws Failure naming what still accelerates.
   void equilibrate(State<Real>& state, const std::vector<bool>& held) const {
     std::fill(state.v.begin(), state.v.end(), Real(0));
-    Vector a = rest_acceleration(state, held);
-    for (int iteration = 0; iteration < 60 && largest(a) > Real(1e-9); ++iteration) {
-      const Vector step = least_norm(held_out(stiffness(state, held), held), a);
-      const State<Real> from = state;
-      Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step), Real(1e-30)));
-      Vector next;
-      for (int halving = 0; halving < 12; ++halving, fraction /= 2) {
-        state = from;
-        move(state, step, -fraction);
-        next = rest_acceleration(state, held);
-        if (next.norm() < a.norm()) break;
-      }
-      if (!(next.norm() < a.norm())) {
-        state = from;
-        break;
-      }
-      a = next;
-    }
+    Vector travel = Vector::Zero(n_);
+    seek_rest(state, held, travel);
+    // Differences tell the free directions to some digits only, so the steps have strayed along them.
+    const Matrix K = held_out(stiffness(state, held), held);
+    const Vector astray = travel - least_norm(K, K * travel);
+    move(state, astray, Real(-1));
+    const Vector a = seek_rest(state, held, travel);
     if (!(largest(a) <= Real(1e-6))) {
       const auto worst = static_cast<std::size_t>(index_of_largest(a));
       const bool open = static_cast<Eigen::Index>(worst) >= n_;
@@ -179,6 +168,30 @@ class Starter {
       unit[i] = Real(0);
     }
     return K;
+  }
+
+  /// Newton's steps with halving while they lower the accelerations, which are returned; adds what it moves to `travel`.
+  Vector seek_rest(State<Real>& state, const std::vector<bool>& held, Vector& travel) const {
+    Vector a = rest_acceleration(state, held);
+    for (int iteration = 0; iteration < 60 && largest(a) > Real(1e-9); ++iteration) {
+      const Vector step = least_norm(held_out(stiffness(state, held), held), a);
+      const State<Real> from = state;
+      Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step), Real(1e-30)));
+      Vector next;
+      for (int halving = 0; halving < 12; ++halving, fraction /= 2) {
+        state = from;
+        move(state, step, -fraction);
+        next = rest_acceleration(state, held);
+        if (next.norm() < a.norm()) break;
+      }
+      if (!(next.norm() < a.norm())) {
+        state = from;
+        break;
+      }
+      travel -= fraction * step;
+      a = next;
+    }
+    return a;
   }
 
   static Matrix held_out(Matrix matrix, const std::vector<bool>& held) {

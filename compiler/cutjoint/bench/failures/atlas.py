@@ -11,7 +11,7 @@ from typing import Any
 
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
-from cutjoint.bench.own import TOLERANCES
+from cutjoint.bench.own import TOLERANCES, identity
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference, find_reference
 from cutjoint.bench.store import Record, Store
@@ -108,6 +108,7 @@ def map_case(
     truths = {value: known_truth(find(_with_value(case, grid.parameter, value))) for value in grid.values}
     cells: list[Record] = []
     refused: dict[str, str] = {}
+    code: dict[str, Mapping[str, str]] = {}
     for method, precision in product(grid.methods, grid.precisions):
         say(f"{case.name}: compiling {method} in {precision}")
         try:
@@ -115,8 +116,9 @@ def map_case(
         except (RunError, ModelError, ToolchainError) as error:
             refused[f"{method}, {precision}"] = str(error)
             continue
+        code[f"{method}, {precision}"] = identity(artifact.source)
         cells += _map_method(case, artifact, grid, truths, store, say)
-    return _describe(case, grid, truths, cells, refused)
+    return {**_describe(case, grid, truths, cells, refused), "code": code}
 
 
 def _with_value(case: Case, parameter: str, value: float | None) -> Case:

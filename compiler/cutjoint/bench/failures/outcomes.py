@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from hashlib import sha256
 from math import isfinite, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,7 +18,6 @@ from cutjoint.bench.records import Case, Errors
 from cutjoint.bench.reference import Reference
 from cutjoint.pipeline import Artifact, simulate, with_figures
 from cutjoint.run.results import Array, Trajectory
-from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError
 
 #: Above this share of the extent of the motion an error of position is inaccurate, and a gap has drifted that is above the same share of it
@@ -102,9 +99,7 @@ def try_run(
 
 def identify(case: Case, artifact: Artifact) -> dict[str, Any]:
     """What of a case and its simulator a run depends on, for the key of a store."""
-    task = make_run_file(case.model, case.scene, case.parameters, task="simulate", method=artifact.method)
-    given = sha256(json.dumps(task, sort_keys=True).encode()).hexdigest()[:32]
-    return {"case": case.name, "input": given, "binary": artifact.binary.path.parent.name}
+    return {"case": case.name, "input": case.input_digest(artifact.method), "binary": artifact.binary.path.parent.name}
 
 
 def _last_residual(steps: Path) -> float:

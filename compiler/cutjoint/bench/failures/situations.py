@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any
 
 from cutjoint.bench.exact.chain import Chain, chain_motion, singular_times, write_chain
 from cutjoint.bench.exact.crank import SLIDER_CRANK, slider_crank_motion, upright_time
 from cutjoint.bench.exact.pendulum import PENDULUM, pendulum_motion
-from cutjoint.bench.failures.trials import Pose, Say, Situation, Trial, try_situation
+from cutjoint.bench.failures.trials import Pose, Situation, Trial
 from cutjoint.bench.own import TOLERANCES
-from cutjoint.bench.store import Store
 
 #: What is right: to the point, on the right motion, a message, and anything but a wrong result.
 GOOD = ("converged",)
@@ -26,12 +24,6 @@ LIGHT = 1e-3
 
 #: Figures of the recursive method that do not follow the step.
 FIXED = {"penalty": 1e4, "frequency": 200.0}
-
-
-def try_situations(store: Store, say: Say = lambda _: None, situations: Sequence[Situation] | None = None) -> list[dict[str, Any]]:
-    """How all trials of the situations end, as plain data for JSON; what the store has is not run again."""
-    chosen = list(all_situations()) if situations is None else situations
-    return [row for situation in chosen for row in try_situation(situation, store, say)]
 
 
 def all_situations() -> Iterator[Situation]:

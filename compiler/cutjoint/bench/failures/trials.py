@@ -11,6 +11,7 @@ from typing import Any
 
 from cutjoint.bench.cases import make_case
 from cutjoint.bench.failures.outcomes import Truth, exact_truth, identify, try_run
+from cutjoint.bench.own import identity
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.model.errors import ModelError
@@ -61,7 +62,7 @@ class Situation:
 
 def try_situation(situation: Situation, store: Store, say: Say = lambda _: None) -> list[dict[str, Any]]:
     """How each trial of a situation ends, as plain data for JSON; what the store has is not run again."""
-    case = _case(situation)
+    case = case_of(situation)
     truth = exact_truth(situation.motion, situation.end)
     artifacts: dict[tuple[str, str], Artifact | str] = {}
     rows = []
@@ -71,11 +72,14 @@ def try_situation(situation: Situation, store: Store, say: Say = lambda _: None)
             say(f"{situation.name}: compiling {trial.method} in {trial.precision}")
             artifacts[key] = _compiled(case, trial)
         say(f"{situation.name}: {trial.method} at {1e3 * trial.dt:g} ms")
-        rows.append({**_about(situation, trial), **_result(situation, case, trial, artifacts[key], truth, store)})
+        made = artifacts[key]
+        code = {} if isinstance(made, str) else dict(identity(made.source))
+        rows.append({**_about(situation, trial), "code": code, **_result(situation, case, trial, made, truth, store)})
     return [{**row, "as_expected": row["outcome"] in row["expected"]} for row in rows]
 
 
-def _case(situation: Situation) -> Case:
+def case_of(situation: Situation) -> Case:
+    """The situation's model as a case."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.yaml"
         path.write_text(situation.text, encoding="utf-8")

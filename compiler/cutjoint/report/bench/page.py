@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import Any
 
@@ -12,12 +12,15 @@ from cutjoint.bench.findings import fastest_ours, fastest_peer, order
 from cutjoint.locations import templates_folder
 from cutjoint.report.bench.atlas_charts import draw_atlas
 from cutjoint.report.bench.charts import draw_convergence, draw_drift, draw_work_precision
+from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.report.bench.tables import (
     milliseconds,
+    tabulate_limits,
     tabulate_lines,
     tabulate_paper,
     tabulate_parallel,
     tabulate_situations,
+    tabulate_studies,
     tabulate_targets,
 )
 
@@ -27,17 +30,21 @@ Data = Mapping[str, Any]
 _JUMP, _KINK = 1e-3, 1e-8
 
 
-def render_page(data: Data) -> str:
-    """The page of what `bench.study.perform` returned."""
+def render_page(studies: Mapping[str, Data]) -> str:
+    """The page of what `bench.study.perform` returned for each study, by its name."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(templates_folder()), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=True,
     )  # fmt: skip
+    cases, drifts, atlases, situations = (
+        [part for data in studies.values() for part in data[name]] for name in ("cases", "drifts", "atlases", "situations")
+    )
     return environment.get_template("bench.html.jinja").render(
-        machine=data["machine"], configurations=_configurations(data), cases=[_case(case) for case in data["cases"]],
-        paper=tabulate_paper(data["cases"]), parallel=tabulate_parallel(data["cases"]), drifts=[_drift(drift) for drift in data["drifts"]],
-        atlases=[{"title": a["title"], "words": a["words"], "chart": draw_atlas(a)} for a in data["atlases"]],
-        situations=tabulate_situations(data.get("situations", ())),
+        studies=tabulate_studies(studies), configurations=_configurations(cases), cases=[_case(case) for case in cases],
+        paper=tabulate_paper(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
+        drifts=[_drift(drift) for drift in drifts],
+        atlases=[{"title": a["title"], "words": a["words"], "chart": draw_atlas(a)} for a in atlases],
+        situations=tabulate_situations(situations),
     )  # fmt: skip
 
 
@@ -96,18 +103,19 @@ def describe(case: Data) -> list[str]:
             sentences.append(f"At an error of {target:.0e} m the fastest generated code is {ours[0]} with {milliseconds(ours[1])} ms.")
         if ours and peer:
             sentences.append(f"The fastest peer there is {peer[0]} with {milliseconds(peer[1])} ms, {peer[1] / ours[1]:.1f} times that.")
+    sentences += describe_precisions(lines)
     failed = [f"{line['label']} at {1e3 * p['dt']:g} ms ({p['failure']})" for line in lines for p in line["points"][:1] if p["failure"]]
     if failed:
         sentences.append(f"With the largest step tried these fail: {'; '.join(failed)}.")
     return sentences
 
 
-def _configurations(data: Data) -> list[tuple[str, str]]:
+def _configurations(cases: Sequence[Data]) -> list[tuple[str, str]]:
     """What each contender is, once."""
     known: dict[str, str] = {}
-    for case in data["cases"]:
+    for case in cases:
         for line in case["lines"]:
             if "configuration" in line:
-                parts = [f"{name} {value}" for name, value in line["configuration"].items() if name != "digest"]
+                parts = [f"{name} {value}" for name, value in line["configuration"].items() if name not in ("digest", "runtime")]
                 known.setdefault(line["label"], ", ".join(parts))
     return list(known.items())

@@ -34,21 +34,30 @@ def size(value: float | None) -> str:
     return "" if value is None or isnan(value) else f"{value:.1e}"
 
 
+def tabulate_studies(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable:
+    """Where each study was measured, and what of it was measured with other code than that of this version."""
+    rows = []
+    for name, data in studies.items():
+        outdated = data.get("outdated", [])
+        rows.append((name, *(data["machine"][part] for part in ("processor", "system")), "; ".join(outdated) or "nothing"))
+    return BenchTable(head=("study", "processor", "system", "measured with other code than this version's"), rows=tuple(rows))
+
+
 def tabulate_lines(case: Case) -> BenchTable:
-    """Each contender at its scene's own step, its order, and the largest step."""
+    """Each contender at its scene's own step, its order, the largest step, and the digest of its code."""
     rows = []
     for line in case["lines"]:
         if "refused" in line:
-            rows.append((line["label"], line["refused"], "", "", "", "", "", ""))
+            rows.append((line["label"], line["refused"], "", "", "", "", "", "", ""))
             continue
         own = next((p for p in timed(line) if p["dt"] == line.get("dt")), None)
         limit = line.get("largest_step")
         rows.append((
             line["label"], *(_own(own) if own else ("fails",) + ("",) * 4),
             "" if isnan(found := order(line)) else f"{found:.2f}",
-            f"{1e3 * limit:.3g}" if limit else "",
+            f"{1e3 * limit:.3g}" if limit else "", line["configuration"].get("digest", "")[:8],
         ))  # fmt: skip
-    head = ("contender", "step, ms", "CPU, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms")
+    head = ("contender", "step, ms", "CPU, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms", "code")
     return BenchTable(head=head, rows=tuple(rows))
 
 
@@ -107,6 +116,18 @@ def tabulate_paper(cases: Sequence[Case]) -> BenchTable | None:
             rows.append((f"{case['scene']}, {method}", f"{1e3 * dt:g}", f"{seconds:g} s", *ours, f"{1e3 * limit:.3g}" if limit else ""))
     head = ("10 s of", "step, ms", "paper", "ours", "times faster", "our largest step, ms")
     return BenchTable(head=head, rows=tuple(rows)) if rows else None
+
+
+def tabulate_limits(cases: Sequence[Case]) -> BenchTable | None:
+    """Where the fixed point of the recursive method ends, predicted and observed; None where nothing is predicted."""
+    rows = {}
+    for case in cases:
+        for line in (x for x in case["lines"] if x.get("predicted")):
+            found = line["predicted"]
+            steps = (found["contracts"], found["ends"], line["largest_step"])
+            rows[case["name"]] = (case["name"], *(f"{1e3 * step:.3g}" for step in steps), f"{found['time']:.2f}")
+    head = ("scene", "contracts below, ms", "ends in time below, ms", "observed, ms", "the narrowest at, s")
+    return BenchTable(head=head, rows=tuple(rows.values())) if rows else None
 
 
 def tabulate_situations(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

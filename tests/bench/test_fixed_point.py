@@ -1,0 +1,62 @@
+"""Predicted limits of the fixed point against closed forms and against where runs end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.bench.cases import make_case
+from cutjoint.bench.exact.chain import Chain, write_chain
+from cutjoint.bench.fixed_point import predict_limit
+from cutjoint.bench.records import Case
+from cutjoint.pipeline import Artifact, compile_scene, simulate
+from tests.conftest import MODELS
+
+#: A mass m on a spring k with a damper c.
+OSCILLATOR = """\
+cutjoint: 1
+name: oscillator
+gravity: [0, 0, 0]
+bodies: {{mass: {{mass: 2, centre_of_mass: [0, 0, 0]}}}}
+joints: {{rail: {{kind: prismatic, bodies: [ground, mass], at: [0, 0, 0], axis: [1, 0, 0], spring: {{stiffness: {k}, damping: {c}}}}}}}
+scenes: {{swing: {{end: 0.1, output_step: 0.01, positions: {{rail.displacement: 1}}, numerics: {{dt: 0.001}}}}}}
+"""
+
+
+def compiled(case: Case) -> Artifact:
+    return compile_scene(case.model, case.scene, outputs=case.outputs)
+
+
+@pytest.mark.parametrize(("k", "c"), [(800.0, 0.0), (0.0, 40.0), (800.0, 40.0)])
+def test_an_oscillator(k: float, c: float, tmp_path: Path) -> None:
+    """dt^2/4 k/m + dt/2 c/m = r, with r = 1 and with 1e-6^(1/100), the fall of an error that 100 iterations to 1e-6 need."""
+    (tmp_path / "model.yaml").write_text(OSCILLATOR.format(k=k, c=c), encoding="utf-8")
+    case = make_case(tmp_path / "model.yaml")
+    found = predict_limit(case, compiled(case))
+    assert found is not None
+    for predicted, radius in ((found.contracts, 1.0), (found.ends, 1e-6**0.01)):
+        (exact,) = (root for root in np.roots([k / 8, c / 4, -radius]) if root > 0)
+        assert predicted == pytest.approx(exact, rel=2e-3)
+
+
+def test_runs_end_where_it_is_predicted() -> None:
+    """The flyball governor, whose states hardly change: a run passes just below the prediction and stops just above."""
+    case = make_case(MODELS / "flyball.yaml", end=1.1)
+    artifact = compiled(case)
+    found = predict_limit(case, artifact)
+    assert found is not None
+    assert found.ends < found.contracts
+    row = replace(artifact, scene=replace(case.scene, output_step=case.scene.end))
+    assert simulate(row, dt=0.97 * found.ends).failure is None
+    failure = simulate(row, dt=1.03 * found.ends).failure
+    assert failure is not None
+    assert "did not converge in 100 iterations" in str(failure)
+
+
+def test_nothing_is_predicted_where_the_penalty_follows_the_step(tmp_path: Path) -> None:
+    (tmp_path / "model.yaml").write_text(write_chain(Chain(windows=2)), encoding="utf-8")
+    case = make_case(tmp_path / "model.yaml", end=0.1)
+    assert predict_limit(case, compiled(case)) is None

@@ -1,0 +1,57 @@
+"""The page that is kept: studies that are not measured anew stay on it, and what is not of this version is named."""
+
+from __future__ import annotations
+
+import json
+from copy import deepcopy
+from pathlib import Path
+
+import pytest
+from benchmarks import report
+from click.testing import CliRunner
+
+from cutjoint.bench.cases import make_case
+from cutjoint.bench.contenders import choose
+from cutjoint.bench.kept import find_outdated
+from cutjoint.bench.store import Store
+from cutjoint.bench.study import Plan, perform
+from tests.conftest import MODELS
+
+
+def swing(*contenders: str, end: float = 0.2) -> Plan:
+    case = make_case(MODELS / "pendulum.yaml", end=end)
+    return Plan(cases=[case], contenders=choose(contenders), steps=[0.01, 0.005], repetitions=1, reference="extended", limits=False)
+
+
+def test_what_is_of_other_code_or_missing_is_named(tmp_path: Path) -> None:
+    plan = swing("recursive", "augmented/generic")
+    data = perform(plan, Store(tmp_path / "store.jsonl"))
+    assert find_outdated(plan, data) == []
+    changed = deepcopy(data)
+    changed["cases"][0]["lines"][1]["configuration"]["runtime"] = "another"
+    assert find_outdated(plan, changed) == ["pendulum/swing, augmented, generic twin"]
+    changed["cases"][0]["lines"][0]["configuration"]["digest"] = "another"
+    assert find_outdated(plan, changed) == ["pendulum/swing, recursive", "pendulum/swing, augmented, generic twin"]
+    assert find_outdated(swing("recursive", "augmented/generic", "classical"), data) == ["pendulum/swing, classical (not measured)"]
+
+
+def test_studies_that_are_not_measured_stay_on_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "MEASUREMENTS", tmp_path / "store.jsonl")
+    monkeypatch.setattr(report, "STUDIES", {"short": lambda: swing("recursive"), "shorter": lambda: swing("recursive", end=0.1)})
+    (choice,) = (p for p in report.main.params if p.name == "only")
+    monkeypatch.setattr(choice, "type", type(choice.type)(["short", "shorter"]))
+    for name in ("shorter", "short"):
+        CliRunner().invoke(report.main, ["--only", name, "--out", str(tmp_path)], catch_exceptions=False)
+    studies = json.loads((tmp_path / "bench.json").read_text())["studies"]
+    assert [(name, data["cases"][0]["end"], data.get("outdated")) for name, data in studies.items()] == [
+        ("short", 0.2, None),
+        ("shorter", 0.1, []),
+    ]
+    page = (tmp_path / "bench.html").read_text()
+    assert "<td>short</td>" in page
+    assert "0.1 s of motion" in page
+    studies["shorter"]["cases"][0]["lines"][0]["configuration"]["digest"] = "another"
+    (tmp_path / "bench.json").write_text(json.dumps({"studies": studies}))
+    CliRunner().invoke(report.main, ["--only", "short", "--out", str(tmp_path)], catch_exceptions=False)
+    assert json.loads((tmp_path / "bench.json").read_text())["studies"]["shorter"]["outdated"] == ["pendulum/swing, recursive"]
+    assert ">pendulum/swing, recursive</td>" in (tmp_path / "bench.html").read_text()
