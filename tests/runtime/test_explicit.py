@@ -135,7 +135,8 @@ def test_number_types(precision: str, tmp_path: Path) -> None:
     path.write_text(bouncing_text(10.0, 0.5), encoding="utf-8")
     tolerance = {"single": 1e-4, "extended": 1e-10, "quad": 1e-10}[precision]
     plain, other = (
-        completed(simulate(compile_model(path, precision=p), integrator="dormand-prince", tolerance=tolerance)) for p in ("double", precision)
+        completed(simulate(compile_model(path, precision=p), integrator="dormand-prince", tolerance=tolerance))
+        for p in ("double", precision)
     )  # fmt: skip
     assert other["mass.z"] == pytest.approx(plain["mass.z"], abs=20 * tolerance)
     assert other.effort.events == plain.effort.events
