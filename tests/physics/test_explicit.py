@@ -263,8 +263,8 @@ def test_steps_end_where_a_function_of_time_jumps(how: dict[str, float | str], t
 def test_rows_do_not_limit_steps() -> None:
     """The pendulum with rows 100 times as far apart: the same steps, and as accurate between them."""
     many, few = (
-        completed(simulate(with_rows(compiled("pendulum"), row), integrator="dormand-prince", tolerance=1e-8, end=5.0)) for row in (1e-3,
-        1e-1)
+        completed(simulate(with_rows(compiled("pendulum"), row), integrator="dormand-prince", tolerance=1e-8, end=5.0))
+        for row in (1e-3, 1e-1)
     )  # fmt: skip
     assert (many.steps, many.evaluations, many.effort.rejected) == (few.steps, few.evaluations, few.effort.rejected)
     assert many["bob.x"][::100] == pytest.approx(few["bob.x"], abs=1e-13)

@@ -92,7 +92,7 @@ def test_dry_friction_that_sticks_is_told_by_name(integrator: str, tmp_path: Pat
     assert failure.message.endswith("switches to and fro without end")
     assert failure.advice == "make its law continuous there, or take the integrator trapezoidal"
     assert failure.element == "friction"
-    assert failure.time == pytest.approx(0.5, abs=1e-6)
+    assert failure.time == pytest.approx(0.5, abs=50 * 1e-3 * 0.01)  # 50 times within a thousandth of a step
 
 
 def test_a_force_without_bound_leaves_no_step_small_enough(tmp_path: Path) -> None:
@@ -135,8 +135,8 @@ def test_number_types(precision: str, tmp_path: Path) -> None:
     path.write_text(bouncing_text(10.0, 0.5), encoding="utf-8")
     tolerance = {"single": 1e-4, "extended": 1e-10, "quad": 1e-10}[precision]
     plain, other = (
-        completed(simulate(compile_model(path, precision=p), integrator="dormand-prince", tolerance=tolerance)) for p in ("double",
-        precision)
+        completed(simulate(compile_model(path, precision=p), integrator="dormand-prince", tolerance=tolerance))
+        for p in ("double", precision)
     )  # fmt: skip
     assert other["mass.z"] == pytest.approx(plain["mass.z"], abs=20 * tolerance)
     assert other.effort.events == plain.effort.events
