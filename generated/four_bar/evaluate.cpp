@@ -118,10 +118,10 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:30
   const Real Z_base_closure_1_vy = bv_coupler_1_pin_vy + Z_coupler_1_bar_wz;
   const Real Z_closure_1_wz = v_crank_1_pin_angle_rate - Z_coupler_1_bar_wz;
+  const Real Phid_closure_1_vy_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
+  const Real Phid_closure_1_vx_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
   const Real Phi_closure_1_vx_negated = R_crank_1_pin_xy_negated + (R_coupler_1_bar_xx - R_crank_0_pin_xy_negated - Real(1.0));
   const Real Phi_closure_1_vy = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
-  const Real Phid_closure_1_vx_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
-  const Real Phid_closure_1_vy_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
   const Real s_closure_1_vx = Z_closure_1_wz*Phid_closure_1_vy_negated - (Z_coupler_1_bar_wz*Z_base_closure_1_vy +
       Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_vx_negated*loaded_.value_2 +
       Phi_closure_1_vx_negated*loaded_.value_3);
@@ -134,10 +134,10 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:31
   const Real Z_base_closure_2_vy = bv_coupler_2_pin_vy + Z_coupler_2_bar_wz;
   const Real Z_closure_2_wz = v_crank_2_pin_angle_rate - Z_coupler_2_bar_wz;
+  const Real Phid_closure_2_vy_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
+  const Real Phid_closure_2_vx_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
   const Real Phi_closure_2_vx_negated = R_crank_2_pin_xy_negated + (R_coupler_2_bar_xx - R_crank_1_pin_xy_negated - Real(1.0));
   const Real Phi_closure_2_vy = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
-  const Real Phid_closure_2_vx_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
-  const Real Phid_closure_2_vy_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
   const Real s_closure_2_vx = Z_closure_2_wz*Phid_closure_2_vy_negated - (Z_coupler_2_bar_wz*Z_base_closure_2_vy +
       Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.value_2*Phid_closure_2_vx_negated +
       loaded_.value_3*Phi_closure_2_vx_negated);
