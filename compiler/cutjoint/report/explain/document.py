@@ -14,6 +14,7 @@ from cutjoint.report.explain.graph import class_entries, cut_table, elimination,
 from cutjoint.report.explain.groups import find_counterparts
 from cutjoint.report.explain.joints import explain_joints
 from cutjoint.report.explain.natural.document import explain_natural
+from cutjoint.report.explain.newton import explain_newton
 from cutjoint.report.explain.operations import cost_table, count_operations, derive, operations_table, parameter_costs
 from cutjoint.report.explain.reduced import explain_reduction
 from cutjoint.report.explain.render import Explanation, render
@@ -43,12 +44,12 @@ def explain(model: Model, scene: Scene, method: str = "recursive", *, done: Sequ
         ModelError: an output or a force that the method does not tell.
     """
     reduction = explain_reduction(model, scene, done)
-    if method != "recursive":
-        return explain_natural(model, scene, method, reduction)
-    return _explain_recursive(model, scene, reduction)
+    if method in ("recursive", "recursive-newton"):
+        return _explain_recursive(model, scene, method, reduction)
+    return explain_natural(model, scene, method, reduction)
 
 
-def _explain_recursive(model: Model, scene: Scene, reduction: tuple[Chapter, ...]) -> str:
+def _explain_recursive(model: Model, scene: Scene, method: str, reduction: tuple[Chapter, ...]) -> str:
     # Model -> Program
     equations, program = derive(build_topology(model), scene)
     # Program -> Explanation
@@ -56,7 +57,7 @@ def _explain_recursive(model: Model, scene: Scene, reduction: tuple[Chapter, ...
     by_class = [find_counterparts(topology, c) for c in topology.classes]
     counterparts = [row for rows in by_class for row in rows]
     explanation = RecursiveExplanation(
-        model=model.name, scene=scene.name, method="recursive",
+        model=model.name, scene=scene.name, method=method,
         summary=summarise(equations, program), tree=tree_lines(topology),
         cuts=cut_table(equations), loops=loop_table(topology), classes=class_entries(topology.classes, by_class),
         elimination=elimination(topology, counts),
@@ -65,6 +66,7 @@ def _explain_recursive(model: Model, scene: Scene, reduction: tuple[Chapter, ...
             explain_joints(equations, counterparts),
             explain_closures(topology, scene.numerics, counterparts),
             explain_forces(equations, counterparts),
+            *((explain_newton(equations),) if method == "recursive-newton" else ()),
             *reduction,
         ),
         operations=operations_table(topology, counts), costs=cost_table(parameter_costs(equations, program)),
