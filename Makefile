@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test sanitize fuzz bench methods report choice flags verification lint setup clean
+.PHONY: demo test sanitize fuzz bench newton methods report choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -22,6 +22,9 @@ bench: setup
 
 flags: setup
 	$(BIN)/python benchmarks/flags.py
+
+newton: setup
+	$(BIN)/python -m benchmarks.newton
 
 methods: setup
 	$(BIN)/python -m benchmarks.methods
