@@ -482,7 +482,10 @@ def find_modes(
         time, linearised = linearise_at(artifact.binary.path, equations, at, parameters or {}, progress)
         modes = find_mode_shapes(linearised, time)
     except NotReachedError as error:
-        raise NoEquilibriumError(error.report) if at is None else RunError(f"{where}: the run does not reach {at:g} s: {error}") from error
+        if at is not None:
+            raise RunError(f"{where}: the run does not reach {at:g} s: {error}") from error
+        advice = f"{error.report.advice}, or linearise about a motion with --at"
+        raise NoEquilibriumError(replace(error.report, advice=advice)) from error
     except NoMassError as error:
         raise RunError(f"{where}: {error}") from error
     usual = find_mobility(artifact.mechanism).degrees_of_freedom

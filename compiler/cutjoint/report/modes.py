@@ -29,9 +29,9 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
 
 def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table:
     table = Table(title=title, title_justify="left", box=None)
-    for heading in ("eigenvalue 1/s", "frequency Hz", *(("damping ratio", "time constant s") if damped else ())):
-        table.add_column(heading, justify="right")
-    table.add_column("moves (share of the kinetic energy)", overflow="fold")
+    for heading in ("eigenvalue\n1/s", "frequency\nHz", *(("damping\nratio", "time\nconstant s") if damped else ())):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("moves\n(share of the kinetic energy)")
     for mode in modes:
         constant = "-" if mode.time_constant is None else f"{mode.time_constant:.4g}"
         figures = (f"{mode.damping_ratio:.4f}", constant) if damped else ()
