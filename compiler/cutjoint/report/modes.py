@@ -23,8 +23,7 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
     if modes.undamped:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
-        led = ", ".join(modes.indifferent)
-        yield f"{len(modes.indifferent)} indifferent directions ({modes.zeros} eigenvalues of zero): {led}"
+        yield f"indifferent, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.indifferent)}"
 
 
 def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table:
