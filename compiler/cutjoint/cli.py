@@ -281,6 +281,28 @@ def equilibrium(model: Path, scene: str | None, changes: tuple[str, ...]) -> Non
 @main.command()
 @_model
 @_scene
+@click.option("--at", type=click.FloatRange(min=0), metavar="T",
+              help="Linearise about the scene's motion at T seconds; otherwise about the static equilibrium.")
+@_set
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file for all figures.")
+@_reports_errors
+def modes(model: Path, scene: str | None, at: float | None, changes: tuple[str, ...], out: Path | None) -> None:
+    """Linearise MODEL and print eigenvalues, frequencies, damping and mode shapes."""
+    from cutjoint.report.modes import mode_tables, modes_json
+
+    checked = read_model(model)
+    chosen = pipeline.find_scene(checked, next(iter(checked.scenes), None) if scene is None and at is None else scene)
+    with _progress(f"linearising {model.name}") as progress:
+        found = pipeline.find_modes(checked, chosen, at=at, parameters=_parameters(changes), progress=progress)
+    for table in mode_tables(found):
+        _out.print(table)
+    if out is not None:
+        out.write_text(modes_json(found, checked.name, chosen.name), encoding="utf-8")
+
+
+@main.command()
+@_model
+@_scene
 @_method
 @click.option("--reduced", is_flag=True, help="What the exact and guarded passes leave of MODEL.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Markdown file; standard output otherwise.")

@@ -16,6 +16,9 @@ from typing import Any, TypeVar
 
 from cutjoint.analysis.guides import require_guides
 from cutjoint.analysis.inertia import require_inertia
+from cutjoint.analysis.linearisation import NoMassError
+from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.modes import Modes, find_mode_shapes
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.generic import describe_generic
@@ -24,6 +27,7 @@ from cutjoint.emit.source import Source, emit
 from cutjoint.emit.system import emit_system
 from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.implicit.equations import formulate_implicit
+from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.natural.equations import formulate_lagrangian, without
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
@@ -35,6 +39,7 @@ from cutjoint.model.records import Model, Numerics, Output, Road, RodForce, Scen
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
+from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Equilibrium, FailureReport, Trajectory, read_effort, read_table
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
@@ -455,6 +460,41 @@ def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mappin
     if failure is not None:
         raise NoEquilibriumError(failure)
     return Equilibrium(values=summary["columns"], units={o.column: unit_of(model, o) for o in outputs})
+
+
+def find_modes(
+    model: Model, scene: Scene, *, at: float | None = None, parameters: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> Modes:  # fmt: skip
+    """Eigenvalues and mode shapes of a model about its static equilibrium, or about its motion ``at`` a time (s) of a scene.
+
+    Raises:
+        NoEquilibriumError: none was found near the design position.
+        RunError: the run ends before that time, a direction moves no mass, or the loops have more freedom there than nearby.
+        ModelError, TopologyError, ToolchainError: as for compile_scene.
+    """
+    # Model -> Binary
+    artifact = compile_scene(model, scene, method="recursive-newton")
+    equations = artifact.equations
+    assert isinstance(equations, ImplicitEquations)
+    where = f"{scene.span}: scene '{scene.name}'"
+    try:
+        # Binary -> Linearisation -> Modes
+        time, linearised = linearise_at(artifact.binary.path, equations, at, parameters or {}, progress)
+        modes = find_mode_shapes(linearised, time)
+    except NotReachedError as error:
+        if at is not None:
+            raise RunError(f"{where}: the run does not reach {at:g} s: {error}") from error
+        advice = f"{error.report.advice}, or linearise about a motion with --at"
+        raise NoEquilibriumError(replace(error.report, advice=advice)) from error
+    except NoMassError as error:
+        raise RunError(f"{where}: {error}") from error
+    usual = find_mobility(artifact.mechanism).degrees_of_freedom
+    if modes.freedoms != usual:
+        raise RunError(
+            f"{where}: a singular pose: {modes.freedoms} directions are free there and {usual} nearby, so that small motions are not "
+            "those of linear equations; linearise elsewhere"
+        )
+    return modes
 
 
 def _everything(model: Model) -> list[Output]:

@@ -29,6 +29,7 @@ namespace cutjoint {
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
 /// - `evaluate`, the results of its functions at the run file's states,
+/// - if others may know it, `state`, that of its last step,
 /// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state,
 /// - if it has a linear solver, `time_solver`.
 template <Mechanism M, class Method>
@@ -44,6 +45,8 @@ class Run {
     try {
       summary = do_task(file_.at("task"));
       summary["status"] = "done";
+      if constexpr (requires { method_.state(); })
+        if (file_.value("with_state", false)) summary["state"] = method_.state();
     } catch (const Failure& failure) {
       summary = counts();
       summary["status"] = "failed";

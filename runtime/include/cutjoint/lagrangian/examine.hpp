@@ -32,8 +32,16 @@ State<Real> read_state(const Json& at) {
   return state;
 }
 
+/// A state under the keys that read_state reads.
+template <class Real>
+Json write_state(const State<Real>& state) {
+  const State<double> plain(state);
+  return Json{{"t", plain.t}, {"q", plain.q}, {"v", plain.v}, {"vdot", plain.vdot}, {"lambda", plain.lambda}};
+}
+
 /// The functions of a system at a state with `penalty`, `weights` and `w`, what the equations are pulled with.  Where it has them: natural
 /// coordinates of `relative` q and v, and the solution for a right-hand side `right` with the row that broke the factors, else -1.
+/// Without `motion` 0 the mechanism is in motion.
 template <class S>
 Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, const Json& at) {
   using Real = typename S::real_type;
@@ -44,7 +52,7 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   std::vector<Real> turns = unit_turns<Real>(d.charts);
   std::vector<Real> f(d.unknowns().size()), phi(d.equations.size()), phid(phi.size()), phidd(phi.size()), tangent(d.pattern.row.size());
   Json result;
-  system.begin_step(x.t, Real(1));
+  system.begin_step(x.t, at.contains("motion") ? read_number<Real>(at, "motion") : Real(1));
   system.balance(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, f.data(), phi.data());
   result["balance"] = f;
   result["residual"] = phi;

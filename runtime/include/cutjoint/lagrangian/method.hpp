@@ -103,6 +103,9 @@ class LagrangianMethod {
                                 {"acceleration", number_or_null(worst_.acceleration)}};
   }
 
+  /// The last state, as `evaluate` reads it.
+  Json state() const { return write_state(state_); }
+
   /// The system's functions at the run file's states.
   Json evaluate() {
     Json results = Json::array();

@@ -1,0 +1,168 @@
+"""Eigenvalues and mode shapes of a linearised mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.analysis.closing import Array
+from cutjoint.analysis.linearisation import Linearisation, ReducedSystem, reduce_system
+
+Complex = NDArray[np.complex128]
+
+#: A singular value below this share of the largest belongs to an eigenvalue of zero.
+_ZERO = 1e-12
+#: A real or imaginary part below this share of an eigenvalue is rounding.
+_PART = 1e-9
+#: Shares that differ by less than this part are alike.
+_ALIKE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Participant:
+    """What one coordinate does in a mode.
+
+    ``amplitude`` is relative to that of the coordinate with the largest share, in SI units (m, rad), its phase that by which the
+    coordinate is ahead; ``share`` is its part of the mode's kinetic energy, coordinate times momentum: shares add up to one, and one
+    may be negative.
+    """
+
+    amplitude: complex
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mode:
+    """An eigenvalue (1/s), of a conjugate pair that with the positive imaginary part, and its shape by coordinate."""
+
+    eigenvalue: complex
+    shape: Mapping[str, Participant]
+
+    @property
+    def frequency(self) -> float:
+        """Of the oscillation, Hz; zero without one."""
+        return self.eigenvalue.imag / (2 * pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping as a share of the critical one: one of what decays without oscillating, negative of what grows."""
+        return -self.eigenvalue.real / abs(self.eigenvalue)
+
+    @property
+    def time_constant(self) -> float | None:
+        """In which the mode falls to 1/e, s; negative where it grows, None where it does neither."""
+        return -1 / self.eigenvalue.real if self.eigenvalue.real else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modes:
+    """The modes by the size of their eigenvalues.
+
+    ``indifferent`` are the directions, each named by the coordinate that leads it, that can be displaced for good: rigid-body motions and
+    coordinates that no spring holds.  ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a
+    damper stops it.  ``undamped`` are the modes of mass and stiffness alone, of a state at rest; with a real eigenvalue, the state is
+    unstable.
+    """
+
+    time: float
+    at_rest: bool
+    freedoms: int
+    modes: tuple[Mode, ...]
+    undamped: tuple[Mode, ...]
+    indifferent: Mapping[str, Mapping[str, Participant]]
+    zeros: int
+
+
+def find_mode_shapes(of: Linearisation, time: float) -> Modes:
+    """The modes of a linearisation about a state at ``time`` (s).
+
+    Raises:
+        NoMassError: a direction that the loops leave free moves no mass.
+    """
+    system = reduce_system(of)
+    n = system.basis.shape[1]
+    values, vectors, null, zeros = eigenpairs(_scaled(system))
+    scale = _rate(system)
+    modes = [Mode(eigenvalue=_cleaned(scale * v), shape=_shape(of, system.basis @ z[:n])) for v, z in zip(values, vectors.T, strict=True)]
+    undamped: list[Mode] = []
+    if of.at_rest:
+        squares, shapes, _, _ = eigenpairs(system.stiffness)
+        undamped = [
+            Mode(eigenvalue=_cleaned(np.sqrt(-square + 0j)), shape=_shape(of, system.basis @ z))
+            for square, z in zip(squares, shapes.T, strict=True)
+        ]
+    return Modes(
+        time=time, at_rest=of.at_rest, freedoms=n, modes=_ordered(modes), undamped=_ordered(undamped), zeros=zeros,
+        indifferent=dict(_indifferent(of, system.basis @ null[:n])),
+    )  # fmt: skip
+
+
+def eigenpairs(A: Array) -> tuple[Complex, Complex, Array, int]:
+    """Eigenvalues other than zero, their eigenvectors as columns, the null space, and how many eigenvalues are zero.
+
+    The null space is split off before, and again from what is left while there is one: rounding would make of a double zero without two
+    eigenvectors, which each rigid-body motion is, a pair of the square root of its size.
+    """
+    size = len(A)
+    _, singular, right = np.linalg.svd(A)
+    rank = int(np.sum(singular > _ZERO * singular.max(initial=0.0)))
+    kept, null = right[:rank].T, right[rank:].T
+    if rank == size:
+        values, vectors = np.linalg.eig(A)
+        return values.astype(complex), vectors.astype(complex), null, 0
+    values, inner, _, zeros = eigenpairs(kept.T @ A @ kept) if rank else (np.zeros(0, complex), np.zeros((0, 0), complex), null, 0)
+    vectors = kept @ inner + null @ ((null.T @ A @ kept @ inner) / values)
+    return values, vectors, null, zeros + size - rank
+
+
+def _rate(system: ReducedSystem) -> float:
+    """A rate (1/s) that makes z and w/rate alike in size."""
+    return float(np.sqrt(np.linalg.norm(system.stiffness, 2))) if system.stiffness.any() else 1.0
+
+
+def _scaled(system: ReducedSystem) -> Array:
+    """The matrix of (z, w/rate), by the rate."""
+    rate, n = _rate(system), system.basis.shape[1]
+    sizes = np.repeat([1.0, rate], n)
+    return np.asarray(system.first_order * sizes / sizes[:, np.newaxis] / rate)
+
+
+def _cleaned(value: complex) -> complex:
+    """Without the parts that are rounding."""
+    real, imaginary = (part if abs(part) > _PART * abs(value) else 0.0 for part in (float(value.real), float(value.imag)))
+    return complex(real, imaginary)
+
+
+def _ordered(modes: list[Mode]) -> tuple[Mode, ...]:
+    once = [mode for mode in modes if mode.eigenvalue.imag >= 0]
+    return tuple(
+        sorted(once, key=lambda m: (float(f"{abs(m.eigenvalue):.9e}"), m.eigenvalue.real, max(m.shape, key=lambda n: m.shape[n].share)))
+    )
+
+
+def _shape(of: Linearisation, x: Complex | Array) -> Mapping[str, Participant]:
+    shares = np.real(np.conj(x) * (of.M @ x))
+    shares /= shares.sum()
+    leader = int(np.flatnonzero(shares > (1 - _ALIKE) * shares.max())[0])
+    amplitudes = x / x[leader]
+    return {
+        name: Participant(amplitude=complex(a), share=float(share)) for name, a, share in zip(of.names, amplitudes, shares, strict=True)
+    }
+
+
+def _indifferent(of: Linearisation, x: Array) -> Iterator[tuple[str, Mapping[str, Participant]]]:
+    """Combinations of the columns of x (speeds, directions) of which each has a coordinate of its own."""
+    directions = x.shape[1]
+    sizes, rest, leaders = np.sqrt(of.M.diagonal().clip(0.0)), x.copy(), []
+    for _ in range(directions):
+        leader = int((np.linalg.norm(rest, axis=1) * sizes).argmax())
+        leaders.append(leader)
+        along = rest[leader] / np.linalg.norm(rest[leader])
+        rest -= np.outer(rest @ along, along)
+    own = x @ np.linalg.inv(x[leaders]) if directions else x
+    for leader, column in sorted(zip(leaders, own.T, strict=True)):
+        yield of.names[leader], _shape(of, np.where(np.abs(column) > _PART, column, 0.0))

@@ -1,0 +1,82 @@
+"""The state that a simulator of the method recursive-newton comes to, and the mechanism linearised there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import ceil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from cutjoint.analysis.linearisation import Linearisation
+from cutjoint.analysis.linearise import Point, linearise
+from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.model.records import Scene
+from cutjoint.run.results import FailureReport
+from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.simulator import Progress, call_simulator, failure_of
+
+METHOD = "recursive-newton"
+
+#: What a held coordinate may still accelerate by at an equilibrium (m/s^2, rad/s^2).
+_STILL = 1e-6
+
+
+class NotReachedError(RuntimeError):
+    """The run or the search for the equilibrium ended before; ``report`` says where."""
+
+    def __init__(self, report: FailureReport) -> None:
+        super().__init__(str(report))
+        self.report = report
+
+
+def linearise_at(
+    binary: Path, equations: ImplicitEquations, at: float | None, parameters: Mapping[str, float], progress: Progress | None
+) -> tuple[float, Linearisation]:  # fmt: skip
+    """The time and the linearisation at the static equilibrium, or ``at`` a time (s) of a run of the scene.
+
+    Raises:
+        NotReachedError: there is no equilibrium near the design position, or the run fails before.
+        RunError: a parameter that cannot be set, or a held coordinate carries a force at the equilibrium.
+    """
+    scene = equations.scene
+    with TemporaryDirectory() as folder:
+        run_file = {**_run_file(equations, scene, at, parameters, Path(folder)), "with_state": True}
+        summary = call_simulator(binary, run_file, progress)
+        if (failure := failure_of(summary)) is not None:
+            raise NotReachedError(failure)
+
+        def evaluate(points: Sequence[Point]) -> list[Mapping[str, Any]]:
+            results: list[Mapping[str, Any]] = call_simulator(binary, {**run_file, "task": "evaluate", "states": list(points)})["results"]
+            return results
+
+        state = summary["state"]
+        if at is None:
+            _require_rest(equations, state["vdot"])
+        return state["t"], linearise(equations, state, evaluate, at_rest=at is None)
+
+
+def _run_file(
+    equations: ImplicitEquations, scene: Scene, at: float | None, parameters: Mapping[str, float], folder: Path
+) -> dict[str, Any]:
+    model, out = equations.topology.model, str(folder / "table.csv")
+    if at is None:
+        return make_run_file(model, replace(scene, pose="equilibrium"), parameters, task="equilibrium", method=METHOD)
+    run_file = make_run_file(
+        model, replace(scene, end=at, output_step=at or scene.output_step), parameters, task="simulate", method=METHOD, out=out
+    )
+    dt = run_file["numerics"]["dt"]
+    run_file["numerics"]["dt"] = at / ceil(at / dt - 1e-9) if at else dt
+    return run_file
+
+
+def _require_rest(equations: ImplicitEquations, vdot: Sequence[float]) -> None:
+    """A coordinate that the scene holds may carry a force: then there is no equilibrium about which to linearise."""
+    worst = max(range(len(vdot)), key=lambda i: abs(vdot[i]), default=None)
+    if worst is not None and not abs(vdot[worst]) <= _STILL:
+        scene, name = equations.scene, equations.row_names[worst]
+        raise RunError(
+            f"{scene.span}: scene '{scene.name}': '{name}' accelerates by {vdot[worst]:.3g} where the scene holds it, so that there is no "
+            "equilibrium; leave its coordinate out of positions, or linearise about a motion with --at"
+        )

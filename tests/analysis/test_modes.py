@@ -1,0 +1,272 @@
+"""Modes that are known in closed form, or of the one coordinate that a mechanism has."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from math import cos, pi, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.optimize import brentq, minimize_scalar
+
+from cutjoint.analysis.closing import close_loops, design_coordinates
+from cutjoint.analysis.modes import Modes, eigenpairs, find_mode_shapes
+from cutjoint.cli import main
+from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.model.read import read_model
+from cutjoint.pipeline import find_modes, find_scene
+from tests.analysis.linearised import Array, implicit, linearised
+from tests.conftest import MODELS, ROOT
+
+compiled = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+
+G = 9.81
+
+
+def at_rest(text: str, q: Array | None = None) -> Modes:
+    """The modes of a model at rest in a pose, else in its design position."""
+    equations = implicit(text)
+    q = design_coordinates(equations.start) if q is None else q
+    return find_mode_shapes(linearised(equations, q, np.zeros(equations.start.speeds), at_rest=True), 0.0)
+
+
+def frequencies(modes: Modes) -> list[float]:
+    return [2 * pi * m.frequency for m in modes.modes]
+
+
+def pendulums(damping: float = 0.0) -> str:
+    """Two point masses of 1 kg on links of 1 m that hang down."""
+    return f"""
+cutjoint: 1
+name: double_pendulum
+gravity: [0, -{G}, 0]
+bodies:
+  upper: {{mass: 1, centre_of_mass: [0, -1, 0]}}
+  lower: {{mass: 1, centre_of_mass: [0, -2, 0]}}
+joints:
+  top: {{kind: revolute, bodies: [ground, upper], at: [0, 0, 0], axis: [0, 0, 1], spring: {{stiffness: 0, damping: {damping}}}}}
+  middle: {{kind: revolute, bodies: [upper, lower], at: [0, -1, 0], axis: [0, 0, 1]}}
+"""
+
+
+def test_double_pendulum() -> None:
+    """omega^2 = (2 -+ sqrt 2) g/l; the lower angle from the vertical is +-sqrt 2 times the upper one, the joint's less by one."""
+    modes = at_rest(pendulums())
+    assert frequencies(modes) == pytest.approx([sqrt((2 - sqrt(2)) * G), sqrt((2 + sqrt(2)) * G)], rel=1e-12)
+    assert [m.time_constant for m in modes.modes] == [None, None]
+    for mode, ratio in zip(modes.modes, (sqrt(2) - 1, -sqrt(2) - 1), strict=True):
+        assert mode.shape["middle.angle"].amplitude / mode.shape["top.angle"].amplitude == pytest.approx(ratio, rel=1e-9)
+        assert sum(p.share for p in mode.shape.values()) == pytest.approx(1.0, abs=1e-12)
+    assert modes.zeros == 0
+    assert [m.eigenvalue for m in modes.undamped] == pytest.approx([m.eigenvalue for m in modes.modes], rel=1e-9)
+
+
+def test_damped_double_pendulum() -> None:
+    """Against numpy's roots of the characteristic polynomial in absolute angles, one damper at the top:
+    (2 s^2 + c s + 2 g)(s^2 + g) - s^4 = 0."""
+    c = 0.7
+    roots = np.roots(np.polysub(np.polymul([2, c, 2 * G], [1, 0, G]), [1, 0, 0, 0, 0]))
+    expected = sorted((r for r in roots if r.imag >= 0), key=abs)
+    modes = at_rest(pendulums(c)).modes
+    assert [m.eigenvalue for m in modes] == pytest.approx(expected, rel=1e-11)
+    assert [m.damping_ratio for m in modes] == pytest.approx([-r.real / abs(r) for r in expected], rel=1e-10)
+
+
+def chain(n: int, stiffness: float, damping: float, fixed: bool) -> str:
+    """n sliders of 2 kg in a row with springs between them, ``fixed`` to the ground at both ends or free."""
+    lines = ["cutjoint: 1", "name: chain", "gravity: [0, 0, 0]", "bodies:"]
+    lines += [f"  b{i}: {{mass: 2, centre_of_mass: [{i}, 0, 0]}}" for i in range(1, n + 1)]
+    lines += ["joints:"]
+    lines += [f"  j{i}: {{kind: prismatic, bodies: [ground, b{i}], at: [{i}, 0, 0], axis: [1, 0, 0]}}" for i in range(1, n + 1)]
+    lines += ["forces:"]
+    ends = ["ground", *(f"b{i}" for i in range(1, n + 1)), "ground"]
+    for i in range(n + 1) if fixed else range(1, n):
+        law = f"{{stiffness: {stiffness}, damping: {damping}, free_length: 1}}"
+        lines += [f"  s{i}: {{kind: point_spring, bodies: [{ends[i]}, {ends[i + 1]}], from: [{i}, 0, 0], to: [{i + 1}, 0, 0], law: {law}}}"]
+    return "\n".join(lines) + "\n"
+
+
+def test_chain_between_walls() -> None:
+    """omega_j = 2 sqrt(k/m) sin(j pi / (2 n + 2)), damping ratio omega c / (2 k), amplitudes sin(i j pi / (n + 1))."""
+    n, k, c = 4, 50.0, 1.0
+    modes = at_rest(chain(n, k, c, fixed=True))
+    natural = [2 * sqrt(k / 2) * sin(j * pi / (2 * n + 2)) for j in range(1, n + 1)]
+    assert [abs(m.eigenvalue) for m in modes.modes] == pytest.approx(natural, rel=1e-11)
+    assert [m.damping_ratio for m in modes.modes] == pytest.approx([w * c / (2 * k) for w in natural], rel=1e-10)
+    assert [m.eigenvalue.imag for m in modes.undamped] == pytest.approx(natural, rel=1e-11)
+    for j, mode in enumerate(modes.modes, 1):
+        shape = np.array([mode.shape[f"j{i}.displacement"].amplitude for i in range(1, n + 1)])
+        expected = np.array([sin(i * j * pi / (n + 1)) for i in range(1, n + 1)])
+        assert shape / shape[0] == pytest.approx(expected / expected[0], abs=1e-9)
+
+
+def test_free_chain_moves_as_a_whole() -> None:
+    """omega_j = 2 sqrt(k/m) sin(j pi / (2 n)); the whole moves off with a double zero, which rounding would make a pair of 1e-7 1/s."""
+    n, k = 3, 50.0
+    modes = at_rest(chain(n, k, 0.0, fixed=False))
+    assert frequencies(modes) == pytest.approx([2 * sqrt(k / 2) * sin(j * pi / (2 * n)) for j in range(1, n)], rel=1e-11)
+    assert (modes.freedoms, modes.zeros, list(modes.indifferent)) == (3, 2, ["j1.displacement"])
+    assert [p.amplitude for p in modes.indifferent["j1.displacement"].values()] == pytest.approx([1.0] * n, abs=1e-12)
+
+
+def test_zeros_of_a_chain_of_integrators_are_counted() -> None:
+    """Three zeros with one eigenvector, beside -2 and its eigenvector."""
+    A = np.array([[0.0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 0], [0, 0, 0, -2]])
+    values, vectors, null, zeros = eigenpairs(A)
+    assert values == pytest.approx([-2.0])
+    assert pytest.approx(np.zeros((4, 1)), abs=1e-12) == A @ vectors + 2 * vectors
+    assert (zeros, null.shape) == (3, (4, 1))
+
+
+# Loops
+
+
+def four_bar_in_motion(angle: float, rate: float) -> tuple[ImplicitEquations, Modes]:
+    """The parallelogram with its cranks at an angle from the vertical, turning."""
+    model = read_model(MODELS / "four_bar.yaml")
+    equations = implicit(model)
+    way = np.array([-1.0 if "coupler" in name else 1.0 for name in equations.start.speed_names])
+    found = close_loops(equations.start, angle * way)
+    assert found is not None
+    return equations, find_mode_shapes(linearised(equations, found[0], rate * way, at_rest=False), 0.0)
+
+
+@pytest.mark.parametrize("angle", [0.3, 2.0])
+def test_parallelogram_in_motion(angle: float) -> None:
+    """th'' = c sin th from the vertical, all inertia that of th: eigenvalues +-sqrt(c cos th), whatever the speed; 12 equations, 4 of them
+    needed."""
+    c = G * (3 / 2 + 2) / (3 / 3 + 2)
+    equations, modes = four_bar_in_motion(angle, 1.7)
+    assert (modes.freedoms, len(equations.equation_names)) == (1, 12)
+    root = sqrt(abs(c * cos(angle)))
+    expected = [root, -root] if cos(angle) > 0 else [1j * root]
+    assert sorted((m.eigenvalue for m in modes.modes), key=lambda v: -v.real) == pytest.approx(expected, rel=1e-9)
+
+
+CRANK, COUPLER, ROCKER, GROUND = 1.0, 2.5, 2.0, 3.0
+K, C = 40.0, 3.0
+
+UNEQUAL = f"""
+cutjoint: 1
+name: unequal
+gravity: [0, -{G}, 0]
+points:
+  A: [0, 0, 0]
+  D: [{GROUND}, 0, 0]
+  B: [{CRANK * cos(0.5)}, {CRANK * sin(0.5)}, 0]
+  P: [PX, PY, 0]
+bodies:
+  crank: {{mass: 1, centre_of_mass: {{midpoint: [A, B]}}, inertia: [0, 0.1, 0.1]}}
+  coupler: {{mass: 2, centre_of_mass: {{midpoint: [B, P]}}, inertia: [0, 0.9, 0.9]}}
+  rocker: {{mass: 1.5, centre_of_mass: {{midpoint: [D, P]}}, inertia: [0, 0.5, 0.5]}}
+joints:
+  a: {{kind: revolute, bodies: [ground, crank], at: A, axis: [0, 0, 1], spring: {{stiffness: {K}, damping: {C}}}}}
+  b: {{kind: revolute, bodies: [crank, coupler], at: B, axis: [0, 0, 1]}}
+  d: {{kind: revolute, bodies: [ground, rocker], at: D, axis: [0, 0, 1]}}
+  p: {{kind: revolute, bodies: [coupler, rocker], at: P, axis: [0, 0, 1], cut: true}}
+"""
+
+
+def pins(angle: float) -> tuple[Array, Array]:
+    """B and P at a crank angle, P above the ground, by the circles about B and D."""
+    B, D = CRANK * np.array([cos(angle), sin(angle)]), np.array([GROUND, 0.0])
+    way = D - B
+    length = float(np.hypot(*way))
+    along = (COUPLER**2 - ROCKER**2 + length**2) / (2 * length)
+    return B, B + along * way / length + sqrt(COUPLER**2 - along**2) * np.array([-way[1], way[0]]) / length
+
+
+def turns(angle: float) -> Array:
+    """The directions of crank, coupler and rocker at a crank angle."""
+    B, P = pins(angle)
+    return np.array([angle, np.arctan2(*(P - B)[::-1]), np.arctan2(P[1], P[0] - GROUND)])
+
+
+def one_coordinate(angle: float) -> tuple[float, float]:
+    """The potential, and the inertia that the crank's angle has, by differences of the bodies' places."""
+
+    def places(th: float) -> Array:
+        B, P = pins(th)
+        D = np.array([GROUND, 0.0])
+        return np.array([*(B / 2), *((B + P) / 2), *((D + P) / 2), *turns(th)])
+
+    h = 1e-3
+    rate = (8 * (places(angle + h) - places(angle - h)) - places(angle + 2 * h) + places(angle - 2 * h)) / (12 * h)
+    x = places(angle)
+    potential = G * (x[1] + 2 * x[3] + 1.5 * x[5]) + K * (angle - 0.5) ** 2 / 2
+    return potential, float(rate**2 @ [1, 1, 2, 2, 1.5, 1.5, 0.1, 0.9, 0.5])
+
+
+def test_unequal_four_bar() -> None:
+    """m s^2 + C s + V'' = 0 at the least potential V of the one coordinate."""
+    angle = minimize_scalar(lambda th: one_coordinate(th)[0], bounds=(-0.5, 0.5), method="bounded", options={"xatol": 1e-10}).x
+    h = 1e-3
+    slope = lambda th: sum(w * one_coordinate(th + k * h)[0] for k, w in ((1, 8), (-1, -8), (2, -1), (-2, 1))) / (12 * h)  # noqa: E731
+    angle = brentq(slope, angle - 1e-3, angle + 1e-3, xtol=1e-14)
+    V = sum(w * slope(angle + k * h) for k, w in ((1, 8), (-1, -8), (2, -1), (-2, 1))) / (12 * h)
+    expected = max(np.roots([one_coordinate(angle)[1], C, V]), key=lambda r: r.imag)
+    assert expected.imag > 1
+    _, P = pins(0.5)
+    equations = implicit(UNEQUAL.replace("PX", repr(float(P[0]))).replace("PY", repr(float(P[1]))))
+    start, turned = equations.start, turns(angle) - turns(0.5)
+    angles = {"a.angle": turned[0], "b.angle": turned[1] - turned[0], "d.angle": turned[2]}
+    found = close_loops(start, np.array([angles[name] for name in start.coordinate_names]))
+    assert found is not None
+    assert found[0][start.coordinate_names.index("a.angle")] == pytest.approx(angle - 0.5, abs=1e-12)
+    modes = find_mode_shapes(linearised(equations, found[0], np.zeros(start.speeds), at_rest=True), 0.0)
+    assert [m.eigenvalue for m in modes.modes] == pytest.approx([expected], rel=1e-8)
+
+
+# Compiled
+
+
+@compiled
+def test_flyball_governor_after_a_second() -> None:
+    """A published stiff problem: -8075, -1444, -20.5 1/s (benchmark A05); the whole turns about its shaft without resistance."""
+    model = read_model(MODELS / "flyball.yaml")
+    modes = find_modes(model, find_scene(model, None), at=1.0)
+    real = sorted(m.eigenvalue.real for m in modes.modes)
+    assert real[:3] == pytest.approx([-8075, -1444, -20.5], abs=0.5)
+    assert list(modes.indifferent) == ["bearing.angle"]
+    assert modes.time == pytest.approx(1.0, abs=1e-12)
+
+
+def command(*arguments: object) -> tuple[int, str]:
+    result = CliRunner().invoke(main, ["modes", *map(str, arguments)])
+    return result.exit_code, result.output
+
+
+@compiled
+def test_vehicle(tmp_path: Path) -> None:
+    """Bounce, pitch, roll, four wheel hops; at rest its tyres hold neither x nor y nor yaw."""
+    out = tmp_path / "modes.json"
+    status, output = command(MODELS / "iltis.yaml", "--out", out)
+    assert status == 0, output
+    assert "indifferent, with 6 eigenvalues of zero: chassis_free.x, chassis_free.y, chassis_free.wz" in " ".join(output.split())
+    found = json.loads(out.read_text())
+    assert (found["about"], found["degrees_of_freedom"], found["zero_eigenvalues"]) == ("static equilibrium", 10, 6)
+    leaders = [max(m["shape"], key=lambda n: m["shape"][n]["share"]) for m in found["modes"]]
+    assert leaders[:4] == ["chassis_free.wy", "chassis_free.z", "chassis_free.wx", "chassis_free.wx"]
+    assert all(name.endswith("arm_hinge.angle") for name in leaders[4:])
+    assert len(leaders) == 7
+    rows = [line.split(" | ") for line in (ROOT / "docs" / "modes.md").read_text().splitlines() if " ± " in line]
+    assert [row[2:4] for row in rows] == [[f"{m['frequency']:.3f}", f"{m['damping_ratio']:.3f}"] for m in found["modes"]]
+
+
+@compiled
+def test_errors_say_what_to_do(tmp_path: Path) -> None:
+    status, output = command(MODELS / "flyball.yaml")
+    assert status == 1
+    assert output.strip().startswith("no static equilibrium was found near the given pose")
+    assert output.rstrip().endswith("or linearise about a motion with --at")
+    status, output = command(MODELS / "iltis.yaml", "--at", 1)
+    assert (status, output.split(": ")[1][:12]) == (1, "name a scene")
+    held = tmp_path / "held.yaml"
+    held.write_text(pendulums() + "scenes:\n  tilted: {end: 1, positions: {top.angle: 0.3}}\n")
+    status, output = command(held)
+    assert status == 1
+    assert "scene 'tilted': 'top.angle_rate' accelerates by" in output
+    assert "leave its coordinate out of positions, or linearise about a motion with --at" in output
