@@ -22,11 +22,11 @@ class AugmentedNewton : public Newton<S> {
       : Base(system, solver, figures), alpha_(figures.penalty), pose_(d_.coordinates.size()), closing_(n_, m_) {}
 
  protected:
-  using Base::d_, Base::dt_, Base::f_, Base::figures_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_,
-      Base::system_, Base::tangent_, Base::turns_, Base::weight_, Base::x_;
+  using Base::d_, Base::f_, Base::figures_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_,
+      Base::speed_, Base::system_, Base::tangent_, Base::turns_, Base::weight_, Base::x_;
 
   const char* name() const override { return "augmented"; }
-  Weights<Real> weights() const override { return {dt_ / 2, k_, k_ * alpha_, turns_.data()}; }
+  Weights<Real> weights() const override { return {speed_, k_, k_ * alpha_, turns_.data()}; }
   Weights<Real> start_weights() const override { return {Real(0), Real(0), start_alpha_, turns_.data()}; }
 
   /// The start weighs the equations against the heaviest coordinate, and so does a step whose penalty is not given, alpha dt^2/4 being what

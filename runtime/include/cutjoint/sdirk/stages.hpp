@@ -204,17 +204,19 @@ class Stages : public Workspace<S> {
       values[i] = s * (s + 1) / 2 * middle[0][i] - s * (s + 2) * middle[1][i] + (s + 1) * (s + 2) / 2 * end[i];
   }
 
-  /// Newton's iteration for a stage; whether it converged.
+  /// Newton's iteration for a stage; whether it converged.  The first change is judged by the share that a stage before left of one, less and less
+  /// trusted (Hairer, Wanner, section IV.8).
   bool iterate(Real w) {
+    using std::pow;
     const Real infinity = std::numeric_limits<Real>::infinity();
     Real last = infinity, smallest = infinity, move(0);
     bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(1.25) && w > factored_w_ * Real(0.8));
     slow_ = false;
     for (int iteration = 1, idle = 0; iteration <= most_iterations && follow(w); ++iteration) {
       correct(renew, w);
-      const Real change = size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : share_;
+      const Real change = size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(share_, Real(0.8));
       if (!this->finite(change) || change > Real(1e3) * smallest) return false;
-      share_ = std::min(share, Real(0.99));
+      share_ = std::clamp(share, Real(0.01), Real(0.99));
       idle = change < smallest / 2 ? 0 : idle + 1;
       smallest = std::min(smallest, change);
       const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
