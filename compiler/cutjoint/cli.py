@@ -129,13 +129,14 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @click.option("--method", type=click.Choice(["auto", *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
               "by default the scene's, else recursive.")
 @click.option("--tolerance", type=click.FloatRange(min=0, min_open=True), help="Of method auto in m and rad, of a step of "
-              "dormand-prince relative and absolute, else of the iteration in a step; the scene's otherwise.")
+              "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
 @click.option("--implementation", type=click.Choice(pipeline.IMPLEMENTATIONS), default="generated", show_default=True,
               help="Code made for the model, or a generic program that interprets it.")
 @click.option("--solver", type=click.Choice(pipeline.SOLVERS), default="emitted", show_default=True,
               help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
-@click.option("--integrator", type=click.Choice(["trapezoidal", *pipeline.EXPLICIT]),
-              help="Of the recursive method; by default the scene's, else trapezoidal.")
+@click.option("--integrator", type=click.Choice(["trapezoidal", *pipeline.EXPLICIT, *pipeline.IMPLICIT]),
+              help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default the scene's, "
+              "else trapezoidal.")
 @click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
 @click.option("--closure", type=click.Choice(pipeline.CLOSURES), 
               help="How the recursive method holds its cut joints; the scene's otherwise.")

@@ -73,9 +73,13 @@ COMPARISON_SOLVERS = frozenset({"cholmod", "klu", "umfpack"})
 #: Explicit Runge-Kutta methods of the recursive equations: with steps of equal length, and with steps as long as the tolerance allows.
 EXPLICIT = ("rk4", "dormand-prince")
 
-#: The trapezoidal rule of the methods, explicit methods, and accurate solutions to measure them by: extrapolation in relative coordinates
+#: Implicit methods of the equations `recursive-newton`: of order 4 with steps as long as the tolerance allows or of equal length, and of
+#: order 2 with damping of what is fast.
+IMPLICIT = ("sdirk4", "sdirk4-fixed", "generalised-alpha")
+
+#: The trapezoidal rule of the methods, explicit and implicit methods, and accurate solutions to measure them by: extrapolation in relative coordinates
 #: (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
-INTEGRATORS = ("trapezoidal", *EXPLICIT, "reference")
+INTEGRATORS = ("trapezoidal", *EXPLICIT, *IMPLICIT, "reference")
 
 #: Code made for the model, or the generic twin that interprets the model at run time.
 IMPLEMENTATIONS = ("generated", "generic")
@@ -357,7 +361,7 @@ def simulate(
             steps.parent.mkdir(parents=True, exist_ok=True)
         run_file = make_run_file(
             artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
-            solver=_solver(artifact, solver) if integrator == "trapezoidal" else "", integrator=integrator,
+            solver=_solver(artifact, solver) if integrator in ("trapezoidal", *IMPLICIT) else "", integrator=integrator,
             steps_out="" if steps is None else str(steps.resolve()), tangents_out="" if tangents is None else str(tangents.resolve()),
         )  # fmt: skip
         if artifact.implementation == "generic":
@@ -377,14 +381,22 @@ def simulate(
     )  # fmt: skip
 
 
+def _has_integrator(artifact: Artifact, integrator: str) -> bool:
+    """Whether the equations of an artifact are those that an explicit or implicit integrator takes."""
+    needed = {**dict.fromkeys(EXPLICIT, "recursive"), **dict.fromkeys(IMPLICIT, "recursive-newton")}
+    return artifact.method == needed.get(integrator) and artifact.implementation == "generated"
+
+
 def _checked_integrator(artifact: Artifact, asked: str | None) -> str:
-    """The integrator of a run; a scene's is meant for the recursive method, others have the trapezoidal rule."""
-    own = artifact.scene.numerics.integrator if artifact.method == "recursive" and artifact.implementation == "generated" else "trapezoidal"
+    """The integrator of a run; a scene's is meant for the methods that have it, others have the trapezoidal rule."""
+    own = artifact.scene.numerics.integrator if _has_integrator(artifact, artifact.scene.numerics.integrator) else "trapezoidal"
     integrator = own if asked is None else asked
     if integrator not in INTEGRATORS:
         raise RunError(f"no integrator '{integrator}'; there is {', '.join(INTEGRATORS)}")
-    if integrator in EXPLICIT and (artifact.method != "recursive" or artifact.implementation == "generic"):
+    if integrator in EXPLICIT and not _has_integrator(artifact, integrator):
         raise RunError(f"the integrator {integrator} takes generated code of the method recursive")
+    if integrator in IMPLICIT and not _has_integrator(artifact, integrator):
+        raise RunError(f"the integrator {integrator} takes the method recursive-newton")
     if integrator == "reference" and (artifact.method in ("augmented", "recursive-newton") or artifact.implementation == "generic"):
         raise RunError("the reference integrator takes generated code of the method recursive or classical")
     if integrator in (*EXPLICIT, "reference") and artifact.method == "recursive" and artifact.scene.numerics.closure == "proximal":

@@ -4,11 +4,16 @@
 #include "cutjoint/program.hpp"
 #include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
+#include "cutjoint/sdirk/method.hpp"
 
 int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system) {
   return run_program(argc, argv, "simulator", [&](const Json& file) {
     if (reference::is_reference(file)) {
       reference::NaturalReference<AnySystem<Precision>> method(system, file);
+      return Run(start, method, file).perform();
+    }
+    if (file.value("integrator", "").starts_with("sdirk4")) {
+      sdirk::ImplicitMethod<AnySystem<Precision>> method(system, file);
       return Run(start, method, file).perform();
     }
     LagrangianMethod<AnySystem<Precision>> method(system, file);

@@ -173,8 +173,9 @@ class Numerics(Part):
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
-    integrator: Literal["trapezoidal", "rk4", "dormand-prince"] = "trapezoidal"
+    integrator: Literal["trapezoidal", "rk4", "dormand-prince", "sdirk4", "sdirk4-fixed", "generalised-alpha"] = "trapezoidal"
     absolute_tolerance: Number | None = None
+    spectral_radius: Number = _NUMERICS.spectral_radius
     methods: dict[Literal["recursive", "recursive-newton", "augmented", "classical"], MethodNumerics] = Field(default={})
 
 
@@ -202,8 +203,9 @@ class Scene(Part):
             raise shape_error("'method: auto' and 'tolerance' go together", "write both, such as method: auto, tolerance: 1 mm")
         if self.budget is not None and self.method != "auto":
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
-        if self.numerics.integrator != "trapezoidal" and self.method not in (None, "recursive"):
-            message = f"the integrator {self.numerics.integrator} belongs to the method recursive"
+        owner = "recursive" if self.numerics.integrator in ("rk4", "dormand-prince") else "recursive-newton"
+        if self.numerics.integrator != "trapezoidal" and self.method not in (None, owner):
+            message = f"the integrator {self.numerics.integrator} belongs to the method {owner}"
             raise shape_error(message, "leave 'method' or 'integrator' away")
         return self
 

@@ -110,7 +110,7 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     }  # fmt: skip
     if part.penalty == "auto" and part.closure != "proximal":
         where.fail("penalty: auto belongs to closure: proximal", "write a number, or closure: proximal", ("numerics", "penalty"))
-    own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE}
+    own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE, "spectral_radius": NONE}
     numbers = _figures(where, part, own, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
         name: _figures(where, figures, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
@@ -143,6 +143,8 @@ def _figures(
 def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
     if key in ("dt", "penalty", "tolerance", "absolute_tolerance", "iterations"):
         _positive(where, value, keys)
+    elif key == "spectral_radius" and not 0 <= value <= 1:
+        where.fail("spectral_radius must be between 0 and 1", "1 damps nothing, 0 all that is fast beside a step", keys)
     elif value < 0:
         where.fail(f"{key} must not be negative", "", keys)
 

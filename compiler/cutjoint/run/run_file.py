@@ -45,8 +45,8 @@ def make_run_file(
 
     ``solver`` names the linear solver of a Lagrangian method, by default the emitted one; ``steps_out`` is where iterations and residuals
     of each step go, ``tangents_out`` where the recursive method's Jacobians at each row do.  The ``integrator`` "reference" takes steps as
-    long as ``tolerance`` allows between rows that are ``dt`` apart, "dormand-prince" such steps without regard to rows, of which each has
-    its place, and the explicit ones have no stabilisation.
+    long as ``tolerance`` allows between rows that are ``dt`` apart, "dormand-prince" and "sdirk4" such steps without regard to rows, of which
+    each has its place, and the explicit ones have no stabilisation.
     ``numerics`` are the method's figures, a penalty of None is left to the simulator; ``stabilisation`` those of the cut joints of the
     recursive equations, which start every run.
 
@@ -57,8 +57,12 @@ def make_run_file(
     value = Evaluator(model, parameters)
     figures = _figures(scene.numerics, method)
     if integrator in ("rk4", "dormand-prince"):
-        figures |= _explicit_figures(scene.numerics)
-    if integrator == "dormand-prince":
+        figures["penalty"] = _explicit_penalty(scene.numerics)
+    if integrator in ("rk4", "dormand-prince", "sdirk4", "sdirk4-fixed"):
+        figures["absolute_tolerance"] = _absolute_tolerance(scene.numerics.of_method(method))
+    if integrator == "generalised-alpha":
+        figures["spectral_radius"] = scene.numerics.spectral_radius
+    if integrator in ("dormand-prince", "sdirk4"):
         figures["dt"] = scene.output_step
     return {
         "task": task,
@@ -113,13 +117,13 @@ def _bound(penalty: float) -> float | None:
 EXPLICIT_PENALTY = 1e6
 
 
-def _explicit_figures(numerics: Numerics) -> dict[str, float | None]:
-    """The penalty, and the absolute error that a step may have: as a share of 1 (m, rad, m/s, rad/s) the relative one, if none is given."""
-    own, given = numerics.of_method("recursive"), numerics.methods.get("recursive", {})
-    return {
-        "penalty": given.get("penalty", min(own.penalty, EXPLICIT_PENALTY)),
-        "absolute_tolerance": own.tolerance if own.absolute_tolerance is None else own.absolute_tolerance,
-    }
+def _explicit_penalty(numerics: Numerics) -> float:
+    return numerics.methods.get("recursive", {}).get("penalty", min(numerics.of_method("recursive").penalty, EXPLICIT_PENALTY))
+
+
+def _absolute_tolerance(own: Numerics) -> float:
+    """The absolute error that a step may have: as a share of 1 (m, rad, m/s, rad/s) the relative one, if none is given."""
+    return own.tolerance if own.absolute_tolerance is None else own.absolute_tolerance
 
 
 class Evaluator:

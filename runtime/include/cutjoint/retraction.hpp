@@ -45,4 +45,73 @@ void turn_matrices(std::span<const Chart> charts, const Real* delta, Real* T) {
   }
 }
 
+/// How fast the rotation vector of `retract` changes with angular velocities, delta' = T^-1 v: with x = theta/2,
+/// theta' = omega - x x omega + x (x . omega); scalars have their speeds.
+template <class Real>
+void chart_rates(std::span<const Chart> charts, const Real* delta, const Real* v, Real* rate) {
+  for (const Chart& chart : charts) {
+    for (int i = 0; i < chart.scalars; ++i) rate[chart.v + i] = v[chart.v + i];
+    if (!chart.ball) continue;
+    const int at = chart.v + chart.scalars;
+    const Real x = delta[at] / 2, y = delta[at + 1] / 2, z = delta[at + 2] / 2;
+    const Real *w = v + at, along = x * w[0] + y * w[1] + z * w[2];
+    rate[at] = w[0] - (y * w[2] - z * w[1]) + x * along;
+    rate[at + 1] = w[1] - (z * w[0] - x * w[2]) + y * along;
+    rate[at + 2] = w[2] - (x * w[1] - y * w[0]) + z * along;
+  }
+}
+
+/// The derivative of `chart_rates` with respect to time, delta'' of accelerations vdot.
+template <class Real>
+void chart_accelerations(std::span<const Chart> charts, const Real* delta, const Real* v, const Real* vdot, Real* second) {
+  chart_rates<Real>(charts, delta, vdot, second);
+  for (const Chart& chart : charts) {
+    if (!chart.ball) continue;
+    const int at = chart.v + chart.scalars;
+    Real rate[3], x[3];
+    const Chart here{0, 0, 0, true};
+    chart_rates<Real>(std::span(&here, 1), delta + at, v + at, rate);
+    const Real* w = v + at;
+    for (int i = 0; i < 3; ++i) {
+      rate[i] /= 2;
+      x[i] = delta[at + i] / 2;
+    }
+    const Real along = x[0] * w[0] + x[1] * w[1] + x[2] * w[2], turned = rate[0] * w[0] + rate[1] * w[1] + rate[2] * w[2];
+    for (int i = 0; i < 3; ++i) {
+      const int j = (i + 1) % 3, k = (i + 2) % 3;
+      second[at + i] += rate[i] * along + x[i] * turned - (rate[j] * w[k] - rate[k] * w[j]);
+    }
+  }
+}
+
+/// Speeds of a rate of change, v = T rate.
+template <class Real>
+void chart_speeds(std::span<const Chart> charts, const Real* delta, const Real* rate, Real* v) {
+  for (const Chart& chart : charts) {
+    for (int i = 0; i < chart.scalars; ++i) v[chart.v + i] = rate[chart.v + i];
+    if (!chart.ball) continue;
+    const int at = chart.v + chart.scalars;
+    const Real x = delta[at] / 2, y = delta[at + 1] / 2, z = delta[at + 2] / 2;
+    const Real scale = Real(1) / (Real(1) + x * x + y * y + z * z), *r = rate + at;
+    v[at] = scale * (r[0] + y * r[2] - z * r[1]);
+    v[at + 1] = scale * (r[1] + z * r[0] - x * r[2]);
+    v[at + 2] = scale * (r[2] + x * r[1] - y * r[0]);
+  }
+}
+
+/// The delta of `retract` from q_0 to q, for turns of less than half a revolution.
+template <class Real>
+void displacement(std::span<const Chart> charts, const Real* q_0, const Real* q, Real* delta) {
+  for (const Chart& chart : charts) {
+    for (int i = 0; i < chart.scalars; ++i) delta[chart.v + i] = q[chart.q + i] - q_0[chart.q + i];
+    if (!chart.ball) continue;
+    const Real *a = q + chart.q + chart.scalars, *b = q_0 + chart.q + chart.scalars;
+    Real* theta = delta + chart.v + chart.scalars;
+    const Real scale = Real(2) / (a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]);
+    theta[0] = scale * (a[1] * b[0] - a[0] * b[1] - a[2] * b[3] + a[3] * b[2]);
+    theta[1] = scale * (a[2] * b[0] - a[0] * b[2] - a[3] * b[1] + a[1] * b[3]);
+    theta[2] = scale * (a[3] * b[0] - a[0] * b[3] - a[1] * b[2] + a[2] * b[1]);
+  }
+}
+
 }  // namespace cutjoint

@@ -26,11 +26,11 @@ class ClassicalNewton final : public Newton<S> {
       : Base(system, solver, figures), scaled_(d_.pattern), probe_(x_.size()) {}
 
  private:
-  using Base::d_, Base::dt_, Base::f_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_, Base::solver_, Base::tangent_,
+  using Base::d_, Base::f_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_, Base::solver_, Base::speed_, Base::tangent_,
       Base::passes, Base::x_;
 
   const char* name() const override { return "classical"; }
-  Weights<Real> weights() const override { return {dt_ / 2, k_, k_}; }
+  Weights<Real> weights() const override { return {speed_, k_, k_}; }
   Weights<Real> start_weights() const override { return {Real(0), Real(0), Real(1)}; }
 
   /// [M, Phi_q^T; Phi_q, 0] (dvdot; dlambda) = -(M vdot + Phi_q^T lambda - Q; Phidd)

@@ -37,7 +37,8 @@ inline NewtonFigures read_figures(const Json& numerics) {
           .penalty = numerics.at("penalty").is_null() ? 0.0 : numerics.at("penalty").get<double>(),
           .tolerance = numerics.value("tolerance", 1e-6),
           .iterations = numerics.value("iterations", 100),
-          .multiplier_updates = numerics.value("multiplier_updates", 4)};
+          .multiplier_updates = numerics.value("multiplier_updates", 4),
+          .rule = numerics.contains("spectral_radius") ? generalised_alpha(numerics.at("spectral_radius").get<double>()) : StepRule{}};
 }
 
 /// Integrates a system with the solver and the figures of a run file.

@@ -13,6 +13,25 @@
 
 namespace cutjoint {
 
+/// The rule of a step.  With accelerations a beside vdot,
+///
+///     (1 - alpha_m) a + alpha_m a_n = (1 - alpha_f) vdot + alpha_f vdot_n
+///     v = v_n + dt ((1 - gamma) a_n + gamma a)         q = q_n + dt v_n + dt^2 ((1/2 - beta) a_n + beta a)
+///
+/// The trapezoidal rule has a = vdot.
+struct StepRule {
+  double alpha_m = 0.0, alpha_f = 0.0, beta = 0.25, gamma = 0.5;
+
+  bool averages() const { return alpha_m != 0.0 || alpha_f != 0.0; }
+};
+
+/// The generalised-alpha method, of order 2, which leaves the share `radius` (0 to 1) of what is fast beside a step in each step, and as little
+/// as that allows of what is slow.  Source: Chung, Hulbert, J. Appl. Mech. 60 (1993) 371-375.
+inline StepRule generalised_alpha(double radius) {
+  const double alpha_m = (2 * radius - 1) / (radius + 1), alpha_f = radius / (radius + 1), gamma = 0.5 - alpha_m + alpha_f;
+  return {.alpha_m = alpha_m, .alpha_f = alpha_f, .beta = (gamma + 0.5) * (gamma + 0.5) / 4, .gamma = gamma};
+}
+
 /// Figures of a Lagrangian method.  `tolerance` and `iterations` mean what they mean to the fixed point (trapezoidal.hpp); the augmented
 /// method corrects its multipliers in the first `multiplier_updates` iterations of a step and has the `penalty` alpha,
 /// where it is not zero.
@@ -22,6 +41,7 @@ struct NewtonFigures {
   double tolerance;
   int iterations;
   int multiplier_updates;
+  StepRule rule{};
 };
 
 /// The largest absolute values of Phi, Phid and Phidd.
@@ -35,8 +55,11 @@ struct Residuals {
 ///
 ///     v = v_n + dt/2 (vdot_n + vdot)         q = q_n + dt v_n + dt^2/4 (vdot_n + vdot)
 ///
-/// which is the rule of [eqs. 4-5] without its differences of large numbers, qd = 2/dt (q - q_n) - qd_n and
+/// (or as another StepRule has it), which is the rule of [eqs. 4-5] without its differences of large numbers, qd = 2/dt (q - q_n) - qd_n and
 /// qdd = 4/dt^2 (q - q_n) - 4/dt qd_n - qdd_n, that cost a small step its digits.  Newton's equations remain those for dq = dt^2/4 dvdot.
+///
+/// In the form of Arnold and Bruels (Multibody System Dynamics 18 (2007) 185-202), generalised-alpha has M vdot + Phi_q^T lambda = Q and
+/// Phi = 0 at the end of each step, as the trapezoidal rule has them here; a, which has no equation of its own, is kept beside the state.
 ///
 /// The tangent leaves out how the multipliers' directions turn, (Phi_q^T)_q lambda, as the paper does; convergence is linear with a
 /// factor of the order of dt^2/4 lambda / (mass length).
@@ -46,7 +69,10 @@ class Newton : public Workspace<S> {
   using typename Workspace<S>::Real;
 
   Newton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt), k_(dt_ * dt_ / 4), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_), before_(d_.coordinates.size(), n_, m_), delta_(n_) {}
+      : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt),
+        share_(Real(1 - figures.rule.alpha_f) / Real(1 - figures.rule.alpha_m)), speed_(dt_ * Real(figures.rule.gamma) * share_),
+        k_(dt_ * dt_ * Real(figures.rule.beta) * share_), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_),
+        before_(d_.coordinates.size(), n_, m_), mean_(n_), delta_(n_) {}
 
   /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
   void begin(State<Real>& state, Real motion) {
@@ -74,6 +100,7 @@ class Newton : public Workspace<S> {
     }
     lambda_before_ = lambda_;
     state.lambda = lambda_;
+    mean_ = state.vdot;
     residuals_ = measure();
   }
 
@@ -91,6 +118,8 @@ class Newton : public Workspace<S> {
       this->close(state);
       settle(state);
       project(state);
+      if (figures_.rule.averages())
+        for (std::size_t i = 0; i < n_; ++i) mean_[i] = averaged(state, i);
     } catch (const Failure&) {
       wary_ = false;
       state = before_;
@@ -146,10 +175,20 @@ class Newton : public Workspace<S> {
 
   /// Coordinates and rates that belong to the state's accelerations.
   void follow(State<Real>& state) {
-    for (std::size_t i = 0; i < n_; ++i) {
-      const Real sum = before_.vdot[i] + state.vdot[i];
-      state.v[i] = before_.v[i] + dt_ / 2 * sum;
-      delta_[i] = dt_ * before_.v[i] + k_ * sum;
+    const StepRule& rule = figures_.rule;
+    if (!rule.averages()) {
+      for (std::size_t i = 0; i < n_; ++i) {
+        const Real sum = before_.vdot[i] + state.vdot[i];
+        state.v[i] = before_.v[i] + dt_ / 2 * sum;
+        delta_[i] = dt_ * before_.v[i] + k_ * sum;
+      }
+    } else {
+      const Real speed_now(dt_ * Real(1 - rule.gamma)), place_now(dt_ * dt_ * Real(0.5 - rule.beta));
+      for (std::size_t i = 0; i < n_; ++i) {
+        const Real a = averaged(state, i);
+        state.v[i] = before_.v[i] + speed_now * mean_[i] + dt_ * Real(rule.gamma) * a;
+        delta_[i] = dt_ * before_.v[i] + place_now * mean_[i] + dt_ * dt_ * Real(rule.beta) * a;
+      }
     }
     if (d_.charts.empty()) {
       for (std::size_t i = 0; i < n_; ++i) state.q[i] = before_.q[i] + delta_[i];
@@ -159,8 +198,15 @@ class Newton : public Workspace<S> {
     turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
   }
 
+  /// The acceleration a of the step's end.
+  Real averaged(const State<Real>& state, std::size_t i) const {
+    const StepRule& rule = figures_.rule;
+    return share_ * state.vdot[i] + (Real(rule.alpha_f) * before_.vdot[i] - Real(rule.alpha_m) * mean_[i]) / Real(1 - rule.alpha_m);
+  }
+
   NewtonFigures figures_;
-  Real dt_, k_;              ///< step and dt^2/4
+  Real dt_, share_;          ///< step, and how much of vdot is in a
+  Real speed_, k_;           ///< dv/dvdot and dq/dvdot: dt/2 and dt^2/4 of the trapezoidal rule
   std::vector<Real> turns_;  ///< of the balls, in relative coordinates
   std::vector<Real> lambda_before_;  ///< multipliers of the step before
 
@@ -295,6 +341,7 @@ class Newton : public Workspace<S> {
 
   std::vector<Real> vdot_before_;  ///< accelerations of the step before
   State<Real> before_;
+  std::vector<Real> mean_;   ///< a, of rules that average
   std::vector<Real> delta_;  ///< the integrals of the speeds over a step
   Residuals residuals_;
   Real change_{0}, smallest_{0}, size_{1};

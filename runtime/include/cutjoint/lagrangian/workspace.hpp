@@ -1,8 +1,10 @@
 // A system with its tangent's factors and the arrays of a step: what Newton's iteration, the start and the projections work with.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -58,6 +60,15 @@ class Workspace {
 
   void solve() {
     if (const Breakdown broken = solver_.solve(x_.data())) report_breakdown(broken);
+  }
+
+  /// way = A^-1 Phi_q^T w and closing = Phi_q way, the first Phi_q that of a pose, with the factors of A.
+  void follow_weight(const std::vector<Real>& pose, const State<Real>& state, const std::vector<Real>& w, std::span<Real> way,
+                     std::span<Real> closing) {
+    system_.pull(pose.data(), w.data(), x_.data());
+    solve();
+    std::copy_n(x_.begin(), n_, way.begin());
+    system_.stretch(state.q.data(), way.data(), closing.data());
   }
 
   [[noreturn]] void fail(const std::string& what, std::string_view element, Real residual, const std::string& advice) const {

@@ -1,0 +1,60 @@
+// What lies between the ends of a step.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "cutjoint/retraction.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint::sdirk {
+
+/// The polynomial of degree 5 through displacements, their rates and second derivatives at both ends of a step, in the chart of its start; speeds
+/// are those of its derivative.
+template <class Real>
+class Interpolant {
+ public:
+  explicit Interpolant(std::span<const Chart> charts, std::size_t speeds) : charts_(charts), parts_(4, std::vector<Real>(speeds)), rate_(speeds) {}
+
+  /// Between two states with accelerations.
+  void join(const State<Real>& start, const State<Real>& end) {
+    q_ = start.q;
+    h_ = end.t - start.t;
+    auto &way = parts_[0], &slope = parts_[1], &bend = parts_[2], &second = parts_[3];
+    displacement<Real>(charts_, start.q.data(), end.q.data(), way.data());
+    chart_rates<Real>(charts_, way.data(), end.v.data(), rate_.data());
+    chart_accelerations<Real>(charts_, way.data(), end.v.data(), end.vdot.data(), second.data());
+    slope = start.v;
+    bend = start.vdot;
+    for (std::size_t i = 0; i < way.size(); ++i) {  // Taylor's polynomial, and what the three conditions at the end ask of powers 3 to 5
+      const Real v = h_ * slope[i], a = h_ * h_ * bend[i] / 2;
+      const Real gap = way[i] - v - a, rate = h_ * rate_[i] - v - 2 * a, curve = h_ * h_ * second[i] - 2 * a;
+      way[i] = 10 * gap - 4 * rate + curve / 2;
+      slope[i] = -15 * gap + 7 * rate - curve;
+      bend[i] = 6 * gap - 3 * rate + curve / 2;
+    }
+    v_ = start.v;
+    vdot_ = start.vdot;
+  }
+
+  /// The state at the share s of the step: y = (q, v).
+  void at(Real s, std::vector<Real>& y) {
+    auto& delta = parts_[3];
+    for (std::size_t i = 0; i < delta.size(); ++i) {
+      const Real a = parts_[0][i], b = parts_[1][i], c = parts_[2][i], v = h_ * v_[i], half = h_ * h_ * vdot_[i] / 2;
+      delta[i] = s * (v + s * (half + s * (a + s * (b + s * c))));
+      rate_[i] = (v + s * (2 * half + s * (3 * a + s * (4 * b + s * 5 * c)))) / h_;
+    }
+    retract<Real>(charts_, q_.data(), delta.data(), y.data());
+    chart_speeds<Real>(charts_, delta.data(), rate_.data(), y.data() + q_.size());
+  }
+
+ private:
+  std::span<const Chart> charts_;
+  std::vector<Real> q_, v_, vdot_;          ///< of the start
+  std::vector<std::vector<Real>> parts_;  ///< the factors of s^3, s^4, s^5, and room
+  std::vector<Real> rate_;
+  Real h_{1};
+};
+
+}  // namespace cutjoint::sdirk

@@ -1,0 +1,94 @@
+// The diagonally implicit method as the driver sees it.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/json.hpp"
+#include "cutjoint/lagrangian/choose_solver.hpp"
+#include "cutjoint/row_by_row.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/sdirk/stepper.hpp"
+
+namespace cutjoint::sdirk {
+
+/// What the base needs made before it.
+template <class S>
+struct Parts {
+  using Real = typename S::real_type;
+
+  Parts(S& system, const Json& file)
+      : inputs(system.description(), file), solver_name(file.value("solver", "emitted")), solver(choose_solver(system, solver_name)),
+        other(choose_solver(system, solver_name)), stages(system, *solver, *other) {
+    inputs.load_system(system);
+  }
+
+  Inputs<Real> inputs;
+  std::string solver_name;
+  std::unique_ptr<LinearSolver<Real>> solver, other;
+  Stages<S> stages;
+};
+
+/// A system in relative coordinates with steps of its own length, or with equal ones of "sdirk4-fixed".
+template <class S>
+class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, Stepper<S>, S> {
+  using Base = RowByRow<Stages<S>, Stepper<S>, S>;
+
+ public:
+  using Real = typename S::real_type;
+
+  ImplicitMethod(S& system, const Json& file)
+      : Parts<S>(system, file), Base(system, this->stages, file), end_(read_number<Real>(file, "end")),
+        adaptive_(file.at("integrator") == "sdirk4") {}
+
+  void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
+
+  void prepare() {
+    const Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
+    const double row = static_cast<double>(this->figure("dt"));
+    Base::prepare(tolerances, this->origin() + Real(std::ceil(static_cast<double>(end_) / row - 1e-9)) * this->figure("dt"), adaptive_);
+  }
+
+  static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
+
+  /// The steps that a row took, and its residuals.
+  const std::vector<double>& measure_step() {
+    const Residuals& row = this->stepper()->residuals();
+    const long steps = this->stepper()->steps();
+    measured_ = {static_cast<double>(steps - steps_), row.position, row.velocity};
+    steps_ = steps;
+    return measured_;
+  }
+
+  void step(long number) {
+    Base::step(number);
+    const Residuals& row = this->stepper()->residuals();
+    worst_.position = std::max(worst_.position, row.position);
+    worst_.velocity = std::max(worst_.velocity, row.velocity);
+  }
+
+  void summarise(Json& summary) const {
+    Base::summarise(summary);
+    summary["solver"] = this->solver_name;
+    summary["iterations"] = this->stages.iterations();
+    summary["factorisations"] = this->stages.factorisations();
+    summary["residuals"] = Json{{"position", number_or_null(worst_.position)}, {"velocity", number_or_null(worst_.velocity)}};
+    if (!this->stepper()) return;
+    summary["steps"] = this->stepper()->steps();
+    summary["rejected"] = this->stepper()->rejected();
+  }
+
+ private:
+  Real end_;
+  bool adaptive_;
+  std::vector<double> measured_;
+  long steps_ = 0;
+  Residuals worst_;
+};
+
+}  // namespace cutjoint::sdirk

@@ -1,0 +1,307 @@
+// The stages of a diagonally implicit step, by Newton's iteration on the accelerations.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cutjoint/lagrangian/closing.hpp"
+#include "cutjoint/lagrangian/recursive_newton.hpp"
+#include "cutjoint/runge_kutta/step_control.hpp"
+#include "cutjoint/sdirk/table.hpp"
+
+namespace cutjoint::sdirk {
+
+using runge_kutta::Tolerances;
+
+/// The unknown of a stage is its acceleration, from which follow, with w = h gamma and the sums hat over the stages before,
+///
+///     v = v_hat + w vdot         delta = delta_hat + w T(delta)^-1 v         q = retract(q_0, delta)
+///
+/// where delta is the displacement from the step's start: the method integrates (delta, v), so that its order holds on balls too.  Loops are
+/// equations of the accelerations, M vdot + Phi_q^T lambda = Q and Phidd = 0: a differential equation, whose order does not suffer.  The iteration
+///
+///     (M + w C + w^2 K + alpha Phi_q^T Phi_q) dvdot = -(M vdot + Phi_q^T lambda - Q + alpha Phi_q^T Phidd),    lambda += alpha (Phidd + Phi_q dvdot)
+///
+/// keeps its factors over stages and steps while they serve.  What steps leave of Phi and Phid is projected away.
+template <class S>
+class Stages : public Workspace<S> {
+ public:
+  using typename Workspace<S>::Real;
+
+  /// `other` solves for the accelerations of single states.
+  Stages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other)
+      : Workspace<S>(system, solver),
+        single_(system, other, {.dt = 1.0, .penalty = 0.0, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(n_, m_),
+        turns_(unit_turns<Real>(d_.charts)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), pose_(start_.q), moved_(pose_), push_(m_),
+        way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
+        pulls_(Table::stages + 1, push_), middle_(2, delta_), middle_pulls_(2, push_) {}
+
+  std::size_t size() const { return pose_.size() + n_; }
+  std::size_t speeds() const { return n_; }
+  std::span<const Chart> charts() const { return d_.charts; }
+
+  /// Take over a start in relative coordinates.
+  std::vector<Real> begin(const State<Real>& start) {
+    system_.begin_step(start.t, Real(1));
+    system_.place(start.q.data(), start.v.data(), start_.q.data(), start_.v.data());
+    start_.t = start.t;
+    single_.begin(start_, Real(1));
+    alpha_ = single_.step_weights().constraint;
+    last_h_ = Real(0);
+    keep_start();
+    std::vector<Real> y(start_.q);
+    y.insert(y.end(), start_.v.begin(), start_.v.end());
+    return y;
+  }
+
+  /// The state with its accelerations and multipliers; what that takes is no part of a step.
+  const State<Real>& complete(Real t, const std::vector<Real>& y) {
+    row_.t = t;
+    const auto middle = y.begin() + static_cast<std::ptrdiff_t>(row_.q.size());
+    std::copy(y.begin(), middle, row_.q.begin());
+    std::copy(middle, y.end(), row_.v.begin());
+    single_.begin(row_, Real(1));
+    return row_;
+  }
+
+  /// What the error of a step may be; Newton's iteration ends where it leaves a hundredth of that.
+  void set_tolerances(const Tolerances<Real>& tolerances) { tolerances_ = tolerances; }
+
+  /// Try a step of length h from the present state; whether its stages were found.
+  bool attempt(Real h, long number) {
+    this->number_ = number;
+    try {
+      for (std::size_t stage = 1; stage <= Table::stages; ++stage)
+        if (!try_stage(stage, h)) return false;
+    } catch (const Failure&) {  // no factors, or no finite value
+      factored_ = false;
+      return false;
+    }
+    at_.lambda = lambda_;
+    return true;
+  }
+
+  /// The size of the attempted step's error, 1 being what is allowed; infinite where it is no number.
+  Real error(Real h) {
+    using std::abs;
+    Real largest(0);
+    for (const Chart& chart : d_.charts)
+      for (int i = 0; i < chart.scalars + (chart.ball ? 3 : 0); ++i) {
+        const auto q = static_cast<std::size_t>(chart.q + i), v = static_cast<std::size_t>(chart.v + i);
+        const Real place = i < chart.scalars ? std::max(abs(start_.q[q]), abs(at_.q[q])) : Real(1);
+        note(estimate(h, rates_, v) / tolerances_.of(place), v, largest);
+        note(estimate(h, slopes_, v) / tolerances_.of(std::max(abs(start_.v[v]), abs(at_.v[v]))), v, largest);
+      }
+    return largest == largest ? largest : std::numeric_limits<Real>::infinity();
+  }
+
+  /// The attempted step counts: its end becomes the present state, and `before` the one before it.
+  void accept(Real h, State<Real>& before) {
+    at_.t = start_.t + h;
+    settle(at_);
+    last_h_ = h;
+    middle_[0].swap(slopes_[4]);
+    middle_[1].swap(slopes_[2]);
+    middle_pulls_[0].swap(pulls_[4]);
+    middle_pulls_[1].swap(pulls_[2]);
+    std::swap(before, start_);
+    std::swap(start_, at_);
+    keep_start();
+  }
+
+  const State<Real>& present() const { return start_; }
+
+  /// Close the loops of a state, positions first, then speeds.  Returns what is left.
+  Residuals settle(State<Real>& state) {
+    if (m_ == 0) return {};
+    time_ = state.t;
+    system_.begin_step(state.t, Real(1));
+    for (int round = 0;; ++round) {
+      this->close(state);
+      const Real rounding = this->rounding_like(1e-13) * (Real(1) + this->largest(state.q));
+      if (!(this->largest(phi_) > rounding) || round == 4) break;
+      std::fill(way_.begin(), way_.end(), Real(0));
+      bring(state, way_, phi_, rounding);
+      moved_ = state.q;
+      retract<Real>(d_.charts, moved_.data(), way_.data(), state.q.data());
+    }
+    bring(state, state.v, phid_, this->rounding_like(1e-12) * (Real(1) + this->largest(state.v)));
+    this->close(state);
+    return {static_cast<double>(this->largest(phi_)), static_cast<double>(this->largest(phid_)), 0.0};
+  }
+
+  long iterations() const { return iterations_; }
+
+  /// The coordinate of the last attempt's largest error or change.
+  std::string worst() const { return std::string(d_.unknowns()[worst_]); }
+
+ protected:
+  const char* name() const override { return "sdirk4"; }
+
+  [[noreturn]] void report_breakdown(Breakdown broken) override {
+    const std::string_view coordinate = broken.row < 0 ? "" : d_.unknowns()[static_cast<std::size_t>(broken.row)];
+    this->fail("the tangent is singular", coordinate, Real(0), "this coordinate has neither mass nor stiffness, and no equation holds it");
+  }
+
+ private:
+  using Workspace<S>::d_, Workspace<S>::f_, Workspace<S>::lambda_, Workspace<S>::m_, Workspace<S>::n_, Workspace<S>::phi_, Workspace<S>::phid_,
+      Workspace<S>::phidd_, Workspace<S>::system_, Workspace<S>::time_, Workspace<S>::x_;
+
+  void keep_start() {
+    slopes_[0] = start_.vdot;
+    pulls_[0] = start_.lambda;
+  }
+
+  void note(Real size, std::size_t speed, Real& largest) {
+    if (size <= largest || largest != largest) return;
+    largest = size;
+    worst_ = speed;
+  }
+
+  static Real estimate(Real h, const std::vector<std::vector<Real>>& slopes, std::size_t i) {
+    using std::abs;
+    Real sum(0);
+    for (std::size_t j = 1; j <= Table::stages; ++j) sum += Table::error[j].template as<Real>() * slopes[j][i];
+    return abs(h * sum);
+  }
+
+  bool try_stage(std::size_t stage, Real h) {
+    time_ = at_.t = start_.t + Table::nodes[stage].template as<Real>() * h;
+    system_.begin_step(time_, Real(1));
+    v_hat_ = start_.v;
+    add_slopes(h, Table::weights[stage], slopes_, v_hat_);
+    std::fill(delta_hat_.begin(), delta_hat_.end(), Real(0));
+    add_slopes(h, Table::weights[stage], rates_, delta_hat_);
+    delta_ = delta_hat_;
+    if (stage == 1) {
+      go_on(h, slopes_[0], middle_, at_.vdot);
+      go_on(h, pulls_[0], middle_pulls_, lambda_);
+    } else {
+      guess(stage, slopes_, at_.vdot);
+      guess(stage, pulls_, lambda_);
+    }
+    if (!iterate(Table::gamma.as<Real>() * h)) return false;
+    chart_rates<Real>(d_.charts, delta_.data(), at_.v.data(), rates_[stage].data());
+    slopes_[stage] = at_.vdot;
+    pulls_[stage] = lambda_;
+    return true;
+  }
+
+  static void guess(std::size_t stage, const std::vector<std::vector<Real>>& known, std::vector<Real>& values) {
+    std::fill(values.begin(), values.end(), Real(0));
+    add_slopes(Real(1), Table::guess[stage], known, values);
+  }
+
+  /// The first stage's: on the parabola through the last step's half, three quarters and end, unless that is far behind.
+  void go_on(Real h, const std::vector<Real>& end, const std::vector<std::vector<Real>>& middle, std::vector<Real>& values) const {
+    const Real s = last_h_ > Real(0) && h <= 2 * last_h_ ? h / last_h_ : Real(0);
+    for (std::size_t i = 0; i < values.size(); ++i)
+      values[i] = s * (s + 1) / 2 * middle[0][i] - s * (s + 2) * middle[1][i] + (s + 1) * (s + 2) / 2 * end[i];
+  }
+
+  /// Newton's iteration for a stage; whether it converged.  The first change is judged by the share that a stage before left of one, less and less
+  /// trusted (Hairer, Wanner, section IV.8).
+  bool iterate(Real w) {
+    using std::pow;
+    const Real infinity = std::numeric_limits<Real>::infinity();
+    Real last = infinity, smallest = infinity, move(0);
+    bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(1.25) && w > factored_w_ * Real(0.8));
+    slow_ = false;
+    for (int iteration = 1, idle = 0; iteration <= most_iterations && follow(w); ++iteration) {
+      correct(renew, w);
+      const Real change = size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(share_, Real(0.8));
+      if (!this->finite(change) || change > Real(1e3) * smallest) return false;
+      share_ = std::clamp(share, Real(0.01), Real(0.99));
+      idle = change < smallest / 2 ? 0 : idle + 1;
+      smallest = std::min(smallest, change);
+      const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
+      const bool rounding = idle > 0 && move <= digits * (Real(1) + this->largest(at_.v));
+      if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(0.01))) return follow(w);
+      renew = iteration > 1 && share > Real(0.3);
+      slow_ = slow_ || renew;
+      last = change;
+    }
+    return false;
+  }
+
+  /// An iteration.  What violates the equations is corrected along their directions in the pose of the tangent, Phi_q; and so are the multipliers,
+  /// by alpha (Phidd + Phi_q dvdot): the new Phidd is another one where Phi_q has turned, and alpha would make much of that.
+  void correct(bool renew, Real w) {
+    this->close(at_);
+    if (renew) {
+      this->linearise(at_, Real(0), {w, w * w, alpha_, turns_.data()});
+      pose_ = at_.q;
+      this->factor();
+      factored_ = true;
+      factored_w_ = w;
+    } else {
+      this->balance(at_, Real(0));
+    }
+    for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phidd_[i];
+    system_.pull(pose_.data(), push_.data(), x_.data());
+    for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i] - x_[i];
+    this->solve();
+    system_.stretch(pose_.data(), x_.data(), push_.data());
+    for (std::size_t i = 0; i < m_; ++i) lambda_[i] += alpha_ * (phidd_[i] + push_[i]);
+    for (std::size_t i = 0; i < n_; ++i) at_.vdot[i] += x_[i];
+    ++iterations_;
+  }
+
+  /// Speeds and coordinates of the stage's accelerations; false where a ball turns too far for its chart.
+  bool follow(Real w) {
+    using std::abs;
+    for (std::size_t i = 0; i < n_; ++i) at_.v[i] = v_hat_[i] + w * at_.vdot[i];
+    Real change(1);
+    for (int pass = 0; pass < 40 && change > 4 * std::numeric_limits<Real>::epsilon(); ++pass) {
+      chart_rates<Real>(d_.charts, delta_.data(), at_.v.data(), trial_.data());
+      change = Real(0);
+      for (std::size_t i = 0; i < n_; ++i) {
+        const Real next = delta_hat_[i] + w * trial_[i];
+        change = std::max(change, abs(next - delta_[i]) / (Real(1) + abs(next)));
+        delta_[i] = next;
+      }
+      if (turns_.empty()) change = Real(0);
+    }
+    retract<Real>(d_.charts, start_.q.data(), delta_.data(), at_.q.data());
+    return change <= 64 * std::numeric_limits<Real>::epsilon();
+  }
+
+  /// The largest change of a speed by an iteration beside what its error may be; without that measure, `move`.
+  Real size_of_change(Real w, Real& move) {
+    using std::abs;
+    Real largest(0);
+    for (std::size_t i = 0; i < n_; ++i) note(w * abs(x_[i]) / tolerances_.of(abs(start_.v[i])), i, largest);
+    move = w * this->largest(x_);
+    return largest;
+  }
+
+  void bring(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap, Real negligible) {
+    closing_.close(values, gap, alpha_, negligible, [&](const auto& weight, auto way, auto closed) {
+      this->follow_weight(pose_, state, weight, way, closed);
+    });
+  }
+
+  static constexpr int most_iterations = 25;
+
+  RecursiveNewton<S> single_;
+  Closing<Real> closing_;
+  std::vector<Real> turns_;
+  State<Real> row_, start_, at_;      ///< of a row, at the step's start, and of a stage
+  std::vector<Real> pose_, moved_;    ///< that of the factors
+  std::vector<Real> push_, way_;
+  std::vector<Real> v_hat_, delta_hat_, delta_, trial_;
+  std::vector<std::vector<Real>> rates_, slopes_, pulls_;  ///< at the start and of the stages: delta', accelerations and multipliers
+  std::vector<std::vector<Real>> middle_, middle_pulls_;   ///< the last two at a half and three quarters of the step before
+  Tolerances<Real> tolerances_;
+  Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5};  ///< the last: of a change by the iteration before
+  bool factored_ = false, slow_ = false;
+  std::size_t worst_ = 0;
+  long iterations_ = 0;
+};
+
+}  // namespace cutjoint::sdirk
