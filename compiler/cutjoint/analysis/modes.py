@@ -50,7 +50,7 @@ class Mode:
     @property
     def damping_ratio(self) -> float:
         """Damping as a share of the critical one: one of what decays without oscillating, negative of what grows."""
-        return -self.eigenvalue.real / abs(self.eigenvalue)
+        return 0.0 - self.eigenvalue.real / abs(self.eigenvalue)
 
     @property
     def time_constant(self) -> float | None:

@@ -19,7 +19,10 @@ _LISTED, _MOST = 0.05, 4
 def mode_tables(modes: Modes) -> Iterator[Table | str]:
     """The eigenvalues, the frequencies without dampers, and the directions that nothing brings back."""
     about = "the static equilibrium" if modes.at_rest else f"the motion at {modes.time:.6g} s, coefficients frozen"
-    yield _table(f"modes about {about}", modes.modes)
+    if modes.modes:
+        yield _table(f"modes about {about}", modes.modes)
+    else:
+        yield f"no modes about {about}: {modes.freedoms} degrees of freedom, {len(modes.indifferent)} of them indifferent"
     if modes.undamped:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
