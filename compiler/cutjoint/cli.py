@@ -135,8 +135,8 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @click.option("--solver", type=click.Choice(pipeline.SOLVERS), default="emitted", show_default=True,
               help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
 @click.option("--integrator", type=click.Choice(["trapezoidal", *pipeline.EXPLICIT, *pipeline.IMPLICIT]),
-              help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default the scene's, "
-              "else trapezoidal.")
+              help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default "
+              "the scene's, else trapezoidal.")
 @click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
 @click.option("--closure", type=click.Choice(pipeline.CLOSURES), 
               help="How the recursive method holds its cut joints; the scene's otherwise.")

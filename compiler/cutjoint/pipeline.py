@@ -77,8 +77,8 @@ EXPLICIT = ("rk4", "dormand-prince")
 #: order 2 with damping of what is fast.
 IMPLICIT = ("sdirk4", "sdirk4-fixed", "generalised-alpha")
 
-#: The trapezoidal rule of the methods, explicit and implicit methods, and accurate solutions to measure them by: extrapolation in relative coordinates
-#: (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
+#: The trapezoidal rule of the methods, explicit and implicit methods, and accurate solutions to measure them by: extrapolation in
+#: relative coordinates (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
 INTEGRATORS = ("trapezoidal", *EXPLICIT, *IMPLICIT, "reference")
 
 #: Code made for the model, or the generic twin that interprets the model at run time.

@@ -383,10 +383,11 @@ class Numerics:
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
-    ``multiplier_updates`` of its own.  ``integrator`` is that of the methods that know it; of "dormand-prince" and "sdirk4" ``tolerance`` is
-    the relative error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one;
-    "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``methods`` has what a
-    method changes, by the names of these figures; ``by_step`` the penalty and frequency that were written as expressions of dt, whose values here are those at ``dt``.
+    ``multiplier_updates`` of its own.  ``integrator`` is that of the methods that know it; of "dormand-prince" and "sdirk4"
+    ``tolerance`` is the relative error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as
+    the relative one; "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``methods`` has what a
+    method changes, by the names of these figures; ``by_step`` the penalty and frequency that were written as expressions of dt, whose
+    values here are those at ``dt``.
     """
 
     dt: float = 1e-3

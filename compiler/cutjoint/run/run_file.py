@@ -45,8 +45,8 @@ def make_run_file(
 
     ``solver`` names the linear solver of a Lagrangian method, by default the emitted one; ``steps_out`` is where iterations and residuals
     of each step go, ``tangents_out`` where the recursive method's Jacobians at each row do.  The ``integrator`` "reference" takes steps as
-    long as ``tolerance`` allows between rows that are ``dt`` apart, "dormand-prince" and "sdirk4" such steps without regard to rows, of which
-    each has its place, and the explicit ones have no stabilisation.
+    long as ``tolerance`` allows between rows that are ``dt`` apart, "dormand-prince" and "sdirk4" such steps without regard to rows, of
+    which each has its place, and the explicit ones have no stabilisation.
     ``numerics`` are the method's figures, a penalty of None is left to the simulator; ``stabilisation`` those of the cut joints of the
     recursive equations, which start every run.
 

@@ -1,0 +1,173 @@
+"""Implicit integrators on the exact tangent: orders, errors that follow the tolerance, stiff modes, closed loops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model
+from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError
+from tests.conftest import MODELS
+from tests.mechanisms.verification import PROBLEMS, measure_errors
+from tests.physics.simulation import completed, simulate
+from tests.physics.test_spin import TEXT, attitude, body_rates
+
+BY_NAME = {p.name: p for p in PROBLEMS}
+
+
+@cache
+def compiled(path: Path) -> Artifact:
+    return compile_model(path, method="recursive-newton")
+
+
+def run_of(name: str, **how: float | str) -> Trajectory:
+    return completed(simulate(compiled(BY_NAME[name].path), **how))  # type: ignore[arg-type]
+
+
+def error_of(name: str, **how: float | str) -> float:
+    return measure_errors(BY_NAME[name], run_of(name, **how)).largest
+
+
+def with_radius(artifact: Artifact, radius: float) -> Artifact:
+    numerics = replace(artifact.scene.numerics, spectral_radius=radius)
+    return replace(artifact, scene=replace(artifact.scene, numerics=numerics))
+
+
+def orders(errors: Sequence[float]) -> list[float]:
+    """What each halving of the step shows."""
+    return [float(np.log2(a / b)) for a, b in pairwise(errors)]
+
+
+@pytest.mark.parametrize(
+    ("name", "end", "steps"),
+    [("A01", 2.0, (2e-2, 1e-2, 5e-3)), ("A02", 0.6, (4e-2, 2e-2, 1e-2)), ("SC3D", 0.5, (5e-3, 2.5e-3, 1.25e-3))],
+)
+def test_fourth_order(name: str, end: float, steps: tuple[float, ...]) -> None:
+    """A02 before its singular poses."""
+    errors = [error_of(name, integrator="sdirk4-fixed", dt=dt, end=end, tolerance=1e-11) for dt in steps]
+    assert orders(errors) == pytest.approx([4, 4], abs=0.2), errors
+
+
+def test_order_of_a_body_that_spins_in_space(tmp_path: Path) -> None:
+    """Integrating rotation vectors as if their rate were the angular velocity would be of order 2."""
+    path = tmp_path / "book.yaml"
+    path.write_text(TEXT, encoding="utf-8")
+    errors = []
+    for dt in (4e-2, 2e-2, 1e-2):
+        run = completed(simulate(compiled(path), integrator="sdirk4-fixed", dt=dt, end=2.0, tolerance=1e-12))
+        R = np.array([attitude(*angles) for angles in zip(run["book.roll"], run["book.pitch"], run["book.yaw"], strict=True)])
+        w = np.stack([run[f"book.w{a}"] for a in "xyz"], axis=1)
+        momentum = np.einsum("nij,j,nkj,nk->ni", R, [1.0, 2.0, 3.0], R, w)
+        rates = np.abs(np.einsum("nji,nj->ni", R, w) - body_rates(run.t)).max()
+        errors.append(float(max(rates, np.abs(momentum - momentum[0]).max())))
+    assert min(orders(errors)) > 3.8, errors
+
+
+@pytest.mark.parametrize(("name", "end"), [("A01", 10.0), ("A02", 0.6), ("SC3D", 1.0), ("A03", 0.05)])
+def test_errors_follow_the_tolerance(name: str, end: float) -> None:
+    tolerances = (1e-4, 1e-6, 1e-8)
+    runs = [run_of(name, integrator="sdirk4", tolerance=tolerance, end=end) for tolerance in tolerances]
+    ratios = [measure_errors(BY_NAME[name], run).largest / tolerance for run, tolerance in zip(runs, tolerances, strict=True)]
+    assert max(ratios) < 30 * min(ratios), ratios
+    assert all(run.effort.residuals.position < 1e-10 or not compiled(BY_NAME[name].path).topology.cut_joints for run in runs)
+
+
+def test_rows_do_not_limit_steps() -> None:
+    run = run_of("A05", integrator="sdirk4", tolerance=1e-4)
+    assert len(run.t) == 1001
+    assert run.steps < 300
+
+
+def test_stiff_modes_of_the_governor_do_not_limit_steps() -> None:
+    """Its fastest eigenvalue is -8075/s: errors follow the tolerance at steps a hundred times longer than explicit ones."""
+    errors = [error_of("A05", integrator="sdirk4", tolerance=tolerance) for tolerance in (1e-3, 1e-4, 1e-5)]
+    assert orders(errors) == pytest.approx([np.log2(10), np.log2(10)], abs=1.0), errors
+    assert errors[-1] < 2e-5
+    assert error_of("A05", integrator="sdirk4-fixed", dt=0.02, tolerance=1e-9) < 1e-5
+
+
+def test_few_factorisations() -> None:
+    run = run_of("A03", integrator="sdirk4", tolerance=1e-6)
+    assert run.effort.factorisations < 2 * run.steps
+
+
+@pytest.mark.parametrize(("name", "end", "steps"), [("A02", 0.6, (2e-3, 1e-3)), ("A05", 5.0, (5e-3, 2.5e-3)), ("A01", 2.0, (2e-3, 1e-3))])
+@pytest.mark.parametrize("radius", [1.0, 0.8])
+def test_generalised_alpha_is_of_second_order(name: str, end: float, steps: tuple[float, ...], radius: float) -> None:
+    problem = BY_NAME[name]
+    artifact = with_radius(compiled(problem.path), radius)
+    runs = [completed(simulate(artifact, integrator="generalised-alpha", dt=dt, end=end, tolerance=1e-10)) for dt in steps]
+    assert orders([measure_errors(problem, run).largest for run in runs]) == pytest.approx([2], abs=0.1)
+    assert all(not run.effort.residuals.position > 1e-10 for run in runs)
+
+
+SPRING = """
+cutjoint: 1
+name: stiff
+gravity: [0, 0, 0]
+bodies:
+  mass: {mass: 1, centre_of_mass: [0, 0, 0]}
+joints:
+  slide: {kind: prismatic, bodies: [ground, mass], at: [0, 0, 0], axis: [1, 0, 0]}
+forces:
+  spring: {kind: joint_force, joint: slide, law: {stiffness: 1.0e+12, free_position: 0}}
+outputs: [mass.x]
+scenes:
+  swing: {end: 0.4, output_step: 0.01, positions: {slide.displacement: 1.0e-3}, numerics: {dt: 0.01, tolerance: 1.0e-10}}
+"""
+
+
+def chung_hulbert(radius: float, stiffness: float) -> tuple[np.ndarray, float]:
+    """Places of SPRING with a mass of 1 by the method as published, M a_(n+1-alpha_m) + K d_(n+1-alpha_f) = 0; its spectral radius."""
+    h, alpha_m, alpha_f = 0.01, (2 * radius - 1) / (radius + 1), radius / (radius + 1)
+    gamma = 0.5 - alpha_m + alpha_f
+    beta = 0.25 * (1 - alpha_m + alpha_f) ** 2
+    old = np.array([[1, h, (0.5 - beta) * h**2], [0, 1, (1 - gamma) * h], [-alpha_f * stiffness, 0, -alpha_m]])
+    new = np.array([[1, 0, -beta * h**2], [0, 1, -gamma * h], [(1 - alpha_f) * stiffness, 0, 1 - alpha_m]])
+    step = np.linalg.solve(new, old)
+    states = [np.array([1e-3, 0.0, -1e-3 * stiffness])]
+    for _ in range(40):
+        states.append(step @ states[-1])
+    return np.array(states)[:, 0], float(np.abs(np.linalg.eigvals(step)).max())
+
+
+@pytest.mark.parametrize("radius", [1.0, 0.8, 0.5, 0.0])
+@pytest.mark.parametrize("stiffness", [1e4, 1e6, 1e12])
+def test_generalised_alpha_as_published(radius: float, stiffness: float, tmp_path: Path) -> None:
+    path = tmp_path / "stiff.yaml"
+    path.write_text(SPRING.replace("1.0e+12", f"{stiffness:.1e}"), encoding="utf-8")
+    run = completed(simulate(with_radius(compiled(path), radius), integrator="generalised-alpha"))
+    places, found = chung_hulbert(radius, stiffness)
+    assert run["mass.x"] == pytest.approx(places, abs=1e-8)
+    if stiffness == 1e12:
+        assert found == pytest.approx(radius, abs=0.03)
+
+
+def test_integrators_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="the integrator sdirk4 takes the method recursive-newton"):
+        simulate(compile_model(MODELS / "pendulum.yaml"), integrator="sdirk4")
+    text = (MODELS / "pendulum.yaml").read_text(encoding="utf-8")
+    path = tmp_path / "pendulum.yaml"
+    path.write_text(text.replace("dt: 0.001", "dt: 0.001, spectral_radius: 1.5"), encoding="utf-8")
+    with pytest.raises(ModelError, match="spectral_radius must be between 0 and 1"):
+        read_model(path)
+
+
+def test_a_force_without_value_ends_the_run_with_its_coordinate(tmp_path: Path) -> None:
+    path = tmp_path / "root.yaml"
+    text = SPRING.replace("law: {stiffness: 1.0e+12, free_position: 0}", 'law: "-pull*sqrt(position/metre)"')
+    text = text.replace("bodies:\n", 'parameters: {pull: "1 N", metre: "1 m"}\nbodies:\n', 1)
+    path.write_text(text.replace("0.4", "4").replace("1.0e-3", "0.1"), encoding="utf-8")
+    run = simulate(compiled(path), integrator="sdirk4")
+    assert run.failure is not None
+    assert run.failure.element == "slide.displacement_rate"
+    assert len(run.t) > 10
