@@ -84,7 +84,8 @@ class AugmentedNewton : public Newton<S> {
 
   /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the gap Phid; see Closing.
   void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) override {
-    const Real left = closing_.close(values, gap, k_ * alpha_, this->negligible(values), [&](const auto& w, auto way, auto closing) {
+    const auto negligible = [&] { return this->negligible(values); };
+    const Real left = closing_.close(values, gap, k_ * alpha_, negligible, [&](const auto& w, auto way, auto closing) {
       this->follow_weight(pose_, state, w, way, closing);
     });
     if (&values == &state.v) share_left_ = left;

@@ -27,13 +27,13 @@ class Closing {
 
   Closing(std::size_t unknowns, std::size_t equations) : n_(unknowns), m_(equations), gap_(m_), ways_(passes * n_), closings_(passes * m_) {}
 
-  /// Change `values` until their gap is `negligible`; `follow` puts way = A^-1 Phi_q^T w and closing = Phi_q way for a w, and `constraint`
+  /// Change `values` until their gap is `negligible()` beside them; `follow` puts way = A^-1 Phi_q^T w and closing = Phi_q way for a w, and `constraint`
   /// is c.  Returns the share of the gap that a projection of length c would leave, where most would be left.
-  template <class Follow>
-  Real close(std::vector<Real>& values, const std::vector<Real>& gap, Real constraint, Real negligible, Follow follow) {
+  template <class Negligible, class Follow>
+  Real close(std::vector<Real>& values, const std::vector<Real>& gap, Real constraint, Negligible negligible, Follow follow) {
     gap_ = gap;
     Real strongest(0), share_left(0);
-    for (std::size_t pass = 0; pass < passes && largest(gap_) > negligible; ++pass) {
+    for (std::size_t pass = 0; pass < passes && largest(gap_) > negligible(); ++pass) {
       const std::span<Real> way(ways_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
       follow(gap_, way, closing);
       const Real strength = dot(gap_, closing) / dot(gap_, gap_);

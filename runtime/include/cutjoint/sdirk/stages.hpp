@@ -292,7 +292,7 @@ class Stages : public Workspace<S> {
   }
 
   void bring(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap, Real negligible) {
-    closing_.close(values, gap, alpha_, negligible, [&](const auto& weight, auto way, auto closed) {
+    closing_.close(values, gap, alpha_, [negligible] { return negligible; }, [&](const auto& weight, auto way, auto closed) {
       this->follow_weight(pose_, state, weight, way, closed);
     });
   }
