@@ -106,5 +106,5 @@ def test_what_does_not_know_the_closure_says_so() -> None:
     scene = with_closure(find_scene(model, None), "proximal")
     with pytest.raises(RunError, match="the generic twin knows closure: penalty only, not proximal; use --implementation generated"):
         compile_scene(model, scene, implementation="generic")
-    with pytest.raises(RunError, match="draws the loops back by their stabilisation: use closure: penalty"):
+    with pytest.raises(RunError, match="the integrator reference closes loops in its own way: use closure: penalty"):
         simulate(compiled(MODELS / "slider_crank.yaml"), integrator="reference")
