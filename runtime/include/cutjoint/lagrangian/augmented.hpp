@@ -88,8 +88,11 @@ class AugmentedNewton : public Newton<S> {
     const Real left = closing_.close(values, gap, k_ * alpha_, negligible, [&](const auto& w, auto way, auto closing) {
       this->follow_weight(pose_, state, w, way, closing);
     });
-    if (&values == &state.v) share_left_ = left;
+    if (&values == &state.v) take_share(left);
   }
+
+  /// The share of the rates' gap that a projection of length dt^2/4 alpha leaves where it leaves most.
+  virtual void take_share(Real left) { share_left_ = left; }
 
   [[noreturn]] void report_breakdown(Breakdown broken) override {
     const std::string_view coordinate = broken.row < 0 ? "" : d_.unknowns()[static_cast<std::size_t>(broken.row)];
@@ -101,10 +104,10 @@ class AugmentedNewton : public Newton<S> {
 
   Real start_alpha_{1}, alpha_;
   int iteration_ = 0;       ///< of a step
+  Real share_left_{0};             ///< of the gap by a projection of length dt^2/4 alpha, where most is left
   std::vector<Real> pose_;  ///< of the tangent
 
  private:
-  Real share_left_{0};             ///< of the gap by a projection of length dt^2/4 alpha, where most is left
   Closing<Real> closing_;
 };
 

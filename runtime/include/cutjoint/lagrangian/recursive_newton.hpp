@@ -49,6 +49,15 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   /// A thousandth of what the iteration leaves of the accelerations.
   Real negligible(const std::vector<Real>& values) const override { return Real(1e-3) * Real(figures_.tolerance) * (Real(1) + this->largest(values)); }
 
+  /// Where a projection leaves most of a gap, equations nearly depend on each other; what they ask for turns quickly with the pose, their
+  /// multipliers grow without limit, and with them the tangent's share of these.
+  void take_share(Real left) override {
+    Base::take_share(left);
+    if (left > Real(0.9))
+      this->fail("the pose is singular, or nearly: equations depend on each other for a moment", d_.equations[0], left,
+                 "take --method augmented or recursive, which cross such poses");
+  }
+
   bool renews_always() const override { return false; }
   bool may_end() const override { return m_ == 0 || updates_ > 0 || figures_.multiplier_updates == 0; }
 
