@@ -3,13 +3,16 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test sanitize fuzz bench newton methods report choice flags verification lint setup clean
+.PHONY: demo test heavy sanitize fuzz bench newton methods report choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
 
 test: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile
+
+heavy: setup
+	$(BIN)/python -m pytest -n auto --dist loadfile -m heavy
 
 sanitize: setup
 	$(BIN)/python scripts/sanitize

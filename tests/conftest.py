@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"
 DATA = ROOT / "tests" / "data"
 
 os.environ.setdefault("CUTJOINT_FLAGS", "-O1")
+
+
+def with_heavy(cases: Iterable[Any], *heavy: Any) -> list[Any]:
+    """Cases of a parametrised test, some of them for `make heavy` only."""
+    return [_heavy(case) if case in heavy else case for case in cases]
+
+
+def _heavy(case: Any) -> Any:
+    return pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.heavy)

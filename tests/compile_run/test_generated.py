@@ -12,7 +12,7 @@ from cutjoint.model.records import JointKind, Numerics
 from cutjoint.pipeline import compile_model, generate
 from cutjoint.toolchain.build import build
 from tests.compile_run.generated import interpret, random_states, run_evaluate
-from tests.conftest import MODELS
+from tests.conftest import MODELS, with_heavy
 from tests.mechanisms import random_models
 
 #: With the paper's penalty of 1e9 N/m against masses of 1 to 1000 kg, doubles keep about 1e-16 * 1e9 of the accelerations, twice in
@@ -22,7 +22,9 @@ TOLERANCE = {1e4: 1e-10, 1e9: 1e-6}
 
 
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-@pytest.mark.parametrize(("model", "scene"), [("four_bar", "swing"), ("iltis", "simul1s"), ("iltis", "iavsd_sine_2mm")])
+@pytest.mark.parametrize(("model", "scene"), with_heavy(
+    [("four_bar", "swing"), ("iltis", "simul1s"), ("iltis", "iavsd_sine_2mm")], ("iltis", "iavsd_sine_2mm")
+))  # fmt: skip
 def test_generated_code_equals_the_interpreter(monkeypatch: pytest.MonkeyPatch, compiler: str, model: str, scene: str) -> None:
     monkeypatch.setenv("CXX", compiler)
     artifact = compile_model(MODELS / f"{model}.yaml", scene=scene)

@@ -16,7 +16,7 @@ from cutjoint.pipeline import METHODS, Artifact, compile_scene, generate, simula
 from cutjoint.reduce.guards import guard_forces, guardable, speculate
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
-from tests.conftest import MODELS
+from tests.conftest import MODELS, with_heavy
 from tests.physics.simulation import completed
 
 #: A weight on a spring, above a floor (a damped stop) and below a slack rope, with a pendulum that may meet a wall.
@@ -106,7 +106,7 @@ def test_passes_one_after_the_other_give_the_model_of_one() -> None:
     assert one_by_one == guard_forces(model, scene).model
 
 
-@each_method
+@pytest.mark.parametrize("method", with_heavy(METHODS, "augmented", "classical"))
 def test_a_model_whose_guards_hold_moves_as_the_full_one(method: str) -> None:
     """What was taken out reports no force, but where its parts are."""
     full, reduced = completed(run(method, "swing", ())), completed(run(method, "swing"))

@@ -16,7 +16,7 @@ from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
 from cutjoint.reduce.half.symmetry import halve
 from cutjoint.reduce.records import Outcome
 from cutjoint.topology.build import build_topology
-from tests.conftest import MODELS
+from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.symmetric import CARRIAGE, wings_text
 from tests.oracles.dense import Instant, Numerics
 from tests.oracles.evaluation import both as both_ways
@@ -66,7 +66,7 @@ def both(method: str) -> tuple[Artifact, Artifact]:
 # The same motion
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", with_heavy(METHODS, "augmented", "classical"))
 def test_every_column_of_a_half_is_that_of_the_whole(method: str) -> None:
     """All joints, forces and sensors in the plane and in pairs, and all their quantities, from an asymmetric start in the plane."""
     model, scene = carriage()
