@@ -53,7 +53,7 @@ def test_what_explicit_integrators_take(how: dict[str, str]) -> None:
 
 
 def test_an_unknown_integrator() -> None:
-    with pytest.raises(RunError, match=r"no integrator 'euler'; there is trapezoidal, rk4, dormand-prince, reference"):
+    with pytest.raises(RunError, match=r"no integrator 'euler'; there is trapezoidal, rk4, dormand-prince, sdirk4"):
         simulate(compile_model(MODELS / "pendulum.yaml"), integrator="euler")
 
 

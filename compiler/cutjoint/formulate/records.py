@@ -106,6 +106,16 @@ class Equations:
         """A function by name."""
         return next(f for f in self.functions if f.name == name)
 
+    @property
+    def unknowns(self) -> int:
+        """How many unknowns a step solves for, multipliers not counted."""
+        raise NotImplementedError
+
+    @property
+    def equation_names(self) -> tuple[str, ...]:
+        """A name for each constraint equation."""
+        raise NotImplementedError
+
 
 @dataclass(frozen=True, kw_only=True)
 class RecursiveEquations(Equations):
@@ -129,6 +139,11 @@ class RecursiveEquations(Equations):
     def speeds(self) -> int:
         """Length of v."""
         return sum(len(c.speed_names) for c in self.charts)
+
+    @property
+    def unknowns(self) -> int:
+        """The speeds."""
+        return self.speeds
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
@@ -161,11 +176,6 @@ class SystemEquations(Equations):
     @property
     def coordinate_names(self) -> tuple[str, ...]:
         """A name for each element of q."""
-        raise NotImplementedError
-
-    @property
-    def equation_names(self) -> tuple[str, ...]:
-        """A name for each constraint equation."""
         raise NotImplementedError
 
     @property

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 
 from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
-from cutjoint.formulate.natural.records import LagrangianEquations
-from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import ITERATIONS, generate
@@ -148,10 +146,8 @@ def _approximate(whole: Outcome, rungs: list[Rung], method: str) -> None:
 
 def _rung(name: str, outcome: Outcome, method: str, *, motion: str) -> Rung:
     equations, program, _ = generate(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
-    assert isinstance(equations, RecursiveEquations | LagrangianEquations)
-    unknowns = equations.speed_names if isinstance(equations, RecursiveEquations) else equations.coordinate_names
     return Rung(
-        name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=len(unknowns),
+        name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=equations.unknowns,
         operations=program.operations(ITERATIONS[method]), equations=len(equations.equation_names), done=outcome.done, left=outcome.left,
     )  # fmt: skip
 

@@ -15,10 +15,9 @@ from cutjoint.program.blocks import BindingTime, Block
 
 @dataclass(frozen=True, kw_only=True)
 class Closed:
-    """A cut joint with residual Phi: ``push`` = penalty Phi + lambda (m, 1), and its wrenches -A^T push on the bodies."""
+    """A cut joint with residual Phi, and its wrenches -A^T (penalty Phi + lambda) on the bodies."""
 
     loop: LoopClosure
-    push: Block
     wrenches: Mapping[str, Block]
 
     @property
@@ -32,7 +31,7 @@ def close(k: Kinematics, loop: LoopClosure, penalty: Block) -> Closed:
     b, joint = k.builder, loop.joint
     with b.section("closure", joint.name, "W = -A^T (penalty Phi + lambda)", joint.span.place):
         push = b.label(b.add(b.scale(penalty, loop.residual), loop.multipliers), f"push_{joint.name.replace('.', '_')}")
-        return Closed(loop=loop, push=push, wrenches=pulls(k, loop, push))
+        return Closed(loop=loop, wrenches=pulls(k, loop, push))
 
 
 def pulls(k: Kinematics, loop: LoopClosure, push: Block) -> dict[str, Block]:
@@ -50,11 +49,10 @@ def jacobian(motions: Motions, loop: LoopClosure) -> list[tuple[Motion, Block, B
     found = []
     for body, _, way in ways(motions, dict.fromkeys((loop.joint.follower, loop.joint.base), b.zero(6))):
         for m in way:
-            s, shift = (m.s, m.s) if m.shifts_pole else (m.s, m.shift)
             if body == loop.joint.follower:
-                found.append((m, b.mul(loop.A, s), b.mul(loop.A, shift)))
+                found.append((m, b.mul(loop.A, m.s), b.mul(loop.A, m.shift)))
             else:
-                found.append((m, b.neg(b.mul(loop.A, b.mul(step, s))), b.neg(b.mul(loop.A, b.mul(step, shift)))))
+                found.append((m, b.neg(b.mul(loop.A, b.mul(step, m.s))), b.neg(b.mul(loop.A, b.mul(step, m.shift)))))
     return found
 
 

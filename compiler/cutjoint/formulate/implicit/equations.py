@@ -25,17 +25,15 @@ from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, de
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.implicit.wrenches import SharedForces, ways, wrench_tangent
 from cutjoint.formulate.inputs import Numbers, chart_slots, column_slots, make_translator, open_parameters, report_columns
-from cutjoint.formulate.records import Column, Function, RecursiveEquations, Slot
+from cutjoint.formulate.records import Column, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
 from cutjoint.formulate.recursive.loops import LoopClosure, derive_loops, transport
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
+from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
-
-_STATE = ("const Real* q", "const Real* v", "const Real* vdot")
-_BALANCE = (*_STATE, "const Real* lambda", "Real penalty")
 
 
 def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> ImplicitEquations:
@@ -59,31 +57,17 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         Zdd=given_accelerations(k), correspondence=Correspondence(), M=masses, Q=weights_of_masses,
     )  # fmt: skip
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
-    balance = system_of.balance()
-    functions = (
-        Function(
-            name="place", arguments=("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"), results=_place(b, start)
-        ),
-        Function(name="balance", arguments=(*_BALANCE, "Real* balance", "Real* residual"), results=balance),
-        Function(
-            name="linearise", arguments=(*_BALANCE, "const Weights<Real>& weights", "Real* balance", "Real* residual", "Real* tangent"),
-            results={**balance, **system_of.tangent()},
-        ),
-        Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate", "Real* curvature"), results=system_of.closure()),
-        Function(name="pull", arguments=("const Real* q", "const Real* w", "Real* force"), results=system_of.pull()),
-        Function(name="stretch", arguments=("const Real* q", "const Real* vdot", "Real* change"), results=system_of.stretch()),
-        Function(
-            name="report", arguments=(*_STATE, "const Real* lambda", "Real* column"),
-            results=report_columns(b, reporter.quantity, outputs),
-        ),
-        *guard_function(margins),
+    functions = system_functions(
+        place=_place(b, start), balance=system_of.balance(), tangent=system_of.tangent(), close=system_of.closure(), pull=system_of.pull(),
+        stretch=system_of.stretch(), report=report_columns(b, reporter.quantity, outputs),
     )  # fmt: skip
     return ImplicitEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
-        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions, method="recursive-newton",
+        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
+        functions=(*functions, *guard_function(margins)), method="recursive-newton",
         slots={**_slots(start), **column_slots(outputs), **margin_slots(model, scene)}, start=start,
-        correspondence=system_of.correspondence, load_arguments=("const Real* parameters", "const Road<Real>* roads"),
+        correspondence=system_of.correspondence, load_arguments=LOAD_ARGUMENTS,
     )  # fmt: skip
 
 
@@ -246,6 +230,6 @@ def _slots(start: RecursiveEquations) -> dict[str, Slot]:
             slots[f"turn:{c.joint}"] = Slot(array="weights.turns", offset=9 * balls, names=names)
             balls += 1
     for closure in start.closures:
-        for array in ("lambda", "w", "residual", "rate", "curvature", "change"):
+        for array in EQUATION_ARRAYS:
             slots[f"{array}:{closure.joint}"] = Slot(array=array, offset=closure.first, names=closure.names)
     return slots

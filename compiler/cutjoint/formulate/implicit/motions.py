@@ -38,8 +38,8 @@ class Motion:
     """An elementary motion, or one of the three directions of a ball.
 
     ``row`` is its place among all speeds, ``index`` that within its joint, ``group`` that of its motion within the joint (those of a ball
-    share one); ``s`` (6, 1) its column, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist behind it, ``DV`` and ``c`` (6, 1) as
-    above. ``shifts_pole`` tells of the directions of a free root.
+    share one); ``s`` (6, 1) its column, ``shift`` (6, 1) the same by the unknown of a ball, ``xi`` (6, 1) the displacement, ``after``
+    (6, 1) the twist behind it, ``DV`` and ``c`` (6, 1) as above.
     """
 
     body: str
@@ -52,7 +52,6 @@ class Motion:
     after: Block
     DV: Block
     c: Block
-    shifts_pole: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +151,6 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
                 b.label(block, f"{symbol}_{name}")
             yield Motion(
                 body=body, row=chart.v + i, index=i, group=n, s=columns[i], shift=shifts[i], xi=xi, after=after, DV=DV, c=c,
-                shifts_pole=still,
             )  # fmt: skip
         before, A_before = after, A_after
 

@@ -16,6 +16,11 @@ class ImplicitEquations(SystemEquations):
     """
 
     @property
+    def unknowns(self) -> int:
+        """The speeds."""
+        return self.start.speeds
+
+    @property
     def coordinate_names(self) -> tuple[str, ...]:
         """A name for each element of q."""
         return self.start.coordinate_names

@@ -26,14 +26,12 @@ from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
 from cutjoint.formulate.natural.outputs import NaturalReporter
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.natural.start import place_nodes
-from cutjoint.formulate.records import Column, Function, RecursiveEquations, Slot
+from cutjoint.formulate.records import Column, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
+from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Model, Output, Scalar, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
-
-_STATE = ("const Real* q", "const Real* v", "const Real* vdot")
-_BALANCE = (*_STATE, "const Real* lambda", "Real penalty")
 
 
 def formulate_lagrangian(
@@ -65,32 +63,22 @@ def formulate_lagrangian(
         model=model, scene=scene, motions=motions, elements=told, constraints=system.constraints
     )  # fmt: skip
     tangent = system.augmented() if method == "augmented" else system.classical()
-    functions = (
-        Function(name="place", arguments=("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"), results={
-            f"{kind}:{node.name}": block for node, *blocks in place_nodes(k, topology, layout)
-            for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
-        }),
-        Function(name="balance", arguments=(*_BALANCE, "Real* balance", "Real* residual"), results=system.balance()),
-        Function(
-            name="linearise", arguments=(*_BALANCE, "const Weights<Real>& weights", "Real* balance", "Real* residual", "Real* tangent"),
-            results={**system.balance(), **tangent},
-        ),
-        Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate", "Real* curvature"), results=system.closure()),
-        Function(name="pull", arguments=("const Real* q", "const Real* w", "Real* force"), results=system.pull()),
-        Function(name="stretch", arguments=("const Real* q", "const Real* vdot", "Real* change"), results=system.stretch()),
-        Function(
-            name="report", arguments=(*_STATE, "const Real* lambda", "Real* column"),
-            results=report_columns(b, reporter.quantity, outputs),
-        ),
-        *guard_function(margins),
+    placed = {
+        f"{kind}:{node.name}": block for node, *blocks in place_nodes(k, topology, layout)
+        for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
+    }  # fmt: skip
+    functions = system_functions(
+        place=placed, balance=system.balance(), tangent=tangent, close=system.closure(), pull=system.pull(), stretch=system.stretch(),
+        report=report_columns(b, reporter.quantity, outputs),
     )  # fmt: skip
     return LagrangianEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
-        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions, method=method,
+        columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
+        functions=(*functions, *guard_function(margins)), method=method,
         slots={**chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs), **margin_slots(model, scene)},
         start=start, layout=layout, correspondence=motions.correspondence, constraints=system.constraints,
-        load_arguments=("const Real* parameters", "const Road<Real>* roads"),
+        load_arguments=LOAD_ARGUMENTS,
     )  # fmt: skip
 
 
@@ -279,7 +267,7 @@ class _System:
                 slots[f"{kind}:{node.name}"] = Slot(array=array, offset=offset, names=components(node))
         first = 0
         for c in self.constraints:
-            for array in ("lambda", "w", "residual", "rate", "curvature", "change"):
+            for array in EQUATION_ARRAYS:
                 slots[f"{array}:{c.symbol}"] = Slot(array=array, offset=first, names=c.names)
             first += len(c.names)
         return slots

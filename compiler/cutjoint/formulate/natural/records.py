@@ -23,6 +23,11 @@ class LagrangianEquations(SystemEquations):
     constraints: tuple[Constraint, ...]
 
     @property
+    def unknowns(self) -> int:
+        """The natural coordinates."""
+        return len(self.coordinate_names)
+
+    @property
     def coordinate_names(self) -> tuple[str, ...]:
         """A name for each element of q."""
         return tuple(
