@@ -14,13 +14,14 @@ namespace cutjoint::runge_kutta {
 /// The cell of each switch: between which of its levels its value stands.  Zero is the level of a condition; breaks are those of a road.
 ///
 /// A cell is left when the value is beyond its bounds by more than rounding; where, is then sought without regard to rounding.  A value that
-/// stands on a level when a regime begins has no cell until it is off it.
+/// stands on a level when a regime begins has no cell until it is off it.  Rounding is that of the value where a step begins, which is small
+/// near a level, and a few units of the largest value seen, whose terms may cancel there.
 template <class Real>
 class Regime {
  public:
   Regime(const std::vector<Switch>& switches, const std::vector<Road<Real>>& roads)
       : switches_(switches), roads_(roads), zero_{Real(0)}, levels_(switches.size(), &zero_), cells_(switches.size(), undecided),
-        sought_(switches.size(), false), values_(switches.size()), start_(values_), previous_(values_), noise_(switches.size(), smallest()) {}
+        sought_(switches.size(), false), values_(switches.size()), start_(values_), previous_(values_), largest_(values_), noise_(values_) {}
 
   bool empty() const { return switches_.empty(); }
 
@@ -29,11 +30,10 @@ class Regime {
 
   /// The regime of the present values begins.
   void adopt() {
-    using std::abs;
     for (std::size_t i = 0; i < cells_.size(); ++i) {
       if (const auto [element, place, road, across] = switches_[i]; road >= 0)
         levels_[i] = &roads_[static_cast<std::size_t>(road)].breaks(across >= 0 ? values_[static_cast<std::size_t>(across)] : Real(0));
-      noise_[i] = std::max(noise_[i], smallest() * abs(values_[i]));
+      weigh(i);
       cells_[i] = sought_[i] && is_out(i, Real(0)) ? cell_of(i) : decided_cell_of(i);
       sought_[i] = false;
     }
@@ -42,8 +42,10 @@ class Regime {
 
   /// Values on a level when the regime began belong to the cell in which they stand now; the next attempt starts here.
   void advance() {
-    for (std::size_t i = 0; i < cells_.size(); ++i)
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      weigh(i);
       if (cells_[i] == undecided) cells_[i] = decided_cell_of(i);
+    }
     start_ = values_;
   }
 
@@ -87,7 +89,12 @@ class Regime {
  private:
   static constexpr int undecided = -1;
 
-  static Real smallest() { return 4096 * std::numeric_limits<Real>::epsilon(); }
+  /// What rounding may do to a value until the next step begins.
+  void weigh(std::size_t i) {
+    using std::abs;
+    largest_[i] = std::max(largest_[i], abs(values_[i]));
+    noise_[i] = std::numeric_limits<Real>::epsilon() * std::max(4096 * std::max(Real(1), abs(values_[i])), 4 * largest_[i]);
+  }
 
   const std::vector<Real>& levels(std::size_t i) const { return *levels_[i]; }
 
@@ -137,7 +144,7 @@ class Regime {
   std::vector<const std::vector<Real>*> levels_;
   std::vector<int> cells_;
   std::vector<bool> sought_;
-  std::vector<Real> values_, start_, previous_, noise_;
+  std::vector<Real> values_, start_, previous_, largest_, noise_;
   Real previous_time_{0}, crossing_{0};
 };
 
