@@ -20,6 +20,9 @@ from cutjoint.version import __version__
 _USING = ("std::abs", "std::acos", "std::asin", "std::atan", "std::atan2", "std::cos", "std::cosh", "std::exp", "std::log", "std::pow",
           "std::sin", "std::sinh", "std::sqrt", "std::tan", "std::tanh")  # fmt: skip
 
+#: The length (characters) from which on a file is compiled by itself: about where its own text takes longer than the headers.
+LARGE = 40_000
+
 #: Names of the runtime and of the generated class's own members.
 _TAKEN = frozenset({"AnyMechanism", "Chart", "Column", "Description", "Loaded", "Parameter", "Real", "Road", "Stabilisation", "Step"})
 
@@ -41,7 +44,7 @@ def emit(program: Program, equations: Equations) -> Source:
     page = Page.of(equations, "recursive")
     files = mechanism_files(page, program, equations)
     files["main.cpp"] = page.render("main.cpp.jinja")
-    return page.source({**files, "CMakeLists.txt": page.render("CMakeLists.txt.jinja", start_sources=sources(files), sources=())})
+    return page.source({**files, "CMakeLists.txt": project_file(page, files, {})})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +141,13 @@ def _quotable(text: str) -> str:
     return on_one_line(text).replace('"', "?")
 
 
-def sources(files: Mapping[str, str]) -> list[str]:
+def project_file(page: Page, mechanism: Mapping[str, str], system: Mapping[str, str]) -> str:
+    """The CMake project of a mechanism, and of its system where a Lagrangian method has one."""
+    large = sorted(name for name, text in {**mechanism, **system}.items() if len(text) > LARGE)
+    return page.render("CMakeLists.txt.jinja", start_sources=_sources(mechanism), sources=_sources(system), large_sources=large)
+
+
+def _sources(files: Mapping[str, str]) -> list[str]:
     """The C++ files of a library."""
     return sorted(f for f in files if f.endswith(".cpp") and f != "main.cpp")
 

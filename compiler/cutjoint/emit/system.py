@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
-from cutjoint.emit.source import Page, Source, description, mechanism_files, members, sources
+from cutjoint.emit.source import Page, Source, description, mechanism_files, members, project_file
 from cutjoint.emit.view import Viewer
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import SystemEquations
@@ -39,8 +39,7 @@ def emit_system(
     main = own.render(
         "lagrangian_main.cpp.jinja", start_header=f"{page.stem}.hpp", start_class_name=page.class_name, header=f"{_header(own)}.hpp"
     )
-    project = own.render("CMakeLists.txt.jinja", start_sources=sources(mechanism), sources=sources(files))
-    return own.source({**mechanism, **files, "main.cpp": main, "CMakeLists.txt": project})
+    return own.source({**mechanism, **files, "main.cpp": main, "CMakeLists.txt": project_file(own, mechanism, files)})
 
 
 def _header(page: Page) -> str:
