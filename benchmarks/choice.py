@@ -21,15 +21,17 @@ from rich.table import Table
 
 from cutjoint.bench.measure import machine
 from cutjoint.bench.store import Record, Store
+from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import METHODS, compile_scene, find_scene
+from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.choose import PATIENCE, Candidate, choose, try_rung
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import time_run
 from cutjoint.reduce.truth import Truth, at_step, find_truth
 from cutjoint.run.run_file import RunError
+from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint.version import __version__
 

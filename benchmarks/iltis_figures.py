@@ -14,9 +14,10 @@ from cutjoint.analysis.mobility import Mobility, find_mobility
 from cutjoint.bench.measure import machine
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
-from cutjoint.pipeline import Artifact, compile_model, find_equilibrium, simulate
+from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
+from cutjoint.states import find_equilibrium
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint.version import __version__
 

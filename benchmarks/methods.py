@@ -16,7 +16,8 @@ from rich.table import Table
 
 from cutjoint.bench.command import spinner
 from cutjoint.bench.measure import machine
-from cutjoint.pipeline import ITERATIONS, METHODS, SOLVERS, Artifact, compile_model, time_solver
+from cutjoint.methods import ITERATIONS, METHODS, SOLVERS
+from cutjoint.pipeline import Artifact, compile_model, time_solver
 
 MODEL = Path(__file__).resolve().parent.parent / "models" / "iltis.yaml"
 

@@ -25,9 +25,9 @@ from cutjoint.bench.kept import find_outdated
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
-from cutjoint.pipeline import with_figures
 from cutjoint.report.bench.charts import draw_work_precision
 from cutjoint.report.bench.page import render_page
+from cutjoint.run.scenes import with_figures
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"

@@ -11,8 +11,9 @@ From Python::
 
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import NoEquilibriumError, compile_model, find_equilibrium, simulate
+from cutjoint.pipeline import compile_model, simulate
 from cutjoint.run.run_file import RunError
+from cutjoint.states import NoEquilibriumError, find_equilibrium
 from cutjoint.toolchain.build import ToolchainError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.spanning_tree import TopologyError

@@ -24,19 +24,22 @@ from cutjoint.bench.command import bench_options, run_bench
 from cutjoint.export.columns import known_outputs
 from cutjoint.export.peers import PEERS, write_export
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.methods import CLOSURES, COMPARISON_SOLVERS, EXPLICIT, IMPLEMENTATIONS, IMPLICIT, METHODS, SOLVERS
 from cutjoint.model.document import json_schema
 from cutjoint.model.errors import ModelError
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import METHODS, Artifact, NoEquilibriumError
+from cutjoint.pipeline import Artifact
 from cutjoint.reduce.choose import choose, chosen_rung
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import measure_rungs
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.sparse.ordering import MissingLibraryError
+from cutjoint.states import NoEquilibriumError, find_equilibrium, find_modes
 from cutjoint.toolchain.build import PRECISIONS, ToolchainError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
@@ -96,7 +99,7 @@ def check(model: Path) -> None:
     checked = read_model(model)
     scene = next(iter(checked.scenes), None)
     topology = build_topology(checked)
-    equations = formulate_recursive(topology, pipeline.find_scene(checked, scene), ())
+    equations = formulate_recursive(topology, find_scene(checked, scene), ())
     require_inertia(equations)
     poses = explore(equations)
     mobility = find_mobility(equations, poses)
@@ -130,15 +133,15 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
               "by default the scene's, else recursive.")
 @click.option("--tolerance", type=click.FloatRange(min=0, min_open=True), help="Of method auto in m and rad, of a step of "
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
-@click.option("--implementation", type=click.Choice(pipeline.IMPLEMENTATIONS), default="generated", show_default=True,
+@click.option("--implementation", type=click.Choice(IMPLEMENTATIONS), default="generated", show_default=True,
               help="Code made for the model, or a generic program that interprets it.")
-@click.option("--solver", type=click.Choice(pipeline.SOLVERS), default="emitted", show_default=True,
+@click.option("--solver", type=click.Choice(SOLVERS), default="emitted", show_default=True,
               help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
-@click.option("--integrator", type=click.Choice(["trapezoidal", *pipeline.EXPLICIT, *pipeline.IMPLICIT]),
+@click.option("--integrator", type=click.Choice(["trapezoidal", *EXPLICIT, *IMPLICIT]),
               help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default "
               "the scene's, else trapezoidal.")
 @click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
-@click.option("--closure", type=click.Choice(pipeline.CLOSURES), 
+@click.option("--closure", type=click.Choice(CLOSURES), 
               help="How the recursive method holds its cut joints; the scene's otherwise.")
 @click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
 @click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
@@ -157,17 +160,17 @@ def simulate(
 
     parameters = _parameters(changes)
     checked = read_model(model)
-    chosen = pipeline.find_scene(checked, scene)
+    chosen = find_scene(checked, scene)
     asked = method or chosen.method or "recursive"
     if closure is not None and asked != "recursive":
         raise RunError(f"--closure {closure}: only the recursive method has one; use --method recursive")
-    chosen = chosen if closure is None else pipeline.with_closure(chosen, closure)
+    chosen = chosen if closure is None else with_closure(chosen, closure)
 
     def run_with(of: Model, played: Scene, method: str) -> tuple[Artifact, Trajectory]:
         if method == "recursive" and solver != "emitted":
             raise RunError(f"--solver {solver}: the recursive method has no linear solver; use --method augmented or classical")
         with _progress(f"compiling {model.name}"):
-            comparison = solver in pipeline.COMPARISON_SOLVERS
+            comparison = solver in COMPARISON_SOLVERS
             artifact = pipeline.compile_scene(
                 of, played, method=method, implementation=implementation, comparison=comparison, precision=precision
             )
@@ -231,7 +234,7 @@ def reduce(model: Path, scene: str | None, method: str, approximate: bool, dt: f
 
     checked = read_model(model)
     with _progress(f"reducing {model.name}"):
-        rungs = climb(checked, pipeline.find_scene(checked, scene), method, approximate=approximate)
+        rungs = climb(checked, find_scene(checked, scene), method, approximate=approximate)
         costs = measure_rungs(rungs, dt=dt, parameters=_parameters(changes))
     _out.print(ladder_table(rungs, costs))
     for line in note_lines(rungs[-1]):
@@ -275,7 +278,7 @@ def equilibrium(model: Path, scene: str | None, changes: tuple[str, ...]) -> Non
     if scene is None:
         scene = next(iter(read_model(model).scenes), None)
     with _progress(f"compiling {model.name}"):
-        found = pipeline.find_equilibrium(model, scene=scene, parameters=parameters)
+        found = find_equilibrium(model, scene=scene, parameters=parameters)
     _out.print(tables.equilibrium_table(found))
 
 
@@ -292,9 +295,9 @@ def modes(model: Path, scene: str | None, at: float | None, changes: tuple[str, 
     from cutjoint.report.modes import mode_tables, modes_json
 
     checked = read_model(model)
-    chosen = pipeline.find_scene(checked, next(iter(checked.scenes), None) if scene is None and at is None else scene)
+    chosen = find_scene(checked, next(iter(checked.scenes), None) if scene is None and at is None else scene)
     with _progress(f"linearising {model.name}") as progress:
-        found = pipeline.find_modes(checked, chosen, at=at, parameters=_parameters(changes), progress=progress)
+        found = find_modes(checked, chosen, at=at, parameters=_parameters(changes), progress=progress)
     for table in mode_tables(found):
         _out.print(table)
     if out is not None:
@@ -313,7 +316,7 @@ def explain(model: Path, scene: str | None, method: str, reduced: bool, out: Pat
     from cutjoint.report.explain.document import explain as write_explanation
 
     checked = read_model(model)
-    chosen = pipeline.find_scene(checked, next(iter(checked.scenes), None) if scene is None else scene)
+    chosen = find_scene(checked, next(iter(checked.scenes), None) if scene is None else scene)
     with _progress(f"explaining {model.name}"):
         rung = climb(checked, chosen, method)[-1] if reduced else None
         text = write_explanation(rung.model, rung.scene, method, done=rung.done) if rung else write_explanation(checked, chosen, method)
@@ -349,7 +352,7 @@ def export(
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there."""
     checked = with_link_masses(read_model(model), _parameters(links, "--link-mass"))
-    chosen = pipeline.find_scene(checked, scene)
+    chosen = find_scene(checked, scene)
     outputs = [_output(checked, name) for name in asked] or known_outputs(checked, chosen.outputs)
     with _progress(f"exporting {model.name}"):
         exported = PEERS[peer].export(checked, chosen, _parameters(changes), outputs)

@@ -8,7 +8,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from tests.oracles.dense import Array, Closures, DenseMechanism, Instant
 

@@ -15,7 +15,7 @@ from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.pattern import make_pattern
 from cutjoint.sparse.tangent import places
 from cutjoint.topology.build import build_topology

@@ -9,7 +9,8 @@ from cutjoint.analysis.inertia import NoInertiaError, find_idle_motions, require
 from cutjoint.analysis.poses import explore
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import find_scene, generate
+from cutjoint.pipeline import generate
+from cutjoint.run.scenes import find_scene
 from tests.analysis.formulated import dense_closures, formulated
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text

@@ -11,7 +11,7 @@ from cutjoint.analysis.poses import explore
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from tests.analysis.linearised import Array, implicit, linearised
 from tests.conftest import MODELS
 from tests.mechanisms import random_models

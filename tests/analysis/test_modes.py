@@ -17,7 +17,8 @@ from cutjoint.analysis.modes import Modes, eigenpairs, find_mode_shapes
 from cutjoint.cli import main
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import find_modes, find_scene
+from cutjoint.run.scenes import find_scene
+from cutjoint.states import find_modes
 from tests.analysis.linearised import Array, implicit, linearised
 from tests.conftest import MODELS, ROOT
 

@@ -22,7 +22,7 @@ from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
 from cutjoint.cli import main
-from cutjoint.pipeline import METHODS, TWINS
+from cutjoint.methods import METHODS, TWINS
 from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
@@ -131,7 +131,7 @@ def test_words_on_more_digits() -> None:
     assert describe_precisions([double, extended, mixed]) == [
         "augmented, small steps: double breaks down from 0.01 ms on, extended holds down to 0.01 ms, mixed breaks down from 0.01 ms on. "
         "More digits cure it at that step: extended (down to the smallest step tried: extended).",
-        "CPU time of augmented at equal steps, over that in double: extended 5, mixed 3.",
+        "Time of augmented at equal steps, over that in double: extended 5, mixed 3.",
     ]
     assert describe_precisions([double, {**mixed, "contender": "augmented/quad"}])[0].endswith("More digits do not cure it.")
     assert describe_precisions([{**extended, "contender": "augmented/double"}])[0].endswith("There is nothing for more digits to cure.")

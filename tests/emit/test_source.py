@@ -8,7 +8,8 @@ import pytest
 
 from cutjoint.emit.source import Source
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import find_scene, generate
+from cutjoint.pipeline import generate
+from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS, ROOT
 from tests.hash_seeds import outputs
 

@@ -9,7 +9,7 @@ import sympy
 
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import SPEEDS, JointKind
-from cutjoint.pipeline import find_scene, with_figures
+from cutjoint.run.scenes import find_scene, with_figures
 from cutjoint.topology.build import build_topology
 from tests.export.own import Case
 from tests.mechanisms.random_models import TIME, loop_with, scene

@@ -15,7 +15,7 @@ from cutjoint.export.start import run_generic
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Scene
-from cutjoint.pipeline import find_scene, with_figures
+from cutjoint.run.scenes import find_scene, with_figures
 from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS
 from tests.mechanisms.random_models import TIME, scene

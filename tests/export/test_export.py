@@ -20,7 +20,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Output
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS
 from tests.export.own import case_of
 from tests.hash_seeds import outputs

@@ -16,7 +16,7 @@ import pytest
 from cutjoint.export.peers import PEERS, run_peer
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS
 from tests.export.own import Case, both_accelerations, case_of, exported, largest_differences, moving, vehicle, wheel
 from tests.mechanisms.random_models import random_tree

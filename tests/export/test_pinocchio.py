@@ -19,7 +19,7 @@ from cutjoint.export.pinocchio_tree import build_tree
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import JointKind
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from tests.export.cases import rotor, turning_loop
 from tests.export.own import Case, both_accelerations, case_of, exported, largest_differences, moving, vehicle, wheel
 from tests.mechanisms.random_models import random_tree

@@ -20,7 +20,7 @@ from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.pattern import dense as full
 from cutjoint.sparse.pattern import make_pattern
 from cutjoint.sparse.tangent import places

@@ -24,7 +24,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model
 from cutjoint.model.records import JointForce, JointKind, Model, Output, Scene, Tyre
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.pattern import Pattern, make_pattern
 from cutjoint.sparse.pattern import dense as full
 from cutjoint.sparse.tangent import places

@@ -9,7 +9,7 @@ import pytest
 
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene, Tyre
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from tests.formulate.test_against_dense import PARAMETERS, SCENE, Slope, near_design, relative_error
 from tests.mechanisms import random_models

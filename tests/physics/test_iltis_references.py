@@ -10,8 +10,9 @@ import pytest
 
 from cutjoint.export.start import find_start
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model, find_equilibrium
+from cutjoint.pipeline import compile_model
 from cutjoint.run.results import Trajectory
+from cutjoint.states import find_equilibrium
 from cutjoint.topology.build import build_topology
 from tests.conftest import DATA, MODELS
 from tests.physics.simulation import compile_text, completed, read_reference, simulate

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.methods import COMPARISON_SOLVERS
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import COMPARISON_SOLVERS, Artifact, compile_model
+from cutjoint.pipeline import Artifact, compile_model
 from cutjoint.run.results import Trajectory
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.four_bar import four_bar_text

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import Artifact, compile_scene, find_scene, with_closure
+from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint.run.scenes import find_scene, with_closure
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.overconstrained import parallel_cranks_text

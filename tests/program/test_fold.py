@@ -9,11 +9,11 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.families import find_families
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import find_scene
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.fold import fold
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.schedule import schedule
+from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from tests.compile_run.generated import FlatRoad, random_states
 from tests.conftest import MODELS

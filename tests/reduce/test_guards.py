@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import METHODS, Artifact, compile_scene, generate, simulate
+from cutjoint.pipeline import Artifact, compile_scene, generate, simulate
 from cutjoint.reduce.guards import guard_forces, guardable, speculate
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError

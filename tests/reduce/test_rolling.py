@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import METHODS, compile_scene, simulate
+from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.reduce.records import Outcome
 from cutjoint.reduce.rolling import SMALL, roll_straight

@@ -9,10 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cutjoint.methods import METHODS
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Model, Output, Scene
-from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
+from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.reduce.half.symmetry import halve
 from cutjoint.reduce.records import Outcome
 from cutjoint.topology.build import build_topology

@@ -16,12 +16,12 @@ from cutjoint.cli import main
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import find_scene
 from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.report.explain.document import explain
 from cutjoint.report.explain.groups import find_counterparts
 from cutjoint.report.explain.operations import derive, parameter_costs
+from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.elimination import eliminate
 from tests.conftest import MODELS, ROOT

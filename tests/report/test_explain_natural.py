@@ -15,7 +15,6 @@ from cutjoint.cli import main
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Force, Scene
-from cutjoint.pipeline import find_scene
 from cutjoint.report.explain.document import explain
 from cutjoint.report.explain.natural import manners
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
@@ -23,6 +22,7 @@ from cutjoint.report.explain.natural.layout import explain_layout
 from cutjoint.report.explain.natural.shapes import explain_shapes
 from cutjoint.report.explain.natural.sharing import count_sharing
 from cutjoint.report.explain.natural.summary import factorisation_rows
+from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.plan import plan_definite
 from tests.conftest import MODELS, ROOT
 from tests.hash_seeds import outputs

@@ -7,8 +7,8 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.export.mechanism import build_mechanism
+from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import METHODS
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.reduce.ladder import climb
 from cutjoint.reduce.links import shorten_links

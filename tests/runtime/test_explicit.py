@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import EXPLICIT, compile_model, simulate
+from cutjoint.methods import EXPLICIT
+from cutjoint.pipeline import compile_model, simulate
 from cutjoint.report.tables import run_facts
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError, make_run_file

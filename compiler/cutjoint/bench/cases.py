@@ -12,7 +12,7 @@ from cutjoint.bench.records import Case
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output
-from cutjoint.pipeline import find_scene
+from cutjoint.run.scenes import find_scene
 
 #: Rows of a comparison, at most.
 MOST_ROWS = 2000

@@ -10,8 +10,9 @@ import numpy as np
 
 from cutjoint.bench.errors import energies
 from cutjoint.bench.records import Case
+from cutjoint.methods import METHODS
 from cutjoint.model.records import GROUND, Body, Joint, JointKind, Model, Output
-from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
+from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.run.results import Array
 from cutjoint.run.run_file import Evaluator
 

@@ -41,7 +41,7 @@ def _flattens(points: Sequence[tuple[float, float]]) -> bool:
 
 
 def time_at(line: Line, error: float) -> float | None:
-    """Seconds of CPU time at which a line reaches an error of position: between two of its points on the logarithmic chart, else None.
+    """Seconds at which a line reaches an error of position: between two of its points on the logarithmic chart, else None.
 
     The fastest counts of all crossings and of all points that are more accurate.
     """
@@ -73,7 +73,7 @@ def breakdown(line: Line) -> float | None:
 
 
 def price(line: Line, base: Line) -> float | None:
-    """The CPU time of a line over that of another, the median over the steps that both reach the end with."""
+    """The time of a line over that of another, the median over the steps that both reach the end with."""
     seconds = {p["dt"]: median(p["seconds"]) for p in timed(base)}
     ratios = [median(p["seconds"]) / seconds[p["dt"]] for p in timed(line) if p["dt"] in seconds]
     return median(ratios) if ratios else None

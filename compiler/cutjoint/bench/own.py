@@ -12,18 +12,8 @@ from typing import Any
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
 from cutjoint.emit.source import Source
-from cutjoint.pipeline import (
-    COMPARISON_SOLVERS,
-    EXPLICIT,
-    METHODS,
-    SOLVERS,
-    TWINS,
-    Artifact,
-    compile_scene,
-    generate,
-    generate_for,
-    simulate,
-)
+from cutjoint.methods import COMPARISON_SOLVERS, EXPLICIT, METHODS, SOLVERS, TWINS
+from cutjoint.pipeline import Artifact, compile_scene, generate, generate_for, simulate
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError

@@ -8,7 +8,8 @@ from functools import partial
 
 from cutjoint.bench.own import OwnRunner, identity
 from cutjoint.bench.records import Case, Contender
-from cutjoint.pipeline import METHODS, compile_scene, generate
+from cutjoint.methods import METHODS
+from cutjoint.pipeline import compile_scene, generate
 from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
 from cutjoint.run.run_file import RunError
 

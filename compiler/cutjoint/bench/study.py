@@ -20,8 +20,9 @@ from cutjoint.bench.records import Case, Contender, Runner
 from cutjoint.bench.reference import Reference, find_reference
 from cutjoint.bench.rungs import NoRungError
 from cutjoint.bench.store import Record, Store
+from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import METHODS, Artifact
+from cutjoint.pipeline import Artifact
 from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.build import ToolchainError, runtime_digest
 

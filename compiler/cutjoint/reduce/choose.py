@@ -14,9 +14,10 @@ from math import ceil, inf, log
 from typing import Any
 
 from cutjoint.bench.cases import common_step
+from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import METHODS, compile_scene
+from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
 from cutjoint.reduce.measure import distance, time_run
 from cutjoint.reduce.truth import SETTLED, Truth, at_step, find_truth, fraction, run_at

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
+from cutjoint.methods import ITERATIONS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import ITERATIONS, generate
+from cutjoint.pipeline import generate
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
 from cutjoint.reduce.half.nearly import flatten_nearly, halve_nearly

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from math import ceil, floor, inf
 
 from cutjoint.bench.cases import common_step
+from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import METHODS, Artifact, compile_scene, simulate
+from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.reduce.measure import distance
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError

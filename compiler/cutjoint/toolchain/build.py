@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 import platformdirs
+from filelock import FileLock
 
 from cutjoint.emit.source import Source
 from cutjoint.locations import runtime_folder
@@ -77,9 +78,10 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None =
     compiler = find_compiler()
     key = _digest([source.digest, runtime_digest(), compiler_version(compiler), *flags, *kind.definitions])
     kept = cache_folder() / key / "simulator"
-    fresh = not kept.exists()
-    if fresh:
-        _build_into(kept.parent, source, flags, kind)
+    with _alone(kept):
+        fresh = not kept.exists()
+        if fresh:
+            _build_into(kept.parent, source, flags, kind)
     if folder is not None:
         write_source(source, folder)
         shutil.copy2(kept, folder / "simulator")
@@ -94,22 +96,22 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
     """
     compiler = find_compiler()
     kept = cache_folder() / f"generic-{_digest([runtime_digest(generic=True), compiler_version(compiler), *flags])}" / "simulator"
-    fresh = not kept.exists()
-    if fresh:
-        with _workplace() as folder:
-            _cmake(runtime_folder(), folder, flags)
-            _keep(folder / "generic", kept)
+    with _alone(kept):
+        fresh = not kept.exists()
+        if fresh:
+            with _workplace() as folder:
+                _cmake(runtime_folder(), folder, flags)
+                _keep(folder / "generic", kept)
     return Binary(path=kept, fresh=fresh, compiler=compiler_version(compiler), flags=tuple(flags))
 
 
 def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) -> None:
-    """Configure and build in a temporary folder, then move the simulator into place at once."""
+    """Configure and build in a temporary folder, then move the simulator into place at once; the first one brings the driver."""
     driver = _driver(flags, kind)
-    known = [f"-DCUTJOINT_DRIVER={driver}"] if driver.exists() else []
-    definitions = [f"-DCUTJOINT_RUNTIME={runtime_folder()}", *kind.definitions, *known]
-    with _workplace() as folder:
+    with _workplace() as folder, _alone(driver):
+        known = [f"-DCUTJOINT_DRIVER={driver}"] if driver.exists() else []
         write_source(source, folder / "source")
-        _cmake(folder / "source", folder / "out", flags, *definitions)
+        _cmake(folder / "source", folder / "out", flags, f"-DCUTJOINT_RUNTIME={runtime_folder()}", *kind.definitions, *known)
         _keep(folder / "out" / "simulator", target / "simulator")
         if not known:
             _keep(folder / "out" / "libdriver.a", driver)
@@ -119,6 +121,17 @@ def _driver(flags: Sequence[str], kind: Kind) -> Path:
     """The driver's place in the cache; that for comparisons is compiled with the flags of generated code, the plain one with its own."""
     key = _digest([runtime_digest(), compiler_version(find_compiler()), *kind.definitions, *(flags if kind.comparison else ())])
     return cache_folder() / f"driver-{key}" / "libdriver.a"
+
+
+@contextmanager
+def _alone(file: Path) -> Iterator[None]:
+    """While a file of the cache is not there, one process at a time; the others find it then."""
+    if file.exists():
+        yield
+        return
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    with FileLock(cache_folder() / f"{file.parent.name}.lock"):
+        yield
 
 
 @contextmanager

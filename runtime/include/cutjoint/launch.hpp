@@ -31,23 +31,10 @@ class Launch {
   Launch& operator=(const Launch&) = delete;
 
   /// A mechanism at rest, which no guide moves.  Throws Failure.
-  const State<Real>& at_rest() {
-    place();
-    starter().accelerate(state_, Real(0));
-    return state_;
-  }
+  const State<Real>& at_rest();
 
   /// A mechanism in motion, with speeds that keep its loops closed.  Throws Failure.
-  const State<Real>& in_motion() {
-    place();
-    const Starter<M> starter = this->starter();
-    const std::vector<bool> moving = read_given(file_.at("rates"), d_.speeds, state_.v);
-    starter.make_consistent(state_, moving, Real(1));
-    for (const std::string_view name : starter.undetermined(state_, moving)) undetermined_.push_back(std::string(name));
-    starter.accelerate(state_, Real(1));
-    starter.require_finite(state_);
-    return state_;
-  }
+  const State<Real>& in_motion();
 
   /// Penalties of the proximal closure, known when a start has been found.
   const std::vector<Real>& penalties() const { return penalties_; }
@@ -58,26 +45,12 @@ class Launch {
  private:
   Starter<M> starter() const { return Starter<M>(mechanism_, is_proximal(file_.at("stabilisation"))); }
 
-  void place() {
-    const Starter<M> starter = this->starter();
-    const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
-    starter.assemble(state_, placed, Real(0));
-    if (is_proximal(file_.at("stabilisation"))) weigh();
-    if (file_.at("pose") == "equilibrium") starter.equilibrate(state_, placed);
-    starter.assemble(state_, placed, Real(0));
-  }
+  void place();
 
   /// Penalties from the effective masses in this pose, the given one their upper bound.
   ///
   /// Masses with the other cut joints open are measured by light penalties, then those with the others held by penalties of 1e4 times these.
-  void weigh() {
-    const Json& bound = file_.at("stabilisation").at("penalty");
-    const Real unbound = std::numeric_limits<Real>::infinity(), most = bound.is_null() ? unbound : Real(bound.get<double>());
-    load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
-    load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e4), unbound);
-    const Real stiffness = stiffness_of_cuts(read_number<Real>(file_.at("numerics"), "dt"));
-    load(EffectiveMasses<M>(mechanism_, state_, penalties_).held(), stiffness, most);
-  }
+  void weigh();
 
   /// Load the mechanism with penalties of so many times the masses, `most` at most.
   void load(const std::vector<Real>& masses, Real times, Real most) {
@@ -103,5 +76,46 @@ class Launch {
   std::vector<Real> penalties_;
   std::vector<std::string> undetermined_;
 };
+
+template <Mechanism M>
+const State<typename M::real_type>& Launch<M>::at_rest() {
+  place();
+  starter().accelerate(state_, Real(0));
+  return state_;
+}
+
+template <Mechanism M>
+const State<typename M::real_type>& Launch<M>::in_motion() {
+  place();
+  const Starter<M> starter = this->starter();
+  const std::vector<bool> moving = read_given(file_.at("rates"), d_.speeds, state_.v);
+  starter.make_consistent(state_, moving, Real(1));
+  for (const std::string_view name : starter.undetermined(state_, moving)) undetermined_.push_back(std::string(name));
+  starter.accelerate(state_, Real(1));
+  starter.require_finite(state_);
+  return state_;
+}
+
+template <Mechanism M>
+void Launch<M>::place() {
+  const Starter<M> starter = this->starter();
+  const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
+  starter.assemble(state_, placed, Real(0));
+  if (is_proximal(file_.at("stabilisation"))) weigh();
+  if (file_.at("pose") == "equilibrium") starter.equilibrate(state_, placed);
+  starter.assemble(state_, placed, Real(0));
+}
+
+template <Mechanism M>
+void Launch<M>::weigh() {
+  const Json& bound = file_.at("stabilisation").at("penalty");
+  const Real unbound = std::numeric_limits<Real>::infinity(), most = bound.is_null() ? unbound : Real(bound.template get<double>());
+  load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
+  load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e4), unbound);
+  const Real stiffness = stiffness_of_cuts(read_number<Real>(file_.at("numerics"), "dt"));
+  load(EffectiveMasses<M>(mechanism_, state_, penalties_).held(), stiffness, most);
+}
+
+extern template class Launch<AnyMechanism<double>>;  // launch.cpp of the driver, since it takes long to compile
 
 }  // namespace cutjoint

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cutjoint/largest.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/retraction.hpp"
 #include "cutjoint/state.hpp"
@@ -126,15 +127,6 @@ class Projection {
   Real measure(const State<Real>& state, const std::vector<Real>& open) {
     mechanism_.close(state.q.data(), state.v.data(), gap_.data(), other_.data());
     return largest(open);
-  }
-
-  /// A number that is not finite counts as largest.
-  static Real largest(const std::vector<Real>& values) {
-    using std::abs;
-    Real result(0);
-    for (const Real value : values)
-      if (!(abs(value) <= result)) result = abs(value);
-    return result;
   }
 
   [[noreturn]] void fail(const State<Real>& state, long number, const char* what, const std::vector<Real>& open) {

@@ -11,6 +11,7 @@
 
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
+#include "cutjoint/largest.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/retraction.hpp"
 #include "cutjoint/run_file.hpp"
@@ -73,7 +74,8 @@ class Recursive {
   /// The last step's iterations and largest residuals; an evaluation of its own, which the method itself does without.
   const std::vector<double>& measure_step() {
     mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
-    measured_ = {static_cast<double>(integrator_->evaluations() - evaluations_), largest(residual_), largest(rate_)};
+    measured_ = {static_cast<double>(integrator_->evaluations() - evaluations_), static_cast<double>(largest(residual_)),
+                 static_cast<double>(largest(rate_))};
     evaluations_ = integrator_->evaluations();
     position_ = std::max(position_, measured_[1]);
     velocity_ = std::max(velocity_, measured_[2]);
@@ -146,12 +148,6 @@ class Recursive {
   }
 
  private:
-  static double largest(const std::vector<Real>& values) {
-    double result = 0.0;
-    for (const Real value : values) result = std::max(result, std::abs(static_cast<double>(value)));
-    return result;
-  }
-
   M& mechanism_;
   const Description& d_;
   const Json& file_;

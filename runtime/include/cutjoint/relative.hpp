@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cutjoint/largest.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 
@@ -69,14 +70,6 @@ class Relative {
     state_.t = t;
     std::copy(y.begin(), middle, state_.q.begin());
     std::copy(middle, y.end(), state_.v.begin());
-  }
-
-  static Real largest(const std::vector<Real>& values) {
-    using std::abs;
-    Real result(0);
-    for (const Real value : values)
-      if (const Real x = abs(value); !(x <= result)) result = x;
-    return result;
   }
 
   M& mechanism_;

@@ -15,8 +15,9 @@ from cutjoint.bench.own import TOLERANCES, identity
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference, find_reference
 from cutjoint.bench.store import Record, Store
+from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import METHODS, Artifact, compile_scene
+from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.run_file import RunError, parameter_values
 from cutjoint.toolchain.build import ToolchainError
 

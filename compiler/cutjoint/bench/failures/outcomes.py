@@ -16,8 +16,9 @@ from cutjoint.bench.errors import measure_errors
 from cutjoint.bench.measure import WRONG, extent
 from cutjoint.bench.records import Case, Errors
 from cutjoint.bench.reference import Reference
-from cutjoint.pipeline import Artifact, simulate, with_figures
+from cutjoint.pipeline import Artifact, simulate
 from cutjoint.run.results import Array, Trajectory
+from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import SimulatorError
 
 #: Above this share of the extent of the motion an error of position is inaccurate, and a gap has drifted that is above the same share of it

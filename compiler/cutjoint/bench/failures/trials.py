@@ -15,9 +15,10 @@ from cutjoint.bench.own import identity
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import Artifact, compile_scene, simulate, with_figures
+from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.run.results import Array
 from cutjoint.run.run_file import RunError
+from cutjoint.run.scenes import with_figures
 from cutjoint.toolchain.build import ToolchainError
 
 Say = Callable[[str], None]

@@ -53,7 +53,7 @@ def style(panel: Axes) -> None:
 
 
 def draw_work_precision(case: Mapping[str, Any]) -> str:
-    """CPU time over error, a line a contender, its step along the line; the paper's steps and the scene's own are ringed."""
+    """Time over error, a line a contender, its step along the line; the paper's steps and the scene's own are ringed."""
     figure = new_figure(11, 4.8)
     panels = figure.subplots(1, 2)
     for panel, (name, label) in zip(panels, _ERRORS.items(), strict=True):
@@ -64,7 +64,7 @@ def draw_work_precision(case: Mapping[str, Any]) -> str:
         panel.invert_xaxis()
         panel.set_xlabel(label)
         style(panel)
-    panels[0].set_ylabel(f"CPU time for {case['end']:g} s of motion [s]")
+    panels[0].set_ylabel(f"time for {case['end']:g} s of motion [s]")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small", frameon=False)
     return svg_of(figure)

@@ -47,7 +47,7 @@ def _verdict(broken: Mapping[str, float | None], steps: Mapping[str, float]) -> 
 def _prices(method: str, kinds: Mapping[str, Line]) -> list[str]:
     found = [(kind, price(line, kinds["double"])) for kind, line in kinds.items() if kind != "double"]
     known = [f"{kind} {ratio:.3g}" for kind, ratio in found if ratio is not None]
-    return [f"CPU time of {method} at equal steps, over that in double: {', '.join(known)}."] if known else []
+    return [f"Time of {method} at equal steps, over that in double: {', '.join(known)}."] if known else []
 
 
 def _ms(seconds: float) -> str:

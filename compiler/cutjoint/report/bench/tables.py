@@ -69,7 +69,7 @@ def _own(point: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def tabulate_targets(case: Case) -> BenchTable:
-    """CPU time at equal accuracy, interpolated between measured points, and the best of ours beside the best peer."""
+    """Time at equal accuracy, interpolated between measured points, and the best of ours beside the best peer."""
     lines = [line for line in case["lines"] if "refused" not in line]
     rows = [
         (line["label"], *("" if (time := time_at(line, target)) is None else milliseconds(time) for target in TARGETS)) for line in lines
@@ -80,11 +80,11 @@ def tabulate_targets(case: Case) -> BenchTable:
         ratios.append(f"{peer[1] / ours[1]:.1f}" if ours and peer else "")
     if any(ratios):
         rows.append(("best peer / best of ours", *ratios))
-    return BenchTable(head=("CPU time in ms at an error of", *(f"{target:.0e} m" for target in TARGETS)), rows=tuple(rows))
+    return BenchTable(head=("time in ms at an error of", *(f"{target:.0e} m" for target in TARGETS)), rows=tuple(rows))
 
 
 def tabulate_parallel(cases: Sequence[Case]) -> BenchTable | None:
-    """The share of CPU time that lanes save in generated code, beside what processors saved the paper; None without both kinds."""
+    """The share of time that lanes save in generated code, beside what processors saved the paper; None without both kinds."""
     rows = []
     for case in cases:
         for method, paper in PAPER_PARALLEL.items():
@@ -92,7 +92,7 @@ def tabulate_parallel(cases: Sequence[Case]) -> BenchTable | None:
             if lanes and scalar:
                 saved = f"{100 * (1 - lanes / scalar):.0f} %"
                 rows.append((f"{case['name']}, {method}", saved, *(f"{share:g} %" for share in paper)))
-    head = ("CPU time saved", "ours, by lanes of one core", "paper, 2 processors", "3", "4")
+    head = ("time saved", "ours, by lanes of one core", "paper, 2 processors", "3", "4")
     return BenchTable(head=head, rows=tuple(rows)) if rows else None
 
 
@@ -105,7 +105,7 @@ def _own_seconds(case: Case, contender: str) -> float | None:
 
 
 def tabulate_paper(cases: Sequence[Case]) -> BenchTable | None:
-    """Our CPU time at the paper's steps and our largest steps, beside Table I of the paper; None without its scenes."""
+    """Our time at the paper's steps and our largest steps, beside Table I of the paper; None without its scenes."""
     rows = []
     for case in [c for i, c in enumerate(cases) if c["name"] not in {other["name"] for other in cases[:i]}]:
         for method, (seconds, dt) in PAPER.get(case["name"], {}).items():

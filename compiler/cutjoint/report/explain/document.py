@@ -37,7 +37,7 @@ class RecursiveExplanation(Explanation):
 
 
 def explain(model: Model, scene: Scene, method: str = "recursive", *, done: Sequence[Note] = ()) -> str:
-    """The Markdown of a model in a scene, by a method of ``cutjoint.pipeline.METHODS``; ``done`` is what passes did to a reduced one.
+    """The Markdown of a model in a scene, by a method of ``cutjoint.methods.METHODS``; ``done`` is what passes did to a reduced one.
 
     Raises:
         TopologyError: the model's own cuts cannot be honoured.

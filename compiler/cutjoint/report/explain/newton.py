@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.pipeline import formulate_system
 from cutjoint.program.schedule import schedule
 from cutjoint.report.explain.views import Chapter, Entry, make_table
+from cutjoint.systems import formulate_system
 
 _ABOUT = {
     "balance": r"$f$ and $\Phi$",

@@ -57,7 +57,7 @@ class ClassicalNewton final : public Newton<S> {
   void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) override {
     Real last = std::numeric_limits<Real>::infinity();
     for (std::size_t pass = 0; pass < passes; ++pass) {
-      const Real size = this->largest(gap);
+      const Real size = largest(gap);
       if (size <= this->rounding(values) || !(size <= last / 2)) break;
       last = size;
       std::fill_n(x_.begin(), n_, Real(0));
@@ -76,7 +76,7 @@ class ClassicalNewton final : public Newton<S> {
     std::size_t worst = 0;
     for (std::size_t i = 0; i < n_; ++i)
       if (!(abs(x_[i]) <= abs(x_[worst]))) worst = i;
-    if (!(abs(x_[worst]) <= Real(10) * (Real(1) + this->largest(values))))
+    if (!(abs(x_[worst]) <= Real(10) * (Real(1) + largest(values))))
       this->fail("the pose is singular, or nearly: rates that satisfy the equations are a leap away", d_.coordinates[worst], x_[worst],
                  "take another dt, or use augmented, which leaves such directions alone");
   }

@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "cutjoint/largest.hpp"
+
 namespace cutjoint {
 
 /// How much heavier than the heaviest coordinate the equations of an augmented tangent are, where nothing else is asked for.
@@ -55,14 +57,6 @@ class Closing {
   }
 
  private:
-  static Real largest(const std::vector<Real>& values) {
-    using std::abs;
-    Real result(0);
-    for (const Real value : values)
-      if (const Real size = abs(value); size > result || size != size) result = size;
-    return result;
-  }
-
   static Real dot(std::span<const Real> a, std::span<const Real> b) {
     Real sum(0);
     for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];

@@ -139,7 +139,7 @@ class Newton : public Workspace<S> {
  protected:
   using Workspace<S>::d_, Workspace<S>::lambda_, Workspace<S>::m_, Workspace<S>::n_, Workspace<S>::phi_, Workspace<S>::phid_,
       Workspace<S>::phidd_, Workspace<S>::system_, Workspace<S>::tangent_, Workspace<S>::time_, Workspace<S>::x_;
-  using Workspace<S>::fail, Workspace<S>::finite, Workspace<S>::largest, Workspace<S>::rounding_like;
+  using Workspace<S>::fail, Workspace<S>::finite, Workspace<S>::rounding_like;
 
   // What the two methods differ in.
 

@@ -47,7 +47,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   }
 
   /// A thousandth of what the iteration leaves of the accelerations.
-  Real negligible(const std::vector<Real>& values) const override { return Real(1e-3) * Real(figures_.tolerance) * (Real(1) + this->largest(values)); }
+  Real negligible(const std::vector<Real>& values) const override { return Real(1e-3) * Real(figures_.tolerance) * (Real(1) + largest(values)); }
 
   /// Where a projection leaves most of a gap, equations nearly depend on each other; what they ask for turns quickly with the pose, their
   /// multipliers grow without limit, and with them the tangent's share of these.
@@ -63,7 +63,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
 
   /// The last iteration leaves the share of Phi that its tangent's age explains: it is closed along the same Phi_q, by the accelerations.
   void settle(State<Real>& state) override {
-    for (std::size_t pass = 0; pass < Base::passes && this->largest(phi_) > this->rounding_like(1e-13) * (Real(1) + this->largest(state.q)); ++pass) {
+    for (std::size_t pass = 0; pass < Base::passes && largest(phi_) > this->rounding_like(1e-13) * (Real(1) + largest(state.q)); ++pass) {
       for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phi_[i];
       system_.pull(pose_.data(), push_.data(), x_.data());
       this->solve();

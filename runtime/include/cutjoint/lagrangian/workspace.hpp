@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "cutjoint/largest.hpp"
 #include "cutjoint/lagrangian/solver.hpp"
 #include "cutjoint/lagrangian/system.hpp"
 #include "cutjoint/state.hpp"
@@ -100,15 +101,6 @@ class Workspace {
   }
 
   static bool finite(Real value) { return std::isfinite(static_cast<double>(value)); }
-
-  /// The largest absolute value; not a number where one is none.
-  static Real largest(const std::vector<Real>& values) {
-    using std::abs;
-    Real result(0);
-    for (const Real value : values)
-      if (const Real size = abs(value); size > result || size != size) result = size;
-    return result;
-  }
 
   S& system_;
   LinearSolver<Real>& solver_;

@@ -53,7 +53,7 @@ class Watched : public Relative<M> {
     this->take(t, y);
     mechanism_.begin_step(t, Real(1));
     mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
-    return {static_cast<double>(this->largest(residual_)), static_cast<double>(this->largest(rate_))};
+    return {static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_))};
   }
 
   /// Seek the switches that a state has out of the regime; whether there are any.

@@ -124,16 +124,16 @@ class Stages : public Workspace<S> {
     system_.begin_step(state.t, Real(1));
     for (int round = 0;; ++round) {
       this->close(state);
-      const Real rounding = this->rounding_like(1e-13) * (Real(1) + this->largest(state.q));
-      if (!(this->largest(phi_) > rounding) || round == 4) break;
+      const Real rounding = this->rounding_like(1e-13) * (Real(1) + largest(state.q));
+      if (!(largest(phi_) > rounding) || round == 4) break;
       std::fill(way_.begin(), way_.end(), Real(0));
       bring(state, way_, phi_, rounding);
       moved_ = state.q;
       retract<Real>(d_.charts, moved_.data(), way_.data(), state.q.data());
     }
-    bring(state, state.v, phid_, this->rounding_like(1e-12) * (Real(1) + this->largest(state.v)));
+    bring(state, state.v, phid_, this->rounding_like(1e-12) * (Real(1) + largest(state.v)));
     this->close(state);
-    return {static_cast<double>(this->largest(phi_)), static_cast<double>(this->largest(phid_)), 0.0};
+    return {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), 0.0};
   }
 
   long iterations() const { return iterations_; }
@@ -231,7 +231,7 @@ class Stages : public Workspace<S> {
       idle = change < smallest / 2 ? 0 : idle + 1;
       smallest = std::min(smallest, change);
       const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
-      const bool rounding = idle > 0 && move <= digits * (Real(1) + this->largest(at_.v));
+      const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
       if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(0.001))) return follow(w);
       renew = iteration > 1 && share > Real(0.3);
       slow_ = slow_ || renew;
@@ -287,7 +287,7 @@ class Stages : public Workspace<S> {
     using std::abs;
     Real largest(0);
     for (std::size_t i = 0; i < n_; ++i) note(w * abs(x_[i]) / tolerances_.of(abs(start_.v[i])), i, largest);
-    move = w * this->largest(x_);
+    move = w * cutjoint::largest(x_);
     return largest;
   }
 

@@ -10,9 +10,9 @@ from cutjoint.formulate.natural.layout import Group
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Body, Model, Scene
-from cutjoint.pipeline import plan_system
 from cutjoint.program.records import Program
 from cutjoint.sparse.plan import Plan
+from cutjoint.systems import plan_system
 from cutjoint.topology.build import build_topology
 
 

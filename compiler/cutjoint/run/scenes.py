@@ -1,0 +1,50 @@
+"""The scene of a run: which one, and with what figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import inf, isfinite
+
+from cutjoint.model.records import Model, Numerics, Road, Scene
+from cutjoint.run.run_file import RunError
+
+
+def find_scene(model: Model, name: str | None) -> Scene:
+    """The scene of that name, the only one, or an empty one when the model has none.
+
+    Raises:
+        RunError: there is no such scene, or several and none was named.
+    """
+    if name is None and len(model.scenes) <= 1:
+        return next(iter(model.scenes.values()), _empty_scene(model))
+    if name is None or name not in model.scenes:
+        asked = "name a scene" if name is None else f"no scene '{name}'"
+        raise RunError(f"{model.span.file}: {asked}; the model has {', '.join(model.scenes) or 'none'}")
+    return model.scenes[name]
+
+
+def _empty_scene(model: Model) -> Scene:
+    return Scene(
+        name="rest", end=1.0, output_step=1e-3, pose="design", positions={}, rates={}, inputs={}, switches={}, road=Road(),
+        numerics=Numerics(), outputs=(), span=model.span,
+    )  # fmt: skip
+
+
+def with_closure(scene: Scene, closure: str) -> Scene:
+    """The scene with another closure; what it says of the penalty stays, a default becomes the closure's own.
+
+    Raises:
+        RunError: the scene leaves the penalty to the closure "proximal".
+    """
+    before = scene.numerics
+    if closure == "penalty" and not isfinite(before.penalty):
+        raise RunError(f"{scene.span}: scene '{scene.name}': penalty: auto needs closure: proximal; write a number")
+    default = closure == "proximal" and before.penalty == Numerics.penalty
+    return replace(scene, numerics=replace(before, closure=closure, penalty=inf if default else before.penalty))
+
+
+def with_figures(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:
+    """The scene with other figures for one method."""
+    own = {**scene.numerics.methods.get(method, {}), **changes}
+    return replace(scene, numerics=replace(scene.numerics, methods={**scene.numerics.methods, method: own}))

@@ -1,0 +1,93 @@
+"""What is asked of a model besides runs: its static equilibrium, and its small motions about a state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from cutjoint.analysis.linearisation import NoMassError
+from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.modes import Modes, find_mode_shapes
+from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.model.quantities import quantities, unit_of
+from cutjoint.model.read import read_model
+from cutjoint.model.records import Model, Output, Scene
+from cutjoint.pipeline import compile_scene, generate
+from cutjoint.run.modes import NotReachedError, linearise_at
+from cutjoint.run.results import Equilibrium, FailureReport
+from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.scenes import find_scene
+from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.toolchain.build import build
+
+
+class NoEquilibriumError(RuntimeError):
+    """No static equilibrium was found; ``report`` says where the search ended."""
+
+    def __init__(self, report: FailureReport) -> None:
+        super().__init__(str(report))
+        self.report = report
+
+
+def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> Equilibrium:
+    """The static equilibrium of a model with every quantity of its bodies, forces and reactions.
+
+    Raises:
+        NoEquilibriumError: none was found near the design position.
+        ModelError, TopologyError, RunError, ToolchainError: as for compile_model.
+    """
+    model = read_model(path)
+    chosen = find_scene(model, scene)
+    outputs = _everything(model)
+    _, _, source = generate(model, chosen, outputs)
+    run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium")
+    summary = call_simulator(build(source).path, run_file)
+    failure = failure_of(summary)
+    if failure is not None:
+        raise NoEquilibriumError(failure)
+    return Equilibrium(values=summary["columns"], units={o.column: unit_of(model, o) for o in outputs})
+
+
+def find_modes(
+    model: Model, scene: Scene, *, at: float | None = None, parameters: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> Modes:  # fmt: skip
+    """Eigenvalues and mode shapes of a model about its static equilibrium, or about its motion ``at`` a time (s) of a scene.
+
+    Raises:
+        NoEquilibriumError: none was found near the design position.
+        RunError: the run ends before that time, a direction moves no mass, or the loops have more freedom there than nearby.
+        ModelError, TopologyError, ToolchainError: as for compile_scene.
+    """
+    # Model -> Binary
+    artifact = compile_scene(model, scene, method="recursive-newton")
+    equations = artifact.equations
+    assert isinstance(equations, ImplicitEquations)
+    where = f"{scene.span}: scene '{scene.name}'"
+    try:
+        # Binary -> Linearisation -> Modes
+        time, linearised = linearise_at(artifact.binary.path, equations, at, parameters or {}, progress)
+        modes = find_mode_shapes(linearised, time)
+    except NotReachedError as error:
+        if at is not None:
+            raise RunError(f"{where}: the run does not reach {at:g} s: {error}") from error
+        advice = f"{error.report.advice}, or linearise about a motion with --at"
+        raise NoEquilibriumError(replace(error.report, advice=advice)) from error
+    except NoMassError as error:
+        raise RunError(f"{where}: {error}") from error
+    usual = find_mobility(artifact.mechanism).degrees_of_freedom
+    if modes.freedoms != usual:
+        raise RunError(
+            f"{where}: a singular pose: {modes.freedoms} directions are free there and {usual} nearby, so that small motions are not "
+            "those of linear equations; linearise elsewhere"
+        )
+    return modes
+
+
+def _everything(model: Model) -> list[Output]:
+    """The pose of each body and every force."""
+    joints = {j.name: j for j in model.joints}
+    pose = ("x", "y", "z", "roll", "pitch", "yaw")
+    bodies = [(b, [q for q in quantities(b, joints) if q in pose]) for b in model.bodies]
+    others = [(e, list(quantities(e, joints))) for e in (*model.forces, *model.reactions)]
+    return [Output(element=e.name, quantity=q, span=e.span) for e, names in (*bodies, *others) for q in names]

@@ -1,0 +1,103 @@
+"""The pipeline's branch for methods with Newton's iteration: the equations of a system, and the plan of its factorisation.
+
+    Equations of the start -> Equations -> Program -> Plan -> Source
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
+from cutjoint.emit.factorisation import STRAIGHT_LINE
+from cutjoint.emit.source import Source
+from cutjoint.emit.system import emit_system
+from cutjoint.formulate.correspondence import find_corresponding
+from cutjoint.formulate.implicit.equations import formulate_implicit
+from cutjoint.formulate.natural.equations import formulate_lagrangian, without
+from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.records import RecursiveEquations, SystemEquations
+from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.model.records import Output
+from cutjoint.program.fold import fold
+from cutjoint.program.records import Program
+from cutjoint.program.schedule import schedule
+from cutjoint.run.run_file import RunError
+from cutjoint.sparse.pattern import Pattern
+from cutjoint.sparse.pivoting import NoPivotError, SingularError
+from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
+from cutjoint.sparse.tangent import places, settle_entries
+
+E = TypeVar("E", bound=SystemEquations)
+
+
+def generate_system(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool, straight_line: int = STRAIGHT_LINE
+) -> tuple[SystemEquations, Program, Source]:
+    """The same for the methods with Newton's iteration; ``start`` finds where a run begins."""
+    # Topology -> Equations
+    equations, states = formulate_system(start, method, outputs)
+    # Equations -> Program -> Plan
+    equations, program, plan = plan_system(equations, states, lanes=lanes)
+    # Program, Plan -> Source
+    return equations, program, emit_system(schedule_recursive(start, lanes=lanes), program, equations, plan, straight_line=straight_line)
+
+
+def formulate_system(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...]
+) -> tuple[SystemEquations, list[NaturalState]]:
+    """The equations, and the states where the pivots of ``classical`` are tried."""
+    if method == "recursive-newton":
+        return formulate_implicit(start, outputs), []
+    equations = formulate_lagrangian(start, method, outputs)
+    if method == "augmented":
+        return equations, []
+    states = closed_states(equations)
+    return without(equations, dependent_equations(equations, states)), states
+
+
+def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program, Plan]:
+    """The program of a system and the plan of its factorisation; ``states`` are where the pivots of ``classical`` are tried.
+
+    The equations returned know where the entries of their tangent stand.
+
+    Raises:
+        RunError: the equations depend on each other in one of the states.
+        MissingLibraryError: a library that orders matrices is not installed.
+    """
+    families = find_corresponding(equations.correspondence, equations.topology) if lanes else []
+    functions = [(f.name, fold(equations.builder, families, f.results)) for f in equations.functions]
+    program, pattern = settle_entries(
+        schedule(equations.builder, functions), len(equations.row_names), symmetric=equations.method == "augmented"
+    )  # fmt: skip
+    equations = equations.with_tangent(places(pattern))
+    if isinstance(equations, LagrangianEquations) and equations.method == "classical":
+        return equations, program, _plan_with_pivots(equations, pattern, states)
+    return equations, program, plan_definite(pattern)
+
+
+def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:
+    """The classical method's factorisation, with pivots that hold in all states.
+
+    Raises:
+        RunError: the equations depend on each other in one of the states.
+    """
+    dt = equations.scene.numerics.of_method("classical").dt
+    try:
+        return plan_unsymmetric(pattern, list(tangent_samples(equations, states, dt)))
+    except NoPivotError as error:
+        raise RunError(f"{equations.topology.model.span.file}: classical: {error}; use --method augmented or recursive") from error
+    except SingularError as error:
+        raise RunError(_singular(equations, [equations.row_names[row] for row in error.rows])) from error
+
+
+def _singular(equations: LagrangianEquations, names: Sequence[str]) -> str:
+    """What to say of coordinates and equations that have no equation of their own near the design position."""
+    model = equations.topology.model
+    spans = {body.name: body.span for body in model.bodies} | {joint.name: joint.span for joint in model.joints}
+    lines = []
+    for name in names:
+        element = max((e for e in spans if name.startswith(f"{e}.")), key=len, default="")
+        place = spans[element] if element else model.span.file
+        lines.append(f"{place}: '{name}': the classical method finds no equation of its own for it near the design position")
+    return "\n".join([*lines, "hint: use --method augmented or recursive"])
