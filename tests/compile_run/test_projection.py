@@ -10,7 +10,7 @@ import pytest
 
 from cutjoint.locations import runtime_folder
 from cutjoint.pipeline import compile_model
-from tests.conftest import MODELS
+from tests.conftest import MODELS, with_heavy
 
 PENALTIES = (1e4, 1e6, 1e9, 1e12)
 
@@ -39,7 +39,10 @@ def program(folder: Path, model: str, scene: str, class_name: str) -> Path:
 @pytest.mark.parametrize("penalty", PENALTIES)
 @pytest.mark.parametrize(
     ("model", "scene", "class_name"),
-    [("four_bar", "swing", "FourBar"), ("slider_crank", "turn", "SliderCrank"), ("iltis", "simul1", "Iltis")],
+    with_heavy(
+        [("four_bar", "swing", "FourBar"), ("slider_crank", "turn", "SliderCrank"), ("iltis", "simul1", "Iltis")],
+        ("slider_crank", "turn", "SliderCrank"),
+    ),
 )
 def test_gaps_are_closed(folder: Path, model: str, scene: str, class_name: str, penalty: float) -> None:
     done = subprocess.run([program(folder, model, scene, class_name), str(penalty)], capture_output=True, text=True, check=True)

@@ -29,6 +29,7 @@ from cutjoint.sparse.pattern import Pattern, make_pattern
 from cutjoint.sparse.pattern import dense as full
 from cutjoint.sparse.tangent import places
 from cutjoint.topology.build import build_topology
+from tests.conftest import with_heavy
 from tests.mechanisms import random_models
 from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE, NOWHERE, TIME, TREE_KINDS, K, scene, workshop
 from tests.oracles.dense import Instant, Numerics
@@ -229,7 +230,9 @@ def determined(pair: Pair, at: Instant) -> set[str]:
 LOOPS = (("branch", 3), ("roots", 0), ("roots", 5), ("parent", 2))
 
 
-@pytest.mark.parametrize("kind", [kind for kind in CUT_KINDS if kind is not K.FIXED])
+@pytest.mark.parametrize(
+    "kind", with_heavy([kind for kind in CUT_KINDS if kind is not K.FIXED], K.CYLINDRICAL, K.PRISMATIC, K.PLANAR, K.UNIVERSAL)
+)
 def test_reaction_of_a_cut_joint(kind: JointKind) -> None:
     """Where natural coordinates tell a reaction, and mechanics determines it, it is that of the recursive formulation."""
     compared = 0
