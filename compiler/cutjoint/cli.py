@@ -31,10 +31,11 @@ from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import Artifact
+from cutjoint.realtime import run_in_real_time
 from cutjoint.reduce.choose import choose, chosen_rung
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import measure_rungs
-from cutjoint.run.results import Trajectory
+from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulator import SimulatorError
@@ -57,6 +58,10 @@ _model = click.argument("model", type=click.Path(exists=True, dir_okay=False, pa
 _scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
 _method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
 _set = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
+_dt = click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
+_end = click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
+_iterations = click.option("--iterations", type=click.IntRange(min=1),
+                           help="Of each step of the method recursive, no less and no more, so that all steps cost the same.")  # fmt: skip
 _links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
                       help="Make a massless body a slender rod; * in BODY stands for any text.")  # fmt: skip
 
@@ -141,10 +146,11 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
               help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default "
               "the scene's, else trapezoidal.")
 @click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
-@click.option("--closure", type=click.Choice(CLOSURES), 
+@click.option("--closure", type=click.Choice(CLOSURES),
               help="How the recursive method holds its cut joints; the scene's otherwise.")
-@click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
-@click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
+@_dt
+@_end
+@_iterations
 @_set
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
@@ -152,8 +158,8 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @_reports_errors
 def simulate(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str,
-    integrator: str | None, precision: str, closure: str | None, dt: float | None, end: float | None, changes: tuple[str, ...], out: Path,
-    steps: Path | None, plots: Path | None,
+    integrator: str | None, precision: str, closure: str | None, dt: float | None, end: float | None, iterations: int | None,
+    changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     from cutjoint.report import tables
@@ -176,12 +182,14 @@ def simulate(
             )
         with _progress(f"running {played.name}") as progress:
             return artifact, pipeline.simulate(
-                artifact, out=out, dt=dt, end=end, parameters=parameters, solver=solver, integrator=integrator,
+                artifact, out=out, dt=dt, end=end, parameters=parameters, solver=solver, integrator=integrator, iterations=iterations,
                 tolerance=None if asked == "auto" else tolerance, steps=steps, progress=progress,
             )  # fmt: skip
 
     if asked == "auto":
-        _require_own(implementation=implementation, solver=solver, integrator=integrator, precision=precision, dt=dt, end=end)
+        _require_own(
+            implementation=implementation, solver=solver, integrator=integrator, precision=precision, dt=dt, end=end, iterations=iterations
+        )  # fmt: skip
         rung = _pick(checked, chosen, tolerance, parameters)
         artifact, run = run_with(rung.model, rung.scene, rung.method)
         if run.failure is not None and run.failure.guards and chosen.on_violation == "restart":
@@ -195,15 +203,48 @@ def simulate(
     if plots is not None:
         _plot(artifact, run, plots)
     if run.failure is not None:
-        where = _place(artifact, run.failure.element) or str(model)
-        _err.print(f"{where}: scene '{artifact.scene.name}': {run.failure}; the results up to then are kept", markup=False)
+        _err.print(f"{_failed(artifact, run.failure, model)}; the results up to then are kept", markup=False)
+        raise SystemExit(1)
+
+
+def _failed(artifact: Artifact, failure: FailureReport, model: Path) -> str:
+    """What failed, with the line of its element."""
+    where = _place(artifact, failure.element) or str(model)
+    return f"{where}: scene '{artifact.scene.name}': {failure}"
+
+
+@main.command()
+@_model
+@_scene
+@_method
+@_dt
+@_end
+@_iterations
+@_set
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for the time of each step.")
+@_reports_errors
+def realtime(
+    model: Path, scene: str | None, method: str, dt: float | None, end: float | None, iterations: int | None, changes: tuple[str, ...],
+    out: Path | None,
+) -> None:  # fmt: skip
+    """Run one scene of MODEL against the wall clock: how long steps take, and how many miss their deadline."""
+    from cutjoint.report.realtime import time_tables
+
+    with _progress(f"compiling {model.name}"):
+        artifact = pipeline.compile_model(model, scene=scene, method=method)
+    with _progress(f"running {artifact.scene.name}"):
+        times = run_in_real_time(artifact, dt=dt, end=end, iterations=iterations, parameters=_parameters(changes), out=out)
+    for table in time_tables(times):
+        _out.print(table)
+    if times.failure is not None:
+        _err.print(f"{_failed(artifact, times.failure, model)}; the steps up to then are told", markup=False)
         raise SystemExit(1)
 
 
 def _require_own(**options: Any) -> None:
     """Method auto picks for itself what these options say."""
-    usual = {"implementation": "generated", "solver": "emitted", "integrator": None, "precision": "double", "dt": None, "end": None}
-    for name in (name for name, value in options.items() if value != usual[name]):
+    usual = {"implementation": "generated", "solver": "emitted", "precision": "double"}
+    for name in (name for name, value in options.items() if value != usual.get(name)):
         raise RunError(f"--{name} cannot go with method auto, which runs what it has measured; use --method")
 
 
@@ -225,7 +266,7 @@ def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: dict[
 @_scene
 @_method
 @click.option("--approximate", is_flag=True, help="Try passes too that change the motion a little.")
-@click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
+@_dt
 @_set
 @_reports_errors
 def reduce(model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...]) -> None:

@@ -176,14 +176,15 @@ def compile_scene(
 def simulate(
     artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
     tolerance: float | None = None, parameters: Mapping[str, float] | None = None, solver: str = "emitted",
-    integrator: str | None = None, steps: Path | None = None, tangents: Path | None = None, progress: Progress | None = None,
+    integrator: str | None = None, iterations: int | None = None, steps: Path | None = None, tangents: Path | None = None,
+    progress: Progress | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
 
     ``dt``, ``penalty`` and ``tolerance`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``integrator`` one of
-    INTEGRATORS, by default the scene's, ``steps`` a CSV file that receives iterations and residuals of each step, ``tangents`` a file
-    that receives a line of JSON for each row, the Jacobians of the recursive method's accelerations.  A run that fails numerically is
-    returned as far as it came, with its failure.
+    INTEGRATORS, by default the scene's, ``iterations`` how many each step of the recursive method has then, ``steps`` a CSV file that
+    receives iterations and residuals of each step, ``tangents`` a file that receives a line of JSON for each row, the Jacobians of the
+    recursive method's accelerations.  A run that fails numerically is returned as far as it came, with its failure.
 
     Raises:
         RunError: a parameter that cannot be set.
@@ -192,6 +193,8 @@ def simulate(
     changes = {name: value for name, value in (("dt", dt), ("penalty", penalty), ("tolerance", tolerance)) if value is not None}
     scene = with_figures(artifact.scene, artifact.method, changes)
     integrator = _checked_integrator(artifact, integrator)
+    if iterations is not None:
+        require_fixed_cost(artifact, integrator)
     scene = replace(scene, end=scene.end if end is None else end)
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -203,6 +206,7 @@ def simulate(
             artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
             solver=_solver(artifact, solver) if integrator in ("trapezoidal", *IMPLICIT) else "", integrator=integrator,
             steps_out="" if steps is None else str(steps.resolve()), tangents_out="" if tangents is None else str(tangents.resolve()),
+            fixed_cost=iterations,
         )  # fmt: skip
         if artifact.implementation == "generic":
             run_file["model"] = str(_describe(artifact, Path(folder)))
@@ -242,6 +246,16 @@ def _checked_integrator(artifact: Artifact, asked: str | None) -> str:
     if integrator in (*EXPLICIT, "reference") and artifact.method == "recursive" and artifact.scene.numerics.closure == "proximal":
         raise RunError(f"the integrator {integrator} closes loops in its own way: use closure: penalty")
     return integrator
+
+
+def require_fixed_cost(artifact: Artifact, integrator: str = "trapezoidal") -> None:
+    """Check that steps can have a fixed number of iterations.
+
+    Raises:
+        RunError: what else a step does takes as long as it takes.
+    """
+    if artifact.method != "recursive" or integrator != "trapezoidal" or artifact.scene.numerics.closure != "penalty":
+        raise RunError("a fixed number of iterations needs the method recursive with the trapezoidal rule and closure: penalty")
 
 
 def _solver(artifact: Artifact, solver: str) -> str:

@@ -47,9 +47,11 @@ def points_source() -> Source:
     """The simulator of all systems, as the compiler would hand it on."""
     files = {name: (SOURCES / name).read_text(encoding="utf-8") for name in FILES}
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(templates_folder()), undefined=jinja2.StrictUndefined, trim_blocks=True)
-    view = {"banner_hash": "# points", "stem": "points", "start_sources": ["point_system.cpp"], "sources": [], "large_sources": []}
+    view = {"banner_hash": "# points", "stem": "points", "start_sources": ["point_system.cpp"], "sources": [], "large_sources": [],
+            "driver": "lagrangian"}  # fmt: skip
     files["CMakeLists.txt"] = environment.get_template("CMakeLists.txt.jinja").render(view)
-    return Source(stem="points", files=files, digest=hashlib.sha256("\0".join(files.values()).encode()).hexdigest())
+    digest = hashlib.sha256("\0".join(files.values()).encode()).hexdigest()
+    return Source(stem="points", files=files, digest=digest, driver="lagrangian")
 
 
 def simulator(*, comparison: bool = True) -> Path:

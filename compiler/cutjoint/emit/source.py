@@ -29,11 +29,12 @@ _TAKEN = frozenset({"AnyMechanism", "Chart", "Column", "Description", "Loaded", 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Generated files by name, and a digest of them all."""
+    """Generated files by name, a digest of them all, and which driver they need, "recursive" or "lagrangian"."""
 
     stem: str
     files: Mapping[str, str]
     digest: str
+    driver: str
 
 
 def emit(program: Program, equations: Equations) -> Source:
@@ -62,6 +63,11 @@ class Page:
         return cls(stem=stem, class_name=_class_name(stem), formulation=formulation)
 
     @property
+    def driver(self) -> str:
+        """The file of the runtime's driver that runs the model."""
+        return "recursive" if self.formulation == "recursive" else "lagrangian"
+
+    @property
     def banner(self) -> list[str]:
         """Where generated files come from."""
         return [
@@ -84,7 +90,7 @@ class Page:
 
     def source(self, files: Mapping[str, str]) -> Source:
         """The finished files."""
-        return Source(stem=self.stem, files=dict(sorted(files.items())), digest=_digest(files))
+        return Source(stem=self.stem, files=dict(sorted(files.items())), digest=_digest(files), driver=self.driver)
 
 
 def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[str, str]:
@@ -144,7 +150,8 @@ def _quotable(text: str) -> str:
 def project_file(page: Page, mechanism: Mapping[str, str], system: Mapping[str, str]) -> str:
     """The CMake project of a mechanism, and of its system where a Lagrangian method has one."""
     large = sorted(name for name, text in {**mechanism, **system}.items() if len(text) > LARGE)
-    return page.render("CMakeLists.txt.jinja", start_sources=_sources(mechanism), sources=_sources(system), large_sources=large)
+    sources = {"start_sources": _sources(mechanism), "sources": _sources(system), "large_sources": large}
+    return page.render("CMakeLists.txt.jinja", driver=page.driver, **sources)
 
 
 def _sources(files: Mapping[str, str]) -> list[str]:

@@ -39,14 +39,15 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
 
 def make_run_file(
     model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "", method: str = "recursive", solver: str = "",
-    steps_out: str = "", tangents_out: str = "", integrator: str = "trapezoidal",
+    steps_out: str = "", tangents_out: str = "", integrator: str = "trapezoidal", fixed_cost: int | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """The run file of a task: "simulate", "equilibrium" or "evaluate"; of a Lagrangian method also "factor".
+    """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of a Lagrangian method also "factor".
 
     ``solver`` names the linear solver of a Lagrangian method, by default the emitted one; ``steps_out`` is where iterations and residuals
     of each step go, ``tangents_out`` where the recursive method's Jacobians at each row do.  The ``integrator`` "reference" takes steps as
     long as ``tolerance`` allows between rows that are ``dt`` apart, "dormand-prince" and "sdirk4" such steps without regard to rows, of
-    which each has its place, and the explicit ones have no stabilisation.
+    which each has its place, and the explicit ones have no stabilisation.  ``fixed_cost`` is the number of iterations that each step of the
+    recursive method has then, whatever they leave.
     ``numerics`` are the method's figures, a penalty of None is left to the simulator; ``stabilisation`` those of the cut joints of the
     recursive equations, which start every run.
 
@@ -56,6 +57,8 @@ def make_run_file(
     parameters = parameter_values(model, changes)
     value = Evaluator(model, parameters)
     figures = _figures(scene.numerics, method)
+    if fixed_cost is not None:
+        figures |= {"iterations": fixed_cost, "fixed_cost": True}
     if integrator in ("rk4", "dormand-prince"):
         figures["penalty"] = _explicit_penalty(scene.numerics)
     if integrator in ("rk4", "dormand-prince", "sdirk4", "sdirk4-fixed"):

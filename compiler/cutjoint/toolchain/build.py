@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -106,21 +106,26 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
 
 
 def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) -> None:
-    """Configure and build in a temporary folder, then move the simulator into place at once; the first one brings the driver."""
-    driver = _driver(flags, kind)
-    with _workplace() as folder, _alone(driver):
-        known = [f"-DCUTJOINT_DRIVER={driver}"] if driver.exists() else []
+    """Configure and build in a temporary folder, then move the simulator into place at once; the first one brings the driver's parts."""
+    parts = _driver_parts(source, flags, kind)
+    with ExitStack() as stack:
+        folder = stack.enter_context(_workplace())
+        for part in parts.values():
+            stack.enter_context(_alone(part))
+        missing = [name for name, part in parts.items() if not part.exists()]
+        known = [f"-DCUTJOINT_{name.upper()}={part}" for name, part in parts.items() if name not in missing]
         write_source(source, folder / "source")
         _cmake(folder / "source", folder / "out", flags, f"-DCUTJOINT_RUNTIME={runtime_folder()}", *kind.definitions, *known)
         _keep(folder / "out" / "simulator", target / "simulator")
-        if not known:
-            _keep(folder / "out" / "libdriver.a", driver)
+        for name in missing:
+            _keep(folder / "out" / f"lib{name}.a", parts[name])
 
 
-def _driver(flags: Sequence[str], kind: Kind) -> Path:
-    """The driver's place in the cache; that for comparisons is compiled with the flags of generated code, the plain one with its own."""
-    key = _digest([runtime_digest(), compiler_version(find_compiler()), *kind.definitions, *(flags if kind.comparison else ())])
-    return cache_folder() / f"driver-{key}" / "libdriver.a"
+def _driver_parts(source: Source, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
+    """Where the driver's parts stand in the cache; only that for comparisons is compiled with the flags of generated code."""
+    launch = [runtime_digest(), compiler_version(find_compiler())]
+    driver = [*launch, source.driver, *kind.definitions, *(flags if kind.comparison else ())]
+    return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in (("launch", launch), ("driver", driver))}
 
 
 @contextmanager

@@ -55,7 +55,8 @@ class Recursive {
     const Json& numerics = file_.at("numerics");
     dt_ = read_number<Real>(numerics, "dt");
     const FixedPoint fixed_point{numerics.at("tolerance").get<double>(), numerics.at("iterations").get<int>(),
-                                 numerics.at("multiplier_updates").get<int>(), is_proximal(file_.at("stabilisation"))};
+                                 numerics.at("multiplier_updates").get<int>(), is_proximal(file_.at("stabilisation")),
+                                 numerics.value("fixed_cost", false)};
     integrator_.emplace(mechanism_, dt_, fixed_point);
   }
 

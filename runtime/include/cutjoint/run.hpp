@@ -15,6 +15,7 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/launch.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/pace.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/table.hpp"
 
@@ -76,7 +77,7 @@ class Run {
     method_.begin(start, 1.0);
     if constexpr (requires { method_.time_solver(); })
       if (task == "factor") return method_.time_solver();
-    return simulate();
+    return task == "realtime" ? keep_pace() : simulate();
   }
 
   Json columns() {
@@ -112,6 +113,27 @@ class Run {
       if (last % stride == 0 || last == steps) write(table);
       progress(last, steps);
     }
+    return counts();
+  }
+
+  /// Steps against the wall clock, without rows; the times of the steps are a table, also where a step fails.
+  Json keep_pace() {
+    method_.prepare();
+    const double dt = file_.at("numerics").at("dt"), end = file_.at("end");
+    const long steps = std::lround(std::ceil(end / dt - 1e-9));
+    const std::string out = file_.at("out");
+    Pace pace(steps, dt);
+    try {
+      for (; steps_ < steps; ++steps_) {
+        pace.wait(steps_);
+        method_.step(steps_ + 1);
+        pace.finish(steps_);
+      }
+    } catch (const Failure&) {
+      pace.write(out, steps_);
+      throw;
+    }
+    pace.write(out, steps_);
     return counts();
   }
 

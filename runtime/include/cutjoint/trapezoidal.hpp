@@ -19,12 +19,14 @@ namespace cutjoint {
 /// corrected in the first `multiplier_updates` iterations of a step and then kept: the penalty carries what is left.  Near a singular
 /// pose the multipliers of the vanishing direction have no limit, and correcting them further would never end.
 ///
-/// With the proximal closure positions and speeds are projected at the end of a step.
+/// With the proximal closure positions and speeds are projected at the end of a step.  A step of fixed cost has `iterations` of them, no
+/// less and no more, whatever they leave.
 struct FixedPoint {
   double tolerance;
   int iterations;
   int multiplier_updates;
   bool proximal = false;
+  bool fixed_cost = false;
 };
 
 /// Integrates a mechanism with steps of equal length.
@@ -43,7 +45,7 @@ class Trapezoidal {
   ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
   ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n
   ///
-  /// Throws Failure when the iteration diverges or does not end; `state` is then the last one that converged.
+  /// Throws Failure when the iteration diverges to infinity or does not end; `state` is then the last one that converged.
   void step(State<Real>& state, long number) {
     before_ = state;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
@@ -59,8 +61,10 @@ class Trapezoidal {
         for (std::size_t i = 0; i < correction_.size(); ++i) state.lambda[i] += correction_[i];
       state.vdot.swap(vdot_);
       ++evaluations_;
-      if (converged(state, vdot_)) break;
-      if (iteration >= fixed_point_.iterations || !std::isfinite(static_cast<double>(change_))) give_up(state, number, t, iteration);
+      const bool close = converged(state, vdot_), last = iteration >= fixed_point_.iterations;
+      if (!std::isfinite(static_cast<double>(change_))) give_up(state, number, t, iteration);
+      if (fixed_point_.fixed_cost ? last : close) break;
+      if (last) give_up(state, number, t, iteration);
     }
     follow(state);
     state.t = t;

@@ -1,0 +1,71 @@
+"""Runs against the wall clock: how long each step takes, and which ones miss their deadline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.pipeline import Artifact, require_fixed_cost
+from cutjoint.run.results import FailureReport, read_table
+from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.scenes import with_figures
+from cutjoint.run.simulator import call_simulator, failure_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepTimes:
+    """Times of steps that were begun ``period`` (s) apart.
+
+    ``took`` (n,) is how long each lasted and ``late`` (n,) how long after the next one was due it ended, in s; negative where it was in
+    time.  A run that failed has the steps up to then.
+    """
+
+    period: float
+    took: NDArray[np.float64]
+    late: NDArray[np.float64]
+    failure: FailureReport | None
+
+    @property
+    def missed(self) -> int:
+        """How many steps ended after the next one was due."""
+        return int(np.count_nonzero(self.late > 0))
+
+    def percentile(self, share: float) -> float:
+        """The time (s) in which ``share`` per cent of the steps ended."""
+        return float(np.percentile(self.took, share, method="higher"))
+
+
+def run_in_real_time(
+    artifact: Artifact, *, dt: float | None = None, end: float | None = None, iterations: int | None = None,
+    parameters: Mapping[str, float] | None = None, out: Path | None = None,
+) -> StepTimes:  # fmt: skip
+    """Run a compiled model as fast as the clock on the wall; ``out`` receives a table with ``took`` and ``late`` (s) of each step.
+
+    ``iterations`` are how many each step has, so that all cost the same; only the method recursive has that.
+
+    Raises:
+        RunError: a parameter that cannot be set, an end before the first step, or steps that cannot be of fixed cost.
+        SimulatorError: the simulator could not begin.
+    """
+    if artifact.implementation != "generated":
+        raise RunError("runs against the wall clock take generated code")
+    if iterations is not None:
+        require_fixed_cost(artifact)
+    scene = with_figures(artifact.scene, artifact.method, {} if dt is None else {"dt": dt})
+    scene = replace(scene, end=scene.end if end is None else end)
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory() as folder:
+        table = Path(folder) / "times.csv" if out is None else out
+        run_file = make_run_file(
+            artifact.topology.model, scene, parameters or {}, task="realtime", method=artifact.method, out=str(table.resolve()),
+            fixed_cost=iterations,
+        )  # fmt: skip
+        failure = failure_of(call_simulator(artifact.binary.path, run_file))
+        _, columns = read_table(table)
+    return StepTimes(period=scene.numerics.of_method(artifact.method).dt, took=columns["took"], late=columns["late"], failure=failure)

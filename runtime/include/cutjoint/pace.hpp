@@ -1,0 +1,66 @@
+// Steps against the wall clock.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "cutjoint/table.hpp"
+
+namespace cutjoint {
+
+/// Begins each step when it is due, and notes how long it took and how long after its due end it ended; negative where it was in time.
+///
+/// A step that is late is followed by the next one at once.  All memory is taken before the first step.
+class Pace {
+ public:
+  Pace(long steps, double dt) : dt_(dt), took_(static_cast<std::size_t>(steps)), late_(took_.size()), begin_(Clock::now()) {}
+
+  /// Wait until a step, counted from 0, is due.  A sleep may end late by tens of microseconds: the last part of the way is spent awake.
+  void wait(long step) {
+    const Clock::time_point due = at(step);
+    if (Clock::now() < due - awake_) std::this_thread::sleep_until(due - awake_);
+    while (Clock::now() < due) {
+    }
+    from_ = Clock::now();
+  }
+
+  /// The step has ended.
+  void finish(long step) {
+    const Clock::time_point now = Clock::now();
+    took_[static_cast<std::size_t>(step)] = seconds(now - from_);
+    late_[static_cast<std::size_t>(step)] = seconds(now - at(step + 1));
+  }
+
+  /// Write the first steps as a table over the time of their ends.
+  void write(const std::string& path, long steps) const {
+    static constexpr std::string_view columns[] = {"took", "late"};
+    Table table(path);
+    table.header(std::span(columns));
+    std::vector<double> row(2);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(steps); ++i) {
+      row = {took_[i], late_[i]};
+      table.row(static_cast<double>(i + 1) * dt_, row);
+    }
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  static double seconds(Clock::duration length) { return std::chrono::duration<double>(length).count(); }
+
+  Clock::time_point at(long step) const {
+    return begin_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(static_cast<double>(step) * dt_));
+  }
+
+  static constexpr std::chrono::microseconds awake_{200};
+
+  double dt_;
+  std::vector<double> took_, late_;
+  Clock::time_point begin_, from_;
+};
+
+}  // namespace cutjoint

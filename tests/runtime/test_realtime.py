@@ -1,0 +1,85 @@
+"""Runs against the wall clock, and steps of fixed cost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.model.read import read_model
+from cutjoint.pipeline import compile_model, compile_scene, simulate
+from cutjoint.realtime import run_in_real_time
+from cutjoint.run.results import read_table
+from cutjoint.run.run_file import RunError
+from cutjoint.run.scenes import find_scene, with_closure
+from tests.conftest import MODELS
+from tests.physics.simulation import completed
+
+
+@pytest.mark.parametrize("iterations", [1, 3, 12])
+def test_every_step_has_as_many_iterations(iterations: int) -> None:
+    run = completed(simulate(compile_model(MODELS / "four_bar.yaml"), iterations=iterations, dt=1e-3, end=1.0))
+    assert run.steps == 1000
+    assert run.evaluations == 1000 * iterations
+
+
+def test_more_iterations_come_nearer() -> None:
+    artifact = compile_model(MODELS / "slider_crank.yaml")
+    exact = completed(simulate(artifact, tolerance=1e-9, end=1.0))
+    apart = [np.abs(completed(simulate(artifact, iterations=n, end=1.0))["slider.x"] - exact["slider.x"]).max() for n in (1, 2, 4)]
+    assert apart[2] < apart[1] < apart[0] < 0.1
+
+
+@pytest.mark.parametrize("how", [{"method": "augmented"}, {"integrator": "rk4"}, {"closure": "proximal"}])
+def test_what_has_no_fixed_cost(how: dict[str, str]) -> None:
+    model = read_model(MODELS / "four_bar.yaml")
+    scene = with_closure(find_scene(model, None), how.get("closure", "penalty"))
+    artifact = compile_scene(model, scene, method=how.get("method", "recursive"))
+    with pytest.raises(RunError, match=r"a fixed number of iterations needs the method recursive with the trapezoidal rule"):
+        simulate(artifact, iterations=4, integrator=how.get("integrator"))
+
+
+def test_steps_begin_when_they_are_due(tmp_path: Path) -> None:
+    artifact = compile_model(MODELS / "pendulum.yaml")
+    begin = perf_counter()
+    times = run_in_real_time(artifact, dt=0.01, end=0.3, out=tmp_path / "times.csv")
+    assert perf_counter() - begin >= 0.29  # the last step begins there
+    assert times.took.size == 30
+    assert (times.took > 0).all()
+    assert (times.late >= times.took - times.period - 1e-9).all()
+    assert times.missed == np.count_nonzero(times.late > 0)
+    t, columns = read_table(tmp_path / "times.csv")
+    assert t == pytest.approx(0.01 * np.arange(1, 31))
+    assert (columns["took"] == times.took).all()
+
+
+def test_steps_that_are_too_short_miss_their_deadlines() -> None:
+    times = run_in_real_time(compile_model(MODELS / "pendulum.yaml"), dt=1e-9, end=1e-6, iterations=4)
+    assert times.missed == times.took.size == 1000
+    assert times.percentile(50) <= times.percentile(99.9) <= times.took.max()
+
+
+def test_the_command(tmp_path: Path) -> None:
+    result = CliRunner().invoke(main, ["realtime", str(MODELS / "pendulum.yaml"), "--end", "0.1", "--iterations", "4"])
+    assert result.exit_code == 0, result.output
+    for word in ("p50", "p99.9", "largest", "missed deadlines", "histogram"):
+        assert word in result.output
+
+
+def test_steps_up_to_a_failure_are_told(tmp_path: Path) -> None:
+    """The fixed point ends soon on springs of 8e5 N/m with steps of 50 ms."""
+    out = tmp_path / "times.csv"
+    result = CliRunner().invoke(main, ["realtime", str(MODELS / "flyball.yaml"), "--dt", "0.05", "--out", str(out)])
+    assert result.exit_code == 1
+    assert "did not converge" in result.output or "diverged" in result.output
+    assert "the steps up to then are told" in result.output
+    assert out.exists()
+
+
+def test_the_twin_does_not_run_against_the_clock() -> None:
+    with pytest.raises(RunError, match="runs against the wall clock take generated code"):
+        run_in_real_time(compile_model(MODELS / "pendulum.yaml", implementation="generic"))
