@@ -195,7 +195,6 @@ class Newton : public Workspace<S> {
       return;
     }
     retract<Real>(d_.charts, before_.q.data(), delta_.data(), state.q.data());
-    turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
   }
 
   /// The acceleration a of the step's end.
@@ -220,6 +219,7 @@ class Newton : public Workspace<S> {
     for (int iteration = 1;; ++iteration) {
       follow(state);
       const bool renewed = renews_always() || wary_ || !factored_ || slow_;
+      if (renewed && !d_.charts.empty()) turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
       approach(state, iteration, renewed);
       if (iteration > 1 && !finite(largest(x_))) fail(infinite, d_.unknowns()[worst_], change_, "take a smaller dt");
       if (renewed) this->factor();
