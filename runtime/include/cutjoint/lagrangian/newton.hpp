@@ -215,7 +215,7 @@ class Newton : public Workspace<S> {
     predict(state);
     change_ = smallest_ = std::numeric_limits<Real>::infinity();
     growing_ = idle_ = 0;
-    slow_ = false;
+    slow_ = hard_;
     for (int iteration = 1;; ++iteration) {
       follow(state);
       const bool renewed = renews_always() || wary_ || !factored_ || slow_;
@@ -227,7 +227,10 @@ class Newton : public Workspace<S> {
       this->solve();
       take(Real(1) / k_, state);
       ++iterations_;
-      if (converged(state) && may_end()) break;
+      if (converged(state) && may_end()) {
+        hard_ = iteration > 2;
+        break;
+      }
       if (!finite(change_)) give_up(infinite);
       if (growing_ >= 5 && change_ > Real(1e3) * smallest_) give_up("Newton's iteration diverges");
       if (iteration >= figures_.iterations) give_up("Newton's iteration did not converge in " + std::to_string(iteration) + " iterations");
@@ -282,7 +285,7 @@ class Newton : public Workspace<S> {
     growing_ = change_ > last ? growing_ + 1 : 0;
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
-    slow_ = !(change_ <= Real(0.05) * last);
+    slow_ = !(change_ <= Real(0.01) * last);
     if (change_ <= Real(figures_.tolerance) * size_) return true;
     const Real digits = (idle_ >= 4 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
     return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
@@ -348,6 +351,7 @@ class Newton : public Workspace<S> {
   std::vector<Real> kept_now_, kept_before_;  ///< multipliers at the start of a step and before it
   bool wary_ = false;      ///< whether each iteration has a tangent of its own after all
   bool factored_ = false;  ///< whether there are factors of a step
+  bool hard_ = false;      ///< whether the last step took its time, so that the next one begins with a tangent of its own
   bool slow_ = false;      ///< whether the factors in use bring the iteration on too slowly
   int growing_ = 0, idle_ = 0;  ///< iterations in a row whose change grew, and since it last fell by half
   std::size_t worst_ = 0;
