@@ -3,16 +3,18 @@
 
 #include <cmath>
 
-#if defined(__x86_64__) && defined(__GLIBC__) && defined(__AVX2__)
+#if defined(__x86_64__) && defined(__GLIBC__)
 #include <immintrin.h>
-#define CUTJOINT_LIBMVEC 1
-extern "C" {  // glibc's vector mathematics, 4 doubles, errors of at most 4 units in the last place
-__m256d _ZGVdN4v_sin(__m256d);
-__m256d _ZGVdN4v_cos(__m256d);
-__m256d _ZGVdN4v_tan(__m256d);
-__m256d _ZGVdN4v_atan(__m256d);
-__m256d _ZGVdN4v_exp(__m256d);
-__m256d _ZGVdN4v_log(__m256d);
+#define CUTJOINT_IN_LIBMVEC(of) of(sin) of(cos) of(tan) of(atan) of(exp) of(log)
+extern "C" {  // glibc's vector mathematics, errors of at most 4 units in the last place
+#define CUTJOINT_DECLARE(name) __m128d _ZGVbN2v_##name(__m128d);
+CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
+#undef CUTJOINT_DECLARE
+#ifdef __AVX2__
+#define CUTJOINT_DECLARE(name) __m256d _ZGVdN4v_##name(__m256d);
+CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
+#undef CUTJOINT_DECLARE
+#endif
 }
 #endif
 
@@ -112,14 +114,17 @@ CUTJOINT_EACH(exp)
 CUTJOINT_EACH(log)
 #undef CUTJOINT_EACH
 
-#ifdef CUTJOINT_LIBMVEC
-inline Lanes<double, 4> sin(Lanes<double, 4> a) { return _ZGVdN4v_sin(a.v); }
-inline Lanes<double, 4> cos(Lanes<double, 4> a) { return _ZGVdN4v_cos(a.v); }
-inline Lanes<double, 4> tan(Lanes<double, 4> a) { return _ZGVdN4v_tan(a.v); }
-inline Lanes<double, 4> atan(Lanes<double, 4> a) { return _ZGVdN4v_atan(a.v); }
-inline Lanes<double, 4> exp(Lanes<double, 4> a) { return _ZGVdN4v_exp(a.v); }
-inline Lanes<double, 4> log(Lanes<double, 4> a) { return _ZGVdN4v_log(a.v); }
+#ifdef CUTJOINT_IN_LIBMVEC
+#define CUTJOINT_DEFINE(name) inline Lanes<double, 2> name(Lanes<double, 2> a) { return _ZGVbN2v_##name(a.v); }
+CUTJOINT_IN_LIBMVEC(CUTJOINT_DEFINE)
+#undef CUTJOINT_DEFINE
+inline Lanes<double, 2> sqrt(Lanes<double, 2> a) { return _mm_sqrt_pd(a.v); }
+#ifdef __AVX2__
+#define CUTJOINT_DEFINE(name) inline Lanes<double, 4> name(Lanes<double, 4> a) { return _ZGVdN4v_##name(a.v); }
+CUTJOINT_IN_LIBMVEC(CUTJOINT_DEFINE)
+#undef CUTJOINT_DEFINE
 inline Lanes<double, 4> sqrt(Lanes<double, 4> a) { return _mm256_sqrt_pd(a.v); }
+#endif
 #endif
 
 template <class Real, int N>
