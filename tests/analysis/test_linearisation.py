@@ -100,6 +100,7 @@ def test_cut_joints_in_motion(closing: str, kind: K) -> None:
     verify(implicit(random_models.loop_with(kind, closing, 5), random_models.scene()), 2)
 
 
+@pytest.mark.heavy
 def test_vehicle_in_motion() -> None:
     """Tyres that slip and roll, on a flat road."""
     model = read_model(MODELS / "iltis.yaml")

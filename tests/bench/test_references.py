@@ -38,6 +38,7 @@ def test_two_routes_agree_on_a_closed_loop() -> None:
     assert reference.provenance["routes"] == ["Runge-Kutta", "extrapolation"]
 
 
+@pytest.mark.heavy
 def test_two_routes_agree_on_the_stiff_governor() -> None:
     """A05, eigenvalue -8075 1/s: 64 bits do, and are affordable where 113 are not; the published slider has 13 digits."""
     case = make_case(MODELS / "flyball.yaml", end=0.2)

@@ -41,7 +41,7 @@ def program(folder: Path, model: str, scene: str, class_name: str) -> Path:
     ("model", "scene", "class_name"),
     with_heavy(
         [("four_bar", "swing", "FourBar"), ("slider_crank", "turn", "SliderCrank"), ("iltis", "simul1", "Iltis")],
-        ("slider_crank", "turn", "SliderCrank"),
+        ("slider_crank", "turn", "SliderCrank"), ("iltis", "simul1", "Iltis"),
     ),
 )
 def test_gaps_are_closed(folder: Path, model: str, scene: str, class_name: str, penalty: float) -> None:

@@ -231,7 +231,11 @@ LOOPS = (("branch", 3), ("roots", 0), ("roots", 5), ("parent", 2))
 
 
 @pytest.mark.parametrize(
-    "kind", with_heavy([kind for kind in CUT_KINDS if kind is not K.FIXED], K.CYLINDRICAL, K.PRISMATIC, K.PLANAR, K.UNIVERSAL)
+    "kind",
+    with_heavy(
+        [kind for kind in CUT_KINDS if kind is not K.FIXED],
+        K.CYLINDRICAL, K.PRISMATIC, K.PLANAR, K.UNIVERSAL, K.SCREW, K.POINT_ON_LINE, K.DISTANCE,
+    ),
 )
 def test_reaction_of_a_cut_joint(kind: JointKind) -> None:
     """Where natural coordinates tell a reaction, and mechanics determines it, it is that of the recursive formulation."""

@@ -70,6 +70,7 @@ def check_syntax(outcome: Outcome) -> None:
 
 
 @needs_cpp
+@pytest.mark.heavy
 def test_a_sample_compiles_and_runs() -> None:
     """The code of accepted models compiles without a warning; that of some of them runs for two steps."""
     outcomes = accepted(int(6 * SHARE))

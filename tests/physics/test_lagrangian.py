@@ -51,8 +51,8 @@ def test_all_methods_converge_to_one_motion_of_the_car() -> None:
 
 
 SCENES = [(scene, method) for scene in sorted(read_model(MODELS / "iltis.yaml").scenes) for method in LAGRANGIAN]
-#: A smooth road, a steep one and one with edges, each by one of the methods.
-SOME_SCENES = [("iavsd_inphase_5", "classical"), ("simul1", "classical"), ("simul1s", "augmented"), ("simul3", "augmented")]
+#: A steep road without bumpers and with them, each by one of the methods.
+SOME_SCENES = [("simul1", "classical"), ("simul1s", "augmented")]
 
 
 @pytest.mark.parametrize(("scene", "method"), with_heavy(SCENES, *(case for case in SCENES if case not in SOME_SCENES)))
@@ -112,7 +112,7 @@ def test_errors_of_the_scene_as_it_stands(name: str, method: str) -> None:
     assert measure_errors(problem, run).largest < BOUNDS[name]
 
 
-@each_method
+@pytest.mark.parametrize("method", with_heavy(LAGRANGIAN, "augmented"))
 def test_solvers_agree(method: str) -> None:
     """Every library finds the motion that the emitted factorisation finds."""
     artifact = compiled("iltis", "simul3", method, comparison=True)

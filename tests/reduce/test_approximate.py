@@ -116,6 +116,7 @@ def test_joints_that_move_are_not_frozen() -> None:
     assert (outcome.done, outcome.left) == ((), ())
 
 
+@pytest.mark.heavy
 def test_a_standing_car_is_one_body() -> None:
     """Nothing moves: the frozen car, that car in its plane, and without lateral forces, stand as the full one does."""
     model = read_model(MODELS / "iltis.yaml")

@@ -67,7 +67,7 @@ def both(method: str) -> tuple[Artifact, Artifact]:
 # The same motion
 
 
-@pytest.mark.parametrize("method", with_heavy(METHODS, "augmented", "classical"))
+@pytest.mark.parametrize("method", with_heavy(METHODS, "augmented", "classical", "recursive-newton"))
 def test_every_column_of_a_half_is_that_of_the_whole(method: str) -> None:
     """All joints, forces and sensors in the plane and in pairs, and all their quantities, from an asymmetric start in the plane."""
     model, scene = carriage()
@@ -120,7 +120,7 @@ def accuracy(method: str, column: str) -> float:
     return {"classical": 1e-8, "augmented": 1e-8, "recursive": 1e-6, "recursive-newton": 1e-8}[method]
 
 
-@pytest.mark.parametrize(("method", "rounding"), [("classical", 1e-10), ("recursive", 1e-5)])
+@pytest.mark.parametrize(("method", "rounding"), with_heavy([("classical", 1e-10), ("recursive", 1e-5)], ("classical", 1e-10)))
 def test_half_a_car_climbs_the_ramp_as_the_whole_one(method: str, rounding: float) -> None:
     """Four seconds of simul1 from its equilibrium, as shares of the columns' sizes; what the whole has from its two sides is their mean.
 
