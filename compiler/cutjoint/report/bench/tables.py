@@ -39,8 +39,14 @@ def tabulate_studies(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable:
     rows = []
     for name, data in studies.items():
         outdated = data.get("outdated", [])
-        rows.append((name, *(data["machine"][part] for part in ("processor", "system")), "; ".join(outdated) or "nothing"))
+        rows.append((name, *(data["machine"][part] for part in ("processor", "system")), _some(outdated)))
     return BenchTable(head=("study", "processor", "system", "measured with other code than this version's"), rows=tuple(rows))
+
+
+def _some(names: Sequence[str], most: int = 4) -> str:
+    """The first names, the rest counted; the data has them all."""
+    rest = f"; and {len(names) - most} more" if len(names) > most else ""
+    return "; ".join(names[:most]) + rest or "nothing"
 
 
 def tabulate_lines(case: Case) -> BenchTable:
