@@ -72,7 +72,7 @@ class Newton : public Workspace<S> {
       : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt),
         share_(Real(1 - figures.rule.alpha_f) / Real(1 - figures.rule.alpha_m)), speed_(dt_ * Real(figures.rule.gamma) * share_),
         k_(dt_ * dt_ * Real(figures.rule.beta) * share_), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_),
-        before_(d_.coordinates.size(), n_, m_), mean_(n_), delta_(n_) {}
+        before_(d_.coordinates.size(), n_, m_), mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
 
   /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
   void begin(State<Real>& state, Real motion) {
@@ -219,7 +219,7 @@ class Newton : public Workspace<S> {
     for (int iteration = 1;; ++iteration) {
       follow(state);
       const bool renewed = renews_always() || wary_ || !factored_ || slow_;
-      if (renewed && !d_.charts.empty()) turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
+      if (renewed) turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
       approach(state, iteration, renewed);
       if (iteration > 1 && !finite(largest(x_))) fail(infinite, d_.unknowns()[worst_], change_, "take a smaller dt");
       if (renewed) this->factor();

@@ -14,7 +14,9 @@ namespace cutjoint::sdirk {
 template <class Real>
 class Interpolant {
  public:
-  explicit Interpolant(std::span<const Chart> charts, std::size_t speeds) : charts_(charts), parts_(4, std::vector<Real>(speeds)), rate_(speeds) {}
+  /// For states as long as `like`.
+  Interpolant(std::span<const Chart> charts, const State<Real>& like)
+      : charts_(charts), q_(like.q), v_(like.v), vdot_(like.vdot), parts_(4, v_), rate_(v_) {}
 
   /// Between two states with accelerations.
   void join(const State<Real>& start, const State<Real>& end) {

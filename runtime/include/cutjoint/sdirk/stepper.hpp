@@ -20,7 +20,7 @@ class Stepper {
 
   /// `end` is where the integration ends: no step goes beyond.
   Stepper(Stages<S>& stages, Tolerances<Real> tolerances, Real end, bool adaptive)
-      : stages_(stages), interpolant_(stages.charts(), stages.speeds()), before_(stages.present()), between_(before_), end_(end),
+      : stages_(stages), interpolant_(stages.charts(), stages.present()), before_(stages.present()), between_(before_), end_(end),
         adaptive_(adaptive) {
     stages_.set_tolerances(tolerances);
     h_ = first_length(tolerances);
