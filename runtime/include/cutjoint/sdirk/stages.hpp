@@ -42,7 +42,6 @@ class Stages : public Workspace<S> {
         pulls_(Table::stages + 1, push_), middle_(2, delta_), middle_pulls_(2, push_) {}
 
   std::size_t size() const { return pose_.size() + n_; }
-  std::size_t speeds() const { return n_; }
   std::span<const Chart> charts() const { return d_.charts; }
 
   /// Take over a start in relative coordinates.
