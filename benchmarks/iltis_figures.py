@@ -284,7 +284,7 @@ def provenance(artifact: Artifact, repetitions: int) -> Provenance:
     """Machine, compiler, flags and versions; neither date, host nor path."""
     return Provenance(
         cutjoint=__version__, machine=", ".join(machine().values()), compiler=artifact.binary.compiler,
-        flags=" ".join(artifact.binary.flags), runtime=runtime_digest(generic=True)[:16], repetitions=repetitions,
+        flags=" ".join(artifact.binary.flags), runtime=runtime_digest(part="generic")[:16], repetitions=repetitions,
     )  # fmt: skip
 
 

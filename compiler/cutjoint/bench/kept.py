@@ -71,7 +71,7 @@ def _code(case: Case, method: str, precision: str) -> Callable[[], Mapping[str, 
 
 
 def _is_same(was: Mapping[str, str], find: Callable[[], Mapping[str, str]]) -> bool:
-    if "version" not in was and was.get("runtime") not in (runtime_digest(), runtime_digest(generic=True)):
+    if "version" not in was and was.get("runtime") not in (runtime_digest(), runtime_digest(part="generic")):
         return False  # whatever the generated code is
     try:
         now = find()

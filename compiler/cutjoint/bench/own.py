@@ -131,7 +131,7 @@ def identify_code(
 
 def identity(source: Source, implementation: str = "generated") -> Mapping[str, str]:
     """What figures of generated code depend on besides machine and compiler: its digest and that of the runtime."""
-    return {"digest": source.digest, "runtime": runtime_digest(generic=implementation == "generic")}
+    return {"digest": source.digest, "runtime": runtime_digest(part="generic" if implementation == "generic" else "")}
 
 
 def _reduced(case: Case, *, method: str) -> OwnRunner:

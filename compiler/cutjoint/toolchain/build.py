@@ -76,7 +76,7 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None =
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = _digest([source.digest, runtime_digest(), compiler_version(compiler), *flags, *kind.definitions])
+    key = _digest([source.digest, runtime_digest(part=source.driver), compiler_version(compiler), *flags, *kind.definitions])
     kept = cache_folder() / key / "simulator"
     with _alone(kept):
         fresh = not kept.exists()
@@ -95,7 +95,8 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    kept = cache_folder() / f"generic-{_digest([runtime_digest(generic=True), compiler_version(compiler), *flags])}" / "simulator"
+    key = _digest([runtime_digest(part="generic"), compiler_version(compiler), *flags])
+    kept = cache_folder() / f"generic-{key}" / "simulator"
     with _alone(kept):
         fresh = not kept.exists()
         if fresh:
@@ -122,9 +123,10 @@ def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) 
 
 
 def _driver_parts(source: Source, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
-    """Where the driver's parts stand in the cache; only that for comparisons is compiled with the flags of generated code."""
+    """Where the driver's parts stand in the cache; those for comparisons and batches have the flags of generated code."""
     launch = [runtime_digest(), compiler_version(find_compiler())]
-    driver = [*launch, source.driver, *kind.definitions, *(flags if kind.comparison else ())]
+    optimised = kind.comparison or source.driver == "batch"
+    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *(flags if optimised else ())]
     return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in (("launch", launch), ("driver", driver))}
 
 
@@ -192,13 +194,18 @@ def compiler_version(compiler: str) -> str:
     return subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
 
 
+#: Parts of the runtime that only one kind of simulator has: the generic twin, and batches.
+_PARTS = ("generic", "batch")
+
+
 @cache
-def runtime_digest(*, generic: bool = False) -> str:
-    """A digest of the runtime's headers and sources, with or without those of the generic twin."""
+def runtime_digest(*, part: str = "") -> str:
+    """A digest of the runtime's headers and sources; of those that only one kind of simulator has, with its ``part``."""
     folder = runtime_folder()
     files = sorted(p for p in folder.rglob("*") if p.suffix in (".hpp", ".cpp", ".txt", ".cmake"))
-    files = [p for p in files if generic or "generic" not in p.relative_to(folder).parts]
-    return _digest([part for p in files for part in (str(p.relative_to(folder)), p.read_text(encoding="utf-8"))])
+    left_out = {*_PARTS} - {part}
+    files = [p for p in files if left_out.isdisjoint(p.relative_to(folder).with_suffix("").parts)]
+    return _digest([text for p in files for text in (str(p.relative_to(folder)), p.read_text(encoding="utf-8"))])
 
 
 def cache_folder() -> Path:

@@ -15,6 +15,11 @@ CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 #undef CUTJOINT_DECLARE
 #endif
+#ifdef __AVX512F__
+#define CUTJOINT_DECLARE(name) __m512d _ZGVeN8v_##name(__m512d);
+CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
+#undef CUTJOINT_DECLARE
+#endif
 }
 #endif
 
@@ -100,7 +105,6 @@ Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
     return each(a, [](Real x) { return std::name(x); });                     \
   }
 CUTJOINT_EACH(sqrt)
-CUTJOINT_EACH(abs)
 CUTJOINT_EACH(sin)
 CUTJOINT_EACH(cos)
 CUTJOINT_EACH(tan)
@@ -114,6 +118,14 @@ CUTJOINT_EACH(exp)
 CUTJOINT_EACH(log)
 #undef CUTJOINT_EACH
 
+/// The sign's bit cleared.
+template <class Real, int N>
+Lanes<Real, N> abs(Lanes<Real, N> a) {
+  using Vector = typename Lanes<Real, N>::Vector;
+  using Bits = typename Lanes<Real, N>::Mask;
+  return Vector(Bits(a.v) & ~Bits(-Vector{}));
+}
+
 #ifdef CUTJOINT_IN_LIBMVEC
 #define CUTJOINT_DEFINE(name) inline Lanes<double, 2> name(Lanes<double, 2> a) { return _ZGVbN2v_##name(a.v); }
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DEFINE)
@@ -124,6 +136,12 @@ inline Lanes<double, 2> sqrt(Lanes<double, 2> a) { return _mm_sqrt_pd(a.v); }
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DEFINE)
 #undef CUTJOINT_DEFINE
 inline Lanes<double, 4> sqrt(Lanes<double, 4> a) { return _mm256_sqrt_pd(a.v); }
+#endif
+#ifdef __AVX512F__
+#define CUTJOINT_DEFINE(name) inline Lanes<double, 8> name(Lanes<double, 8> a) { return _ZGVeN8v_##name(a.v); }
+CUTJOINT_IN_LIBMVEC(CUTJOINT_DEFINE)
+#undef CUTJOINT_DEFINE
+inline Lanes<double, 8> sqrt(Lanes<double, 8> a) { return _mm512_sqrt_pd(a.v); }
 #endif
 #endif
 

@@ -106,7 +106,7 @@ class Relative {
     using std::abs;
     Real result(0);
     for (std::size_t i = 0; i < before_.size(); ++i)
-      if (const Real x = abs(state_.vdot[i] - before_[i]); !(x <= result)) result = x;
+      if (const Real x = abs(state_.vdot[i] - before_[i]); x > result || x != x) result = x;
     return result;
   }
 

@@ -71,9 +71,8 @@ class Starter {
                       "look for a law that divides by zero or takes the root of a negative number in this pose");
   }
 
-  /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay.
-  /// Returns whether they did.
-  bool accelerate(State<Real>& state, Real motion) const {
+  /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay, 200 times at most.
+  void accelerate(State<Real>& state, Real motion) const {
     mechanism_.begin_step(state.t, motion);
     std::vector<Real> before, correction(state.lambda.size());
     for (int iteration = 0; iteration < 200; ++iteration) {
@@ -85,9 +84,17 @@ class Starter {
         change = std::max(change, std::abs(state.vdot[i] - before[i]));
         size = std::max(size, std::abs(state.vdot[i]));
       }
-      if (iteration > 1 && change <= Real(1e-12) * size) return true;
+      if (iteration > 1 && change <= Real(1e-12) * size) return;
     }
-    return false;
+  }
+
+  /// The same of several states at one time, side by side where the mechanism can.
+  void accelerate(std::vector<State<Real>>& states, Real motion) const {
+    if constexpr (requires { mechanism_.accelerate(states, motion); }) {
+      mechanism_.accelerate(states, motion);
+    } else {
+      for (State<Real>& state : states) accelerate(state, motion);
+    }
   }
 
   /// The pose near the given one in which nothing accelerates at rest: Newton's method on vdot(q) = 0 with differences and least-norm
@@ -146,6 +153,10 @@ class Starter {
   /// The accelerations at rest of what is not held; below them what would draw open loops together at 10 1/s.
   Vector rest_acceleration(State<Real>& state, const std::vector<bool>& held) const {
     accelerate(state, Real(0));
+    return left_at_rest(state, held);
+  }
+
+  Vector left_at_rest(const State<Real>& state, const std::vector<bool>& held) const {
     Vector a(n_ + drawn_);
     a.head(n_) = Eigen::Map<const Vector>(state.vdot.data(), n_);
     if (drawn_ > 0) a.tail(drawn_) = Real(100) * residual(state);
@@ -159,13 +170,16 @@ class Starter {
     const Real h(1e-5);
     Matrix K(n_ + drawn_, n_);
     Vector unit = Vector::Zero(n_);
+    std::vector<State<Real>> probes;
     for (Eigen::Index i = 0; i < n_; ++i) {
       unit[i] = Real(1);
-      State<Real> forward = state, backward = state;
-      move(forward, unit, h);
-      move(backward, unit, -h);
-      K.col(i) = (rest_acceleration(forward, held) - rest_acceleration(backward, held)) / (2 * h);
+      for (const Real side : {h, -h}) move(probes.emplace_back(state), unit, side);
       unit[i] = Real(0);
+    }
+    accelerate(probes, Real(0));
+    for (Eigen::Index i = 0; i < n_; ++i) {
+      const auto forward = static_cast<std::size_t>(2 * i);
+      K.col(i) = (left_at_rest(probes[forward], held) - left_at_rest(probes[forward + 1], held)) / (2 * h);
     }
     return K;
   }

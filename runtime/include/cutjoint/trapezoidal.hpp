@@ -99,7 +99,7 @@ class Trapezoidal {
     change_ = Real(0);
     for (std::size_t i = 0; i < previous.size(); ++i) {
       const Real change = abs(state.vdot[i] - previous[i]);
-      if (!(change <= change_)) {
+      if (change > change_ || change != change) {
         change_ = change;
         worst_ = i;
       }

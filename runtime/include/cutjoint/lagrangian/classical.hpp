@@ -75,7 +75,7 @@ class ClassicalNewton final : public Newton<S> {
     using std::abs;
     std::size_t worst = 0;
     for (std::size_t i = 0; i < n_; ++i)
-      if (!(abs(x_[i]) <= abs(x_[worst]))) worst = i;
+      if (abs(x_[i]) > abs(x_[worst]) || x_[i] != x_[i]) worst = i;
     if (!(abs(x_[worst]) <= Real(10) * (Real(1) + largest(values))))
       this->fail("the pose is singular, or nearly: rates that satisfy the equations are a leap away", d_.coordinates[worst], x_[worst],
                  "take another dt, or use augmented, which leaves such directions alone");
