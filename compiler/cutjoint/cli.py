@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import wraps
@@ -20,6 +20,7 @@ from cutjoint.analysis.inertia import NoInertiaError, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import find_redundancy
+from cutjoint.batch import compile_batch, simulate_batch
 from cutjoint.bench.command import bench_options, run_bench
 from cutjoint.export.columns import known_outputs
 from cutjoint.export.peers import PEERS, write_export
@@ -35,6 +36,7 @@ from cutjoint.realtime import run_in_real_time
 from cutjoint.reduce.choose import choose, chosen_rung
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import measure_rungs
+from cutjoint.run.cases import read_cases, write_results
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import find_scene, with_closure
@@ -152,6 +154,9 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @_end
 @_iterations
 @_set
+@click.option("--batch", type=click.Path(exists=True, dir_okay=False, path_type=Path),
+              help="CSV file of parameters, a row for each run (SI units): many runs side by side; --out has a row for each.")
+@click.option("--threads", type=click.IntRange(min=1), help="Of a batch; as many as processors otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
@@ -159,7 +164,7 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 def simulate(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str,
     integrator: str | None, precision: str, closure: str | None, dt: float | None, end: float | None, iterations: int | None,
-    changes: tuple[str, ...], out: Path, steps: Path | None, plots: Path | None,
+    changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path, steps: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     from cutjoint.report import tables
@@ -171,6 +176,16 @@ def simulate(
     if closure is not None and asked != "recursive":
         raise RunError(f"--closure {closure}: only the recursive method has one; use --method recursive")
     chosen = chosen if closure is None else with_closure(chosen, closure)
+    if batch is not None:
+        _require_own(
+            "--batch", "runs the method recursive by the trapezoidal rule", implementation=implementation, solver=solver,
+            precision=precision, integrator=None if integrator == "trapezoidal" else integrator,
+            method=None if asked == "recursive" else asked, iterations=iterations, steps=steps, plots=plots,
+        )  # fmt: skip
+        if integrator is not None:
+            chosen = replace(chosen, numerics=replace(chosen.numerics, integrator=integrator))
+        _run_batch(checked, chosen, batch, out, parameters, dt=dt, end=end, tolerance=tolerance, threads=threads)
+        return
 
     def run_with(of: Model, played: Scene, method: str) -> tuple[Artifact, Trajectory]:
         if method == "recursive" and solver != "emitted":
@@ -188,7 +203,8 @@ def simulate(
 
     if asked == "auto":
         _require_own(
-            implementation=implementation, solver=solver, integrator=integrator, precision=precision, dt=dt, end=end, iterations=iterations
+            "method auto", "runs what it has measured; use --method", implementation=implementation, solver=solver, integrator=integrator,
+            precision=precision, dt=dt, end=end, iterations=iterations,
         )  # fmt: skip
         rung = _pick(checked, chosen, tolerance, parameters)
         artifact, run = run_with(rung.model, rung.scene, rung.method)
@@ -241,11 +257,32 @@ def realtime(
         raise SystemExit(1)
 
 
-def _require_own(**options: Any) -> None:
-    """Method auto picks for itself what these options say."""
+def _require_own(who: str, reason: str, **options: Any) -> None:
+    """Some ways to run have their own choice of what these options say."""
     usual = {"implementation": "generated", "solver": "emitted", "precision": "double"}
     for name in (name for name, value in options.items() if value != usual.get(name)):
-        raise RunError(f"--{name} cannot go with method auto, which runs what it has measured; use --method")
+        raise RunError(f"--{name} cannot go with {who}, which {reason}")
+
+
+def _run_batch(model: Model, scene: Scene, table: Path, out: Path, parameters: Mapping[str, float], **how: Any) -> None:
+    """Many runs of a scene: their results into ``out``, and what became of them."""
+    from cutjoint.report.tables import batch_facts
+
+    cases = [{**parameters, **case} for case in read_cases(table, model)]
+    with _progress(f"compiling {model.name}"):
+        artifact = compile_batch(model, scene)
+    with _progress(f"running {scene.name}") as progress:
+        done = simulate_batch(artifact, cases, progress=progress, **how)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_results(done, out)
+    _out.print(batch_facts(artifact, done))
+    _out.print(f"results: {out}, {len(cases)} runs", markup=False)
+    failed = [(i, failure) for i, failure in enumerate(done.failures) if failure is not None]
+    for i, failure in failed[:5]:
+        _err.print(f"{table}: run {i + 1}: {failure}", markup=False)
+    if failed:
+        _err.print(f"{len(failed)} of {len(cases)} runs failed; column 'failure' of {out} says how", markup=False)
+        raise SystemExit(1)
 
 
 def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: dict[str, float]) -> Rung:

@@ -99,7 +99,7 @@ def generate(
     require_inertia(recursive)
     require_guides(recursive)
     if method != "recursive":
-        return generate_system(_only_starting(recursive), method, tuple(outputs), lanes=lanes, straight_line=straight_line)
+        return generate_system(only_starting(recursive), method, tuple(outputs), lanes=lanes, straight_line=straight_line)
     # Equations -> Program
     program = schedule_recursive(recursive, lanes=lanes)
     # Program -> Source
@@ -114,7 +114,7 @@ def generate_for(
     return generate(model, scene, outputs, method=method, lanes=lanes and packed, straight_line=STRAIGHT_LINE if packed else 0)
 
 
-def _only_starting(equations: RecursiveEquations) -> RecursiveEquations:
+def only_starting(equations: RecursiveEquations) -> RecursiveEquations:
     """The equations without what a start does not call."""
     return replace(equations, functions=tuple(f for f in equations.functions if f.name not in ("project", "events")), switches=())
 

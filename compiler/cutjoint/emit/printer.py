@@ -17,7 +17,7 @@ LONGEST = 180
 
 @dataclass(frozen=True, kw_only=True)
 class Statement:
-    """``const type name = expression;`` in one section; conditions have type bool."""
+    """``const type name = expression;`` in one section."""
 
     type: str
     name: str
@@ -31,7 +31,8 @@ class Printer:
 
     ``names`` are the identifiers of scalars; ``known`` the expressions of those that exist before the function's own statements.
     ``prefixes`` begin the names of a section's shared scalars, ``taken`` are names that they must not take;
-    ``roads`` names the roads of tyres.
+    ``roads`` names the roads of tyres.  ``conditions`` is the type of conditions without lanes: "bool", or "Mask" where a real may be
+    that of several instances.
     """
 
     graph: Graph
@@ -40,6 +41,7 @@ class Printer:
     prefixes: Sequence[str]
     taken: frozenset[str]
     roads: Mapping[str, str]
+    conditions: str
     _texts: dict[int, tuple[str, int]] = field(default_factory=dict)
     _counters: dict[str, int] = field(default_factory=dict)
 
@@ -56,7 +58,7 @@ class Printer:
                 self._texts[n] = (text, level)
                 continue
             name = self.names.get(n) or self._auxiliary(node.section)
-            printed.append(Statement(type=_type(node), name=name, expression=text, section=node.section))
+            printed.append(Statement(type=self._type(node), name=name, expression=text, section=node.section))
             self._texts[n] = (name, _ATOM)
         return printed
 
@@ -132,9 +134,11 @@ class Printer:
         if node.op.startswith("road_"):
             return f"roads_[{self.roads[str(node.data)]}].{node.op.removeprefix('road_')}({arguments})"
         if node.op in _CONDITIONS:
-            return f"({_CONDITIONS[node.op].join(self.text(x, _SUM) for x in a)})"
+            operators = _CONDITIONS if self.conditions == "bool" else _CONDITIONS_IN_LANES
+            return f"({operators[node.op].join(self.text(x, _SUM) for x in a)})"
         if node.op == "not":
-            return f"(!{self.text(a[0], _ATOM)})"
+            condition = self.text(a[0], _ATOM)
+            return f"(!{condition})" if self.conditions == "bool" else f"({condition} == {self.conditions}())"
         assert node.op == "where" or node.op in _STD, node.op
         return f"{node.op}({arguments})"
 
@@ -153,16 +157,15 @@ class Printer:
             return f"(~{arguments[0]})"
         return f"{node.op}({', '.join(arguments)})"
 
+    def _type(self, node: Scalar) -> str:
+        if node.op in _LOGICAL:
+            return "auto" if node.lanes else self.conditions
+        return lanes_type(node.lanes)
+
 
 def lanes_type(lanes: int) -> str:
     """The C++ type of a scalar with lanes; plain reals have none."""
     return f"Lanes{lanes}" if lanes else "Real"
-
-
-def _type(node: Scalar) -> str:
-    if node.op in _LOGICAL:
-        return "auto" if node.lanes else "bool"
-    return lanes_type(node.lanes)
 
 
 _CONDITIONS_IN_LANES = {"lt": " < ", "le": " <= ", "and": " & ", "or": " | "}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jinja2
 
@@ -29,7 +29,7 @@ _TAKEN = frozenset({"AnyMechanism", "Chart", "Column", "Description", "Loaded", 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Generated files by name, a digest of them all, and which driver they need, "recursive" or "lagrangian"."""
+    """Generated files by name, a digest of them all, and which driver they need, "recursive", "batch" or "lagrangian"."""
 
     stem: str
     files: Mapping[str, str]
@@ -37,14 +37,15 @@ class Source:
     driver: str
 
 
-def emit(program: Program, equations: Equations) -> Source:
+def emit(program: Program, equations: Equations, *, batch: bool = False) -> Source:
     """The C++ of a mechanism: one header, one file a function, the description, a main program and its CMake project.
 
-    Scenes that differ in road, parameters or initial state only have the same source, and so share a binary.
+    Scenes that differ in road, parameters or initial state only have the same source, and so share a binary.  Of a ``batch`` a real may be
+    that of several instances side by side, and a condition a mask.
     """
-    page = Page.of(equations, "recursive")
+    page = replace(Page.of(equations, "recursive"), batch=batch)
     files = mechanism_files(page, program, equations)
-    files["main.cpp"] = page.render("main.cpp.jinja")
+    files["main.cpp"] = page.render("batch_main.cpp.jinja" if batch else "main.cpp.jinja")
     return page.source({**files, "CMakeLists.txt": project_file(page, files, {})})
 
 
@@ -55,6 +56,7 @@ class Page:
     stem: str
     class_name: str
     formulation: str
+    batch: bool = False
 
     @classmethod
     def of(cls, equations: Equations, formulation: str) -> Page:
@@ -65,7 +67,14 @@ class Page:
     @property
     def driver(self) -> str:
         """The file of the runtime's driver that runs the model."""
+        if self.batch:
+            return "batch"
         return "recursive" if self.formulation == "recursive" else "lagrangian"
+
+    @property
+    def conditions(self) -> str:
+        """The type of conditions."""
+        return "Mask" if self.batch else "bool"
 
     @property
     def banner(self) -> list[str]:
@@ -95,12 +104,12 @@ class Page:
 
 def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[str, str]:
     """The class of a mechanism in relative coordinates."""
-    viewer = Viewer(program, equations)
+    viewer = Viewer(program, equations, page.conditions)
     names = [f.name for f in equations.functions]
     files = page.functions(viewer, names, header=page.stem)
     files[f"{page.stem}.hpp"] = page.render(
         "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.",
-        operations={name: program.operations(name) for name in names}, **members(viewer, equations),
+        operations={name: program.operations(name) for name in names}, conditions=page.conditions, **members(viewer, equations),
     )  # fmt: skip
     assert isinstance(equations, RecursiveEquations)
     lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]

@@ -46,10 +46,11 @@ _MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 
 
 class Viewer:
-    """Makes the views of one program."""
+    """Makes the views of one program; ``conditions`` is the type of those without lanes."""
 
-    def __init__(self, program: Program, equations: Equations) -> None:
+    def __init__(self, program: Program, equations: Equations, conditions: str = "bool") -> None:
         self._program = program
+        self._conditions = conditions
         self._equations = equations
         self._names = name_scalars(program)
         self._locals = self._local_names()
@@ -159,7 +160,10 @@ class Viewer:
     def _printer(self, known: Mapping[int, str]) -> Printer:
         prefixes = [_identifier(s.element or s.stage) for s in self._program.sections]
         taken = frozenset(self._names.values()) | frozenset(self._locals.values())
-        return Printer(graph=self._program.graph, names=self._names, known=known, prefixes=prefixes, taken=taken, roads=self._roads)
+        return Printer(
+            graph=self._program.graph, names=self._names, known=known, prefixes=prefixes, taken=taken, roads=self._roads,
+            conditions=self._conditions,
+        )  # fmt: skip
 
     def _results(self, function: LoweredFunction, printer: Printer) -> list[str]:
         return [f"{self._target(r)} = {printer.text(r.scalar)};" for r in function.results]

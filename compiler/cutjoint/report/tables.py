@@ -9,8 +9,9 @@ from rich.table import Table
 from cutjoint.analysis.conditioning import RatedChoice, RatedOption
 from cutjoint.analysis.mobility import Mobility
 from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
+from cutjoint.batch import BatchArtifact
 from cutjoint.pipeline import Artifact
-from cutjoint.run.results import Effort, Equilibrium, Trajectory
+from cutjoint.run.results import Batch, Effort, Equilibrium, Trajectory
 from cutjoint.topology.records import Topology
 
 
@@ -133,6 +134,19 @@ def run_facts(artifact: Artifact, run: Trajectory) -> Table:
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
         *_effort_facts(run.effort),
         ("speeds not given", f"{len(run.undetermined)}, as small as the loops allow{_listed(run.undetermined)}"),
+    ])  # fmt: skip
+
+
+def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
+    """What compiling and running a batch took."""
+    compiled = f"{artifact.compile_seconds:.2f} s" if artifact.binary.fresh else "found in the cache"
+    runs = len(batch.cases)
+    return _facts(f"scene {artifact.scene.name}, a batch", [
+        ("generate", f"{artifact.generate_seconds:.2f} s"),
+        ("compile", f"{compiled} ({artifact.binary.compiler}, {' '.join(artifact.binary.flags)})"),
+        ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),
+        ("steps", f"{batch.seconds / runs * 1e3:.3g} ms of a thread for each run"),
+        ("parameters", ", ".join(batch.names)),
     ])  # fmt: skip
 
 

@@ -90,6 +90,31 @@ class Trajectory:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Batch:
+    """How the runs of a batch ended.
+
+    ``cases`` are the parameters that each run sets (SI units).  ``end``, ``smallest`` and ``largest`` have (runs,) values of each column:
+    of the last row, and over all rows; nan where a run did not start.  ``evaluations`` are those that each run needed, ``failures`` is
+    None for a run that reached its end.  ``seconds`` is the time of the steps alone, summed over threads, ``elapsed`` (s) that of all.
+    """
+
+    cases: tuple[Mapping[str, float], ...]
+    end: Mapping[str, Array]
+    smallest: Mapping[str, Array]
+    largest: Mapping[str, Array]
+    units: Mapping[str, str]
+    evaluations: tuple[int, ...]
+    failures: tuple[FailureReport | None, ...]
+    seconds: float
+    elapsed: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters that the runs set."""
+        return tuple(self.cases[0]) if self.cases else ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Equilibrium:
     """A static equilibrium: the value and unit of each quantity by ``element.quantity``."""
 

@@ -83,7 +83,7 @@ class Road;
 ///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves,
 /// - `guard` of each force that was left out the smallest margin, which is negative where the force would act.
 template <class M>
-concept Mechanism = requires(M m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
+concept Mechanism = requires(M& m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
                              const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
   typename M::real_type;
   { m.description() } -> std::convertible_to<const Description&>;

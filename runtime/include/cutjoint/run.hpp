@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "cutjoint/failure_report.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/launch.hpp"
 #include "cutjoint/mechanism.hpp"
@@ -50,14 +51,7 @@ class Run {
         if (file_.value("with_state", false)) summary["state"] = method_.state();
     } catch (const Failure& failure) {
       summary = counts();
-      summary["status"] = "failed";
-      summary["message"] = failure.what();
-      summary["time"] = number_or_null(failure.time);
-      summary["step"] = failure.step;
-      summary["element"] = failure.element;
-      summary["residual"] = number_or_null(failure.residual);
-      summary["advice"] = failure.advice;
-      if (!failure.guards.empty()) summary["guards"] = failure.guards;
+      report(failure, summary);
     }
     return summary;
   }

@@ -71,10 +71,12 @@ class Starter {
                       "look for a law that divides by zero or takes the root of a negative number in this pose");
   }
 
-  /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay, 200 times at most.
+  /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay or only rounding is left to
+  /// change, 200 times at most.
   void accelerate(State<Real>& state, Real motion) const {
     mechanism_.begin_step(state.t, motion);
     std::vector<Real> before, correction(state.lambda.size());
+    Real last(0);
     for (int iteration = 0; iteration < 200; ++iteration) {
       before = state.vdot;
       mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction.data());
@@ -84,7 +86,8 @@ class Starter {
         change = std::max(change, std::abs(state.vdot[i] - before[i]));
         size = std::max(size, std::abs(state.vdot[i]));
       }
-      if (iteration > 1 && change <= Real(1e-12) * size) return;
+      if (iteration > 1 && change <= (change < last ? Real(1e-12) : Real(1e-6)) * size) return;
+      last = change;
     }
   }
 

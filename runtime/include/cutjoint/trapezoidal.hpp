@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cutjoint/mechanism.hpp"
@@ -28,6 +29,15 @@ struct FixedPoint {
   bool proximal = false;
   bool fixed_cost = false;
 };
+
+/// A fixed point that is not reached: what the accelerations still change by, how large they are, and the speed whose one changes most.
+inline Failure not_reached(int iterations, double change, double size, double t, long number, std::string_view speed) {
+  const std::string what = std::isfinite(change) ? "the fixed point did not converge in " + std::to_string(iterations) + " iterations"
+                                                 : "the fixed point diverged to infinity";
+  const char* advice = change <= 1e-4 * size ? "what is left may be rounding: take a smaller penalty or a larger tolerance"
+                                             : "take a smaller dt, or softer springs and dampers";
+  return Failure(what, t, number, std::string(speed), change, advice);
+}
 
 /// Integrates a mechanism with steps of equal length.
 template <Mechanism M>
@@ -110,14 +120,9 @@ class Trapezoidal {
   }
 
   [[noreturn]] void give_up(State<Real>& state, long number, Real t, int iteration) {
-    const bool finite = std::isfinite(static_cast<double>(change_));
-    const std::string what = finite ? "the fixed point did not converge in " + std::to_string(iteration) + " iterations"
-                                    : "the fixed point diverged to infinity";
-    const char* advice = change_ <= Real(1e-4) * size_ ? "what is left may be rounding: take a smaller penalty or a larger tolerance"
-                                                       : "take a smaller dt, or softer springs and dampers";
     state = before_;
-    throw Failure(what, static_cast<double>(t), number, std::string(mechanism_.description().speeds[worst_]),
-                  static_cast<double>(change_), advice);
+    const auto change = static_cast<double>(change_), size = static_cast<double>(size_);
+    throw not_reached(iteration, change, size, static_cast<double>(t), number, mechanism_.description().speeds[worst_]);
   }
 
   M& mechanism_;

@@ -1,0 +1,108 @@
+"""Batches: many runs of one scene that differ by parameters, several of them side by side in a register."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from cutjoint.emit.source import emit
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.methods import EXPLICIT
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import only_starting
+from cutjoint.run.results import Array, Batch
+from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.scenes import with_figures
+from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.toolchain.build import FLAGS, Binary, build
+from cutjoint.topology.build import build_topology
+
+#: What of a run file follows from parameters.
+_OWN = ("parameters", "positions", "rates", "roads")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchArtifact:
+    """A model compiled for batches of one scene."""
+
+    model: Model
+    scene: Scene
+    equations: RecursiveEquations
+    binary: Binary
+    generate_seconds: float
+    compile_seconds: float
+
+
+def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
+    """Compile a model for batches of a scene, with the recursive method.
+
+    Raises:
+        ModelError, TopologyError: the model is wrong.
+        RunError: the scene has a closure or an integrator that batches do not have.
+        ToolchainError: the C++ side failed.
+    """
+    if scene.numerics.closure != "penalty":
+        raise RunError(f"{scene.span}: scene '{scene.name}': batches have closure: penalty only; use --closure penalty")
+    if scene.numerics.integrator in EXPLICIT:
+        raise RunError(f"{scene.span}: scene '{scene.name}': batches have integrator: trapezoidal only; use --integrator trapezoidal")
+    begin = perf_counter()
+    equations = only_starting(formulate_recursive(build_topology(model), scene, scene.outputs))
+    source = emit(schedule_recursive(equations, lanes=False), equations, batch=True)
+    generated = perf_counter()
+    binary = build(source, flags=flags)
+    return BatchArtifact(
+        model=model, scene=scene, equations=equations, binary=binary, generate_seconds=generated - begin,
+        compile_seconds=perf_counter() - generated,
+    )  # fmt: skip
+
+
+def simulate_batch(
+    artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], *, dt: float | None = None, end: float | None = None,
+    tolerance: float | None = None, threads: int | None = None, progress: Progress | None = None,
+) -> Batch:  # fmt: skip
+    """Run a scene once for each of ``cases``, parameters by name (SI units); ``threads`` are as many as processors by default.
+
+    Results do not depend on the number of threads.  A run that fails does not stop the others.
+
+    Raises:
+        RunError: a parameter that cannot be set, or cases that do not set the same parameters.
+        SimulatorError: the simulator could not begin.
+    """
+    if any(case.keys() != cases[0].keys() for case in cases):
+        raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
+    changes = {name: value for name, value in (("dt", dt), ("tolerance", tolerance)) if value is not None}
+    scene = with_figures(artifact.scene, "recursive", changes)
+    scene = replace(scene, end=scene.end if end is None else end)
+    file = make_run_file(artifact.model, scene, {}, task="batch")
+    file["cases"] = [_own(artifact.model, scene, case, file) for case in cases]
+    file["threads"] = len(os.sched_getaffinity(0)) if threads is None else threads
+    begin = perf_counter()
+    summary = call_simulator(artifact.binary.path, file, progress)
+    elapsed = perf_counter() - begin
+    results = summary["results"]
+    columns = artifact.equations.columns
+    tables = {kind: _columns(results, kind, [c.name for c in columns]) for kind in ("end", "smallest", "largest")}
+    return Batch(
+        cases=tuple(dict(case) for case in cases), **tables, units={c.name: c.unit for c in columns},
+        evaluations=tuple(r.get("evaluations", 0) for r in results),
+        failures=tuple(failure_of(r) for r in results), seconds=summary["seconds"], elapsed=elapsed,
+    )  # fmt: skip
+
+
+def _own(model: Model, scene: Scene, case: Mapping[str, float], file: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a case's run file differs."""
+    own = make_run_file(model, scene, case, task="batch")
+    return {name: own[name] for name in _OWN if own[name] != file[name]}
+
+
+def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> dict[str, Array]:
+    missing = [None] * len(names)
+    rows = np.array([r.get(kind, missing) for r in results], dtype=float).reshape(len(results), len(names))
+    return {name: rows[:, i] for i, name in enumerate(names)}

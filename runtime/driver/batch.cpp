@@ -1,0 +1,73 @@
+// The driver of batches of the recursive method.
+#include "cutjoint/batch/driver.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "cutjoint/batch/group.hpp"
+#include "cutjoint/program.hpp"
+
+namespace cutjoint::batch {
+
+namespace {
+
+/// Groups of cases, taken one by one by threads.
+class Batch {
+ public:
+  Batch(const Json& file, const MakeAlone& make_alone, const MakeInstances& make_instances)
+      : file_(file), make_alone_(make_alone), make_instances_(make_instances), cases_(file.at("cases").get<std::vector<Json>>()),
+        results_(cases_.size()) {}
+
+  Json run() {
+    std::vector<std::thread> threads;
+    for (int i = 0; i < file_.at("threads").get<int>(); ++i) threads.emplace_back([this] { work(); });
+    for (std::thread& thread : threads) thread.join();
+    if (error_) std::rethrow_exception(error_);
+    return Json{{"status", "done"}, {"seconds", seconds_}, {"results", results_}};
+  }
+
+ private:
+  void work() {
+    try {
+      const auto alone = make_alone_();
+      const auto instances = make_instances_();
+      Group group(*alone, *instances, file_);
+      for (std::size_t first = width * next_++; first < cases_.size(); first = width * next_++) {
+        const std::size_t number = std::min<std::size_t>(width, cases_.size() - first);
+        const std::vector<Json> results = group.run(std::span(cases_).subspan(first, number));
+        std::copy(results.begin(), results.end(), results_.begin() + static_cast<std::ptrdiff_t>(first));
+        const std::lock_guard lock(mutex_);
+        done_ += number;
+        std::cout << Json{{"progress", static_cast<double>(done_) / static_cast<double>(cases_.size())}} << std::endl;
+      }
+      const std::lock_guard lock(mutex_);
+      seconds_ += group.seconds();
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      error_ = std::current_exception();
+    }
+  }
+
+  const Json& file_;
+  const MakeAlone& make_alone_;
+  const MakeInstances& make_instances_;
+  std::vector<Json> cases_, results_;
+  std::atomic<std::size_t> next_ = 0;
+  std::mutex mutex_;
+  std::size_t done_ = 0;
+  double seconds_ = 0.0;
+  std::exception_ptr error_;
+};
+
+}  // namespace
+
+int run_main(int argc, char** argv, const MakeAlone& make_alone, const MakeInstances& make_instances) {
+  return run_program(argc, argv, "simulator", [&](const Json& file) { return Batch(file, make_alone, make_instances).run(); });
+}
+
+}  // namespace cutjoint::batch

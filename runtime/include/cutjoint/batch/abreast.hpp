@@ -1,0 +1,111 @@
+// One mechanism whose instances find the accelerations of several of its states side by side.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include "cutjoint/batch/road.hpp"
+#include "cutjoint/batch/trapezoidal.hpp"
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint::batch {
+
+/// A mechanism with the penalty closure, as a search for equilibrium takes it: most of that is accelerations of neighbouring states.
+class Abreast {
+ public:
+  using real_type = double;
+
+  Abreast(AnyMechanism<double>& alone, Instances& instances) : alone_(alone), instances_(instances) {}
+
+  const Description& description() const { return alone_.description(); }
+
+  void load(const double* parameters, const Stabilisation<double>& s, const Road<double>* roads) {
+    alone_.load(parameters, s, roads);
+    parameters_.assign(parameters, parameters + description().parameters.size());
+    roads_.clear();
+    for (std::size_t i = 0; i < description().roads.size(); ++i) roads_.emplace_back(std::vector<Road<double>>(width, roads[i]));
+    instances_.load(parameters_.data(), {.penalty = s.penalty, .damping_ratio = s.damping_ratio, .frequency = s.frequency}, roads_.data());
+  }
+
+  void begin_step(double t, double motion) { alone_.begin_step(t, motion); }
+
+  void evaluate(const double* q, const double* v, const double* lambda, double* vdot, double* correction) const {
+    alone_.evaluate(q, v, lambda, vdot, correction);
+  }
+
+  void close(const double* q, const double* v, double* residual, double* rate) const { alone_.close(q, v, residual, rate); }
+
+  void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const {
+    alone_.report(q, v, vdot, lambda, column);
+  }
+
+  void project(const double* q, const double* gap, double* dz) const { alone_.project(q, gap, dz); }
+
+  void guard(const double* q, const double* v, double* margin) const { alone_.guard(q, v, margin); }
+
+  /// What `Starter::accelerate` does with one state.
+  void accelerate(std::vector<State<double>>& states, double motion) {
+    for (std::size_t first = 0; first < states.size(); first += width) {
+      State<Real> together(description());
+      const std::size_t n = std::min<std::size_t>(width, states.size() - first);
+      for (std::size_t k = 0; k < width; ++k) put(states[first + std::min(k, n - 1)], static_cast<int>(k), together);
+      accelerate(together, motion);
+      for (std::size_t k = 0; k < n; ++k) take(together, static_cast<int>(k), states[first + k]);
+    }
+  }
+
+  /// A state becomes that of instance k.
+  static void put(const State<double>& state, int k, State<Real>& together) {
+    together.t.v[k] = state.t;
+    put(state.q, k, together.q);
+    put(state.v, k, together.v);
+    put(state.vdot, k, together.vdot);
+    put(state.lambda, k, together.lambda);
+  }
+
+  /// The state of instance k.
+  static void take(const State<Real>& together, int k, State<double>& state) {
+    state.t = together.t[k];
+    take(together.q, k, state.q);
+    take(together.v, k, state.v);
+    take(together.vdot, k, state.vdot);
+    take(together.lambda, k, state.lambda);
+  }
+
+ private:
+  static void put(const std::vector<double>& values, int k, std::vector<Real>& together) {
+    for (std::size_t i = 0; i < values.size(); ++i) together[i].v[k] = values[i];
+  }
+
+  static void take(const std::vector<Real>& together, int k, std::vector<double>& values) {
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = together[i][k];
+  }
+
+  void accelerate(State<Real>& state, double motion) {
+    instances_.begin_step(state.t, Real(motion));
+    std::vector<Real> next(state.vdot.size()), correction(state.lambda.size());
+    Mask open = Real::mask(true);
+    Real last(0);
+    for (int iteration = 0; iteration < 200 && any(open); ++iteration) {
+      instances_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), next.data(), correction.data());
+      for (std::size_t i = 0; i < correction.size(); ++i) state.lambda[i] = where(open, state.lambda[i] + correction[i], state.lambda[i]);
+      Real change(0), size(1);
+      for (std::size_t i = 0; i < next.size(); ++i) {
+        change = larger(change, abs(next[i] - state.vdot[i]));
+        size = larger(size, abs(next[i]));
+        state.vdot[i] = where(open, next[i], state.vdot[i]);
+      }
+      if (iteration > 1) open &= ~(change <= where(change < last, Real(1e-12), Real(1e-6)) * size);
+      last = change;
+    }
+  }
+
+  AnyMechanism<double>& alone_;
+  Instances& instances_;
+  std::vector<Real> parameters_;
+  std::vector<Road<Real>> roads_;
+};
+
+}  // namespace cutjoint::batch

@@ -1,0 +1,183 @@
+// Cases that run side by side.
+#pragma once
+
+#include <chrono>
+#include <cmath>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cutjoint/batch/abreast.hpp"
+#include "cutjoint/batch/road.hpp"
+#include "cutjoint/batch/trapezoidal.hpp"
+#include "cutjoint/failure_report.hpp"
+#include "cutjoint/guards.hpp"
+#include "cutjoint/json.hpp"
+#include "cutjoint/launch.hpp"
+#include "cutjoint/run_file.hpp"
+
+namespace cutjoint::batch {
+
+/// Runs cases of a scene: what a case says stands for what the run file says otherwise.
+///
+/// They start one by one and take their steps together; the last state of a case that fails is kept, and the others go on.
+class Group {
+ public:
+  Group(AnyMechanism<double>& alone, Instances& instances, const Json& file)
+      : alone_(alone), abreast_(alone, instances), instances_(instances), d_(instances.description()), file_(file), state_(d_),
+        parameters_(d_.parameters.size()), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
+        largest_(values_) {}
+
+  /// At most `width` cases: how each ended, with `end`, `smallest` and `largest` value of each column.
+  std::vector<Json> run(std::span<const Json> cases) {
+    results_.assign(cases.size(), Json::object());
+    going_ = Mask{};
+    start(cases);
+    if (any(going_)) go();
+    return results_;
+  }
+
+  /// Seconds of all steps so far.
+  double seconds() const { return seconds_; }
+
+ private:
+  /// What a case gives its instance.
+  struct Case {
+    std::vector<double> parameters;
+    std::vector<Road<double>> roads;
+  };
+
+  void start(std::span<const Json> cases) {
+    cases_.assign(width, {});
+    for (std::size_t k = 0; k < cases.size(); ++k) {
+      Json own = file_;
+      own.update(cases[k]);
+      try {
+        Launch<Abreast> launch(abreast_, own);
+        const State<double> state = launch.in_motion();
+        // the first to start also stands in for those that do not
+        for (std::size_t lane = any(going_) ? k : 0; lane < width; ++lane) {
+          Abreast::put(state, static_cast<int>(lane), state_);
+          cases_[lane] = {read_parameters<double>(d_.parameters, own), read_roads<double>(d_.roads, own)};
+        }
+        going_[static_cast<int>(k)] = -1;
+      } catch (const Failure& failure) {
+        cutjoint::report(failure, results_[k]);
+      }
+    }
+  }
+
+  void load() {
+    roads_.clear();
+    for (std::size_t i = 0; i < d_.roads.size(); ++i) {
+      std::vector<Road<double>> roads;
+      for (const Case& own : cases_) roads.push_back(own.roads[i]);
+      roads_.emplace_back(std::move(roads));
+    }
+    for (std::size_t i = 0; i < parameters_.size(); ++i)
+      for (int k = 0; k < width; ++k) parameters_[i].v[k] = cases_[static_cast<std::size_t>(k)].parameters[i];
+    const auto figure = [&](const char* name) { return Real(read_number<double>(file_.at("stabilisation"), name)); };
+    instances_.load(parameters_.data(),
+                    {.penalty = figure("penalty"), .damping_ratio = figure("damping_ratio"), .frequency = figure("frequency")}, roads_.data());
+    instances_.begin_step(state_.t, Real(1));
+  }
+
+  void go() {
+    load();
+    const Json& numerics = file_.at("numerics");
+    const double dt = numerics.at("dt"), end = file_.at("end"), every = file_.at("output_step");
+    const long steps = std::lround(std::ceil(end / dt - 1e-9)), stride = std::max(1L, std::lround(every / dt));
+    integrator_.emplace(instances_, dt,
+                        FixedPoint{numerics.at("tolerance").get<double>(), numerics.at("iterations").get<int>(),
+                                   numerics.at("multiplier_updates").get<int>()});
+    report();
+    end_ = smallest_ = largest_ = values_;
+    watch(0);
+    const auto begin = std::chrono::steady_clock::now();
+    for (long n = 1; n <= steps && any(going_); ++n) {
+      const Mask failed = integrator_->step(state_, going_);
+      state_.t = where(failed, state_.t, Real(static_cast<double>(n) * dt));
+      if (any(failed)) {
+        record(failed);
+        for (int k = 0; k < width; ++k)
+          if (failed[k]) stop(k, integrator_->failure(k, n));
+      }
+      watch(n);
+      if (n % stride == 0 || n == steps) record(going_);
+    }
+    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    for (int k = 0; k < width; ++k) {
+      if (!going_[k]) continue;
+      results_[static_cast<std::size_t>(k)]["status"] = "done";
+      add_columns(k);
+    }
+  }
+
+  /// Stop the cases whose guards are violated; which of them, and by how much, tells the mechanism alone.
+  void watch(long number) {
+    if (margin_.empty()) return;
+    instances_.guard(state_.q.data(), state_.v.data(), margin_.data());
+    Mask violated{};
+    for (const Real margin : margin_) violated |= going_ & ~(margin.v >= Real(0).v);
+    for (int k = 0; k < width; ++k) {
+      if (!violated[k]) continue;
+      const Case& own = cases_[static_cast<std::size_t>(k)];
+      State<double> state(d_);
+      Abreast::take(state_, k, state);
+      alone_.load(own.parameters.data(), {}, own.roads.data());
+      alone_.begin_step(state.t, 1.0);
+      try {
+        Guards<AnyMechanism<double>>(alone_).check(state, number);
+      } catch (const Failure& failure) {
+        stop(k, failure);
+      }
+    }
+  }
+
+  void report() { instances_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), values_.data()); }
+
+  /// A row of some cases.
+  void record(Mask which) {
+    report();
+    for (std::size_t i = 0; i < values_.size(); ++i) {
+      end_[i] = where(which, values_[i], end_[i]);
+      smallest_[i] = where(which, smaller(smallest_[i], values_[i]), smallest_[i]);
+      largest_[i] = where(which, larger(largest_[i], values_[i]), largest_[i]);
+    }
+  }
+
+  void stop(int k, const Failure& failure) {
+    going_[k] = 0;
+    cutjoint::report(failure, results_[static_cast<std::size_t>(k)]);
+    if (failure.step > 0) add_columns(k);
+  }
+
+  void add_columns(int k) {
+    Json& result = results_[static_cast<std::size_t>(k)];
+    result["evaluations"] = integrator_->evaluations(k);
+    const auto add = [&](const char* name, const std::vector<Real>& values) {
+      for (const Real value : values) result[name].push_back(number_or_null(value[k]));
+    };
+    add("end", end_);
+    add("smallest", smallest_);
+    add("largest", largest_);
+  }
+
+  AnyMechanism<double>& alone_;
+  Abreast abreast_;
+  Instances& instances_;
+  const Description& d_;
+  const Json& file_;
+  std::vector<Case> cases_;
+  State<Real> state_;
+  std::vector<Real> parameters_;
+  std::vector<Road<Real>> roads_;
+  std::optional<Trapezoidal> integrator_;
+  Mask going_{};
+  std::vector<Real> margin_, values_, end_, smallest_, largest_;
+  std::vector<Json> results_;
+  double seconds_ = 0.0;
+};
+
+}  // namespace cutjoint::batch

@@ -1,0 +1,31 @@
+// What a batch computes with: one number of each of several instances of a mechanism, side by side.
+#pragma once
+
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wpsabi"  // all parts of a batch have the same flags, so they agree on how registers are passed
+#endif
+
+#include "cutjoint/lanes.hpp"
+
+namespace cutjoint::batch {
+
+/// How many instances stand side by side: the doubles of an AVX-512 register; narrower machines take several registers.
+inline constexpr int width = 8;
+
+using Real = Lanes<double, width>;
+
+/// A condition for each instance.
+using Mask = Real::Mask;
+
+inline bool any(Mask mask) {
+  long long bits = 0;
+  for (int k = 0; k < width; ++k) bits |= mask[k];
+  return bits != 0;
+}
+
+/// The larger of two numbers; not a number where one of them is none.
+inline Real larger(Real a, Real b) { return where((b.v > a.v) | (b.v != b.v), b, a); }
+
+inline Real smaller(Real a, Real b) { return where((b.v < a.v) | (b.v != b.v), b, a); }
+
+}  // namespace cutjoint::batch

@@ -1,0 +1,222 @@
+"""Runs of a batch are those of the same parameters alone."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.batch import BatchArtifact, compile_batch, simulate_batch
+from cutjoint.cli import main
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.reduce.guards import guard_forces
+from cutjoint.run.cases import read_cases, write_results
+from cutjoint.run.results import Batch, Trajectory
+from cutjoint.run.run_file import RunError
+
+#: A quarter of a car on a road: two arms of a loop, a tyre, a spring with a stop, and a spring that is no number beyond its length.
+TEXT = """
+cutjoint: 1
+name: quarter
+gravity: [0, 0, -9.81]
+parameters:
+  load: {value: 300, unit: kg, binding: param}
+  stiffness: {value: 2.0e+4, unit: N/m, binding: param}
+  speed: {value: 5, unit: m/s, binding: param}
+  slack: {value: 10, unit: m, binding: param}
+  along: {value: 0, unit: m, binding: input}
+bodies:
+  carriage: {massless: true}
+  chassis: {mass: load, centre_of_mass: [0, 0, 0.5]}
+  lower: {mass: 4, centre_of_mass: [0, 0.5, 0.25], inertia: [0.05, 0.05, 0.05]}
+  upper: {mass: 3, centre_of_mass: [0, 0.5, 0.45], inertia: [0.05, 0.05, 0.05]}
+  hub: {mass: 20, centre_of_mass: [0, 0.75, 0.3], inertia: [1, 1, 1]}
+joints:
+  drive: {kind: prismatic, bodies: [ground, carriage], at: [0, 0, 0], axis: [1, 0, 0], guide: along}
+  heave: {kind: prismatic, bodies: [carriage, chassis], at: [0, 0, 0.5], axis: [0, 0, 1]}
+  lower_pin: {kind: revolute, bodies: [chassis, lower], at: [0, 0.3, 0.25], axis: [1, 0, 0]}
+  upper_pin: {kind: revolute, bodies: [chassis, upper], at: [0, 0.3, 0.45], axis: [1, 0, 0]}
+  knuckle: {kind: revolute, bodies: [lower, hub], at: [0, 0.7, 0.25], axis: [1, 0, 0]}
+  ball: {kind: spherical, bodies: [upper, hub], at: [0, 0.7, 0.42], cut: true}
+forces:
+  spring: {kind: joint_force, joint: lower_pin, law: {stiffness: "stiffness*0.16", damping: 150, free_position: -0.1}}
+  bumper: {kind: joint_force, joint: lower_pin, law: {stop: {at: 0.07, side: above, stiffness: 2.0e+4, damping: 20}}}
+  rope: {kind: joint_force, joint: heave, law: "1.0e-6*sqrt(slack - position)"}
+  rail: {kind: joint_force, joint: heave, law: "where(position > 0.01, -1000*(position - 0.01), 0)", active: false}
+  tyre:
+    kind: tyre
+    body: hub
+    centre: [0, 0.75, 0.3]
+    axis: [0, 1, 0]
+    radius: 0.3
+    stiffness: 2.0e+5
+    calspan: {A0: 2625, A1: 14.47, A2: 12930, A3: 2.29, A4: 18175, B1: -4.64e-5, B3: 1.216, B4: 2.18e-11,
+              SN: 1.0274, AF1: -1.71e-5, AF2: 1.71e-5}
+outputs: [chassis.z, chassis.vz, hub.z, tyre.Fz, bumper.force]
+scenes:
+  ride:
+    end: 0.8
+    output_step: 0.01
+    pose: equilibrium
+    inputs: {along: "speed*t"}
+    road: {start: 1.03, profile: [{ramp: 0.7, rise: 0.1}, {flat: 0.4}, {ramp: 0.9, rise: -0.05}]}
+    numerics: {dt: 0.002, tolerance: 1.0e-8, penalty: 1.0e+6}
+"""
+
+CASES = [{"load": 200.0 + 20 * k, "stiffness": 1.5e4 + 1e3 * k, "speed": 4.0 + 0.3 * k} for k in range(11)]
+
+
+@cache
+def model() -> Model:
+    return read_model_text(TEXT, "quarter.yaml")
+
+
+def ride() -> Scene:
+    return model().scenes["ride"]
+
+
+@cache
+def compiled() -> BatchArtifact:
+    return compile_batch(model(), ride())
+
+
+def alone(case: Mapping[str, float]) -> Trajectory:
+    return simulate(compile_scene(model(), ride()), parameters=case)
+
+
+def check_same(batch: Batch, i: int, run: Trajectory) -> None:
+    for name, column in run.columns.items():
+        size = 1.0 + float(np.abs(column).max())
+        for table, value in ((batch.end, column[-1]), (batch.smallest, column.min()), (batch.largest, column.max())):
+            assert table[name][i] == pytest.approx(value, abs=1e-8 * size), name
+
+
+def test_each_run_is_that_of_its_parameters_alone() -> None:
+    batch = simulate_batch(compiled(), CASES, threads=1)
+    assert batch.failures == (None,) * len(CASES)
+    for i, case in enumerate(CASES):
+        run = alone(case)
+        assert run.failure is None
+        check_same(batch, i, run)
+        assert batch.evaluations[i] == pytest.approx(run.evaluations, rel=0.02)  # those of a step end by rounding's leave
+    assert batch.largest["bumper.force"].max() == 0.0 > batch.smallest["bumper.force"].min()  # the stop acted
+    assert len({round(x, 6) for x in batch.end["chassis.z"]}) == len(CASES)
+
+
+def test_threads_change_nothing() -> None:
+    one, two = (simulate_batch(compiled(), CASES, threads=threads) for threads in (1, 2))
+    for name in one.end:
+        assert np.array_equal(one.end[name], two.end[name])
+        assert np.array_equal(one.largest[name], two.largest[name])
+
+
+def test_a_run_that_fails_does_not_stop_the_others() -> None:
+    """In the second run a force is soon no number; in the fourth it is none from the start."""
+    cases = [{"slack": slack} for slack in (10.0, 0.02, 10.0, -1.0)]
+    batch = simulate_batch(compiled(), cases)
+    run = alone({})
+    for i in (0, 2):
+        assert batch.failures[i] is None
+        check_same(batch, i, run)
+    stopped, failure = alone(cases[1]), batch.failures[1]
+    assert failure is not None
+    assert stopped.failure is not None
+    assert (failure.step, failure.element, failure.time) == (stopped.failure.step, stopped.failure.element, stopped.failure.time)
+    assert 0.1 < failure.time < 0.8
+    check_same(batch, 1, stopped)
+    start = batch.failures[3]
+    assert start is not None
+    assert np.isnan(batch.end["chassis.z"][3])
+
+
+def test_guards_stop_the_runs_whose_forces_would_act() -> None:
+    """The rail acts above a height that a heavy load does not reach."""
+    scene = replace(ride(), switches={"rail": True}, pose="design")
+    guarded = guard_forces(model(), scene, ("rail",)).model
+    cases = [{"speed": speed} for speed in (0.5, 5.0)]
+    batch = simulate_batch(compile_batch(guarded, scene), cases)
+    single = compile_scene(guarded, scene)
+    for i, case in enumerate(cases):
+        run, failure = simulate(single, parameters=case), batch.failures[i]
+        assert (failure and (failure.message, failure.guards, failure.step)) == (
+            run.failure and (run.failure.message, run.failure.guards, run.failure.step)
+        )
+        check_same(batch, i, run)
+    assert batch.failures[0] is None
+    assert batch.failures[1] is not None
+
+
+def test_what_a_batch_does_not_have() -> None:
+    for change, words in (({"closure": "proximal"}, "closure: penalty"), ({"integrator": "rk4"}, "integrator: trapezoidal")):
+        scene = replace(ride(), numerics=replace(ride().numerics, **change))  # type: ignore[arg-type]
+        with pytest.raises(RunError, match=rf"quarter\.yaml:\d+:\d+: scene 'ride': batches have {words} only"):
+            compile_batch(model(), scene)
+    with pytest.raises(RunError, match="the same parameters"):
+        simulate_batch(compiled(), [{"load": 1.0}, {"speed": 1.0}])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "cases.csv: no runs"),
+        ("load,speed\n", "cases.csv: no runs"),
+        ("load,sped\n1,2\n", "cases.csv:1: model 'quarter' has no parameter 'sped'; it has load, slack, speed, stiffness"),
+        ("load,load\n1,2\n", "cases.csv:1: parameter 'load' stands above two columns"),
+        ("along\n1\n", "cases.csv:1: quarter.yaml:10:3: parameter 'along' has binding input"),
+        ("load,speed\n1,2\n\n3\n", "cases.csv:4: 1 values for 2 parameters"),
+        ("load,speed\n1,fast\n", "cases.csv:2: parameter 'speed': 'fast' is not a finite number"),
+        ("load,speed\n1,inf\n", "cases.csv:2: parameter 'speed': 'inf' is not a finite number"),
+    ],
+)
+def test_wrong_tables_are_refused_with_their_place(text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("cases.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(RunError) as error:
+        read_cases(Path("cases.csv"), model())
+    assert str(error.value).startswith(words)
+
+
+def test_the_command_writes_a_row_for_each_run(tmp_path: Path) -> None:
+    (tmp_path / "quarter.yaml").write_text(TEXT, encoding="utf-8")
+    (tmp_path / "cases.csv").write_text("load, slack\n250, 10\n300, 0.02\n", encoding="utf-8")
+    out = tmp_path / "results" / "table.csv"
+    arguments = ["simulate", str(tmp_path / "quarter.yaml"), "--batch", str(tmp_path / "cases.csv"), "--set", "speed=6", "--out", str(out)]
+    done = CliRunner().invoke(main, arguments)
+    assert done.exit_code == 1, done.output
+    assert "run 2: the fixed point diverged to infinity" in done.output
+    assert "1 of 2 runs failed" in done.output
+    with out.open(encoding="utf-8", newline="") as stream:
+        first, second = csv.DictReader(stream)
+    assert (first["speed"], first["load"], first["slack"], first["failure"]) == ("6.0", "250.0", "10.0", "")
+    assert second["failure"].startswith("the fixed point diverged")
+    run = alone({"load": 250.0, "speed": 6.0})
+    assert float(first["chassis.z.max"]) == pytest.approx(run["chassis.z"].max(), abs=1e-8)
+    units = json.loads(out.with_suffix(".units.json").read_text(encoding="utf-8"))
+    assert (units["chassis.z.max"], units["tyre.Fz.end"]) == ("m", "N")
+
+
+def test_what_did_not_start_has_no_values(tmp_path: Path) -> None:
+    batch = simulate_batch(compiled(), [{"slack": -1.0}])
+    write_results(batch, tmp_path / "table.csv")
+    header, row = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()
+    assert header.startswith("slack,failure,evaluations,chassis.z.end,chassis.z.min,chassis.z.max,")
+    assert row.endswith(",0" + "," * 3 * len(batch.units))
+
+
+def test_batches_go_with_their_own_options_only(tmp_path: Path) -> None:
+    (tmp_path / "quarter.yaml").write_text(TEXT, encoding="utf-8")
+    (tmp_path / "cases.csv").write_text("load\n250\n", encoding="utf-8")
+    arguments = ["simulate", str(tmp_path / "quarter.yaml"), "--batch", str(tmp_path / "cases.csv"), "--out", str(tmp_path / "x.csv")]
+    for more in (["--method", "augmented"], ["--integrator", "rk4"], ["--precision", "single"], ["--iterations", "3"]):
+        done = CliRunner().invoke(main, [*arguments, *more])
+        assert done.exit_code == 1
+        assert f"{more[0]} cannot go with --batch" in done.output
