@@ -3,6 +3,8 @@
 
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic ignored "-Wpsabi"  // all parts of a batch have the same flags, so they agree on how registers are passed
+#pragma GCC diagnostic ignored "-Wuninitialized"  // GCC 12 finds such variables in its own AVX-512 header (GCC bug 105593)
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
 
 #include "cutjoint/lanes.hpp"
