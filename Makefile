@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz bench newton methods report choice flags verification lint setup clean
+.PHONY: demo test heavy sanitize fuzz bench batch realtime newton methods report choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -25,6 +25,12 @@ bench: setup
 
 flags: setup
 	$(BIN)/python benchmarks/flags.py
+
+batch: setup
+	$(BIN)/python -m benchmarks.batch
+
+realtime: setup
+	$(BIN)/python -m benchmarks.realtime
 
 newton: setup
 	$(BIN)/python -m benchmarks.newton

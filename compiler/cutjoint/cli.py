@@ -243,7 +243,7 @@ def realtime(
     model: Path, scene: str | None, method: str, dt: float | None, end: float | None, iterations: int | None, changes: tuple[str, ...],
     out: Path | None,
 ) -> None:  # fmt: skip
-    """Run one scene of MODEL against the wall clock: how long steps take, and how many miss their deadline."""
+    """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
     from cutjoint.report.realtime import time_tables
 
     with _progress(f"compiling {model.name}"):

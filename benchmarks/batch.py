@@ -1,0 +1,100 @@
+"""Runs of a batch beside single ones, and operations per second beside the machine's peak: `make batch`.
+
+All times are of one run of this program on one thread, medians of several runs each.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+from rich.console import Console
+from rich.table import Table
+
+from cutjoint.batch import BatchArtifact, compile_batch, simulate_batch
+from cutjoint.bench.measure import machine
+from cutjoint.model.read import read_model
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.reduce.ladder import climb
+from cutjoint.run.scenes import find_scene
+from cutjoint.toolchain.build import FLAGS, find_compiler
+
+ROOT = Path(__file__).resolve().parent.parent
+RUNS = 64
+REPETITIONS = 5
+#: What the runs differ by.
+CASES = [{"tyre_stiffness": 440_000.0 + 625.0 * k} for k in range(RUNS)]
+
+
+def peak() -> dict[int, float]:
+    """Multiply-adds of doubles per second, by vector width; each counts as two operations."""
+    with TemporaryDirectory() as folder:
+        program = Path(folder) / "peak"
+        subprocess.run([find_compiler(), "-std=c++20", *FLAGS, ROOT / "benchmarks" / "peak.cpp", "-o", program], check=True)
+        measured = json.loads(subprocess.run([program], check=True, capture_output=True, text=True).stdout)
+    return {int(width): each for width, each in measured.items()}
+
+
+def compare(name: str, model: Model, scene: Scene, throughput: Table, limit: Table, at_most: dict[int, float]) -> None:
+    """The lines of one model."""
+    lanes, scalar = (compile_scene(model, scene, lanes=lanes) for lanes in (True, False))
+    batch = compile_batch(model, scene)
+    operations, evaluations = scalar.program.operations("evaluate"), simulate(scalar).evaluations
+    single = {"one at a time, lanes in it": (steps(lanes), whole(lanes)), "one at a time, no lanes": (steps(scalar), whole(scalar))}
+    together = steps_of_batch(batch)
+    throughput.add_row(name, "batch", *(f"{x * 1e3:.2f}" for x in together), "", "")
+    for kind, seconds in single.items():
+        ratios = (f"{mine / theirs:.2f}" for mine, theirs in zip(seconds, together, strict=True))
+        throughput.add_row(name, kind, *(f"{x * 1e3:.2f}" for x in seconds), *ratios)
+    for width, seconds in ((1, steps(scalar)), (4, steps(lanes)), (8, together[0])):
+        rate = operations * evaluations / seconds
+        share = f"{100 * rate / (2 * at_most[width]):.0f} %" if width in at_most else ""
+        limit.add_row(name, str(width), f"{rate / 1e9:.1f}", f"{2 * at_most.get(width, 0.0) / 1e9:.1f}", share)
+
+
+def steps(artifact: Artifact) -> float:
+    """Seconds of a run's steps."""
+    return median(simulate(artifact).seconds for _ in range(REPETITIONS))
+
+
+def whole(artifact: Artifact) -> float:
+    """Seconds of a run from beginning to end, the simulator's start and its search for equilibrium included, with two rows only."""
+    artifact = replace(artifact, scene=replace(artifact.scene, output_step=artifact.scene.end))
+
+    def run() -> float:
+        begin = perf_counter()
+        simulate(artifact)
+        return perf_counter() - begin
+
+    return median(run() for _ in range(REPETITIONS))
+
+
+def steps_of_batch(artifact: BatchArtifact) -> tuple[float, float]:
+    """The same two of one run of a batch."""
+    done = [simulate_batch(artifact, CASES, threads=1) for _ in range(REPETITIONS)]
+    return median(b.seconds for b in done) / RUNS, median(b.elapsed for b in done) / RUNS
+
+
+def main() -> None:
+    """Print the tables."""
+    console = Console(highlight=False, width=140)
+    console.print(", ".join([*machine().values(), " ".join(FLAGS)]), markup=False)
+    throughput = Table("simul1", "runs", "steps of a run, ms", "all of a run, ms", "steps, over the batch's", "all, over the batch's")
+    limit = Table("simul1", "width", "operations, 1e9/s", "peak of multiply-adds, 1e9/s", "share")
+    model = read_model(ROOT / "models" / "iltis.yaml")
+    scene, at_most = find_scene(model, "simul1"), peak()
+    reduced = climb(model, scene, "recursive")[-1]
+    compare("full", model, scene, throughput, limit, at_most)
+    compare("reduced", reduced.model, reduced.scene, throughput, limit, at_most)
+    for table in (throughput, limit):
+        console.print(table)
+
+
+if __name__ == "__main__":
+    main()
