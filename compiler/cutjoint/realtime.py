@@ -46,7 +46,8 @@ def run_in_real_time(
 ) -> StepTimes:  # fmt: skip
     """Run a compiled model by the trapezoidal rule, as fast as the clock on the wall.
 
-    ``out`` receives a table with ``took`` and ``late`` (s) of each step.  ``iterations`` are how many each step has, so that all cost the same; only the method recursive has that.
+    ``out`` receives a table with ``took`` and ``late`` (s) of each step.  ``iterations`` are how many each step has, so that all cost the
+    same; only the method recursive has that.
 
     Raises:
         RunError: a parameter that cannot be set, an end before the first step, or steps that cannot be of fixed cost.
