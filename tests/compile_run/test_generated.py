@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cutjoint.emit import view
 from cutjoint.model.records import JointKind, Numerics
 from cutjoint.pipeline import compile_model, generate
 from cutjoint.toolchain.build import build
@@ -40,6 +42,22 @@ def test_generated_code_equals_the_interpreter(monkeypatch: pytest.MonkeyPatch, 
                 exact = name in ("residual", "rate")
                 scale = max(1.0, float(np.abs(values).max(initial=0.0)))
                 assert np.abs(results[name] - values).max(initial=0.0) <= (1e-12 if exact else tolerance) * scale, name
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_long_functions_are_compiled_in_stretches(monkeypatch: pytest.MonkeyPatch, compiler: str) -> None:
+    monkeypatch.setenv("CXX", compiler)
+    monkeypatch.setattr(view, "LONG", 20)
+    monkeypatch.setattr(view, "STRETCH", 10)
+    artifact = compile_model(MODELS / "four_bar.yaml", scene="swing")
+    labels = re.findall(r"CUTJOINT_STRETCH\(stretch_(\d+)\)", artifact.source.files["evaluate.cpp"])
+    assert len(labels) > 3
+    assert sorted(set(map(int, labels))) == list(map(int, labels))
+    states = random_states(artifact.equations, 3, seed=5)
+    flat = replace(artifact.scene, numerics=replace(artifact.scene.numerics, penalty=1e4, frequency=10.0))
+    for state, results in zip(states, run_evaluate(artifact.binary.path, artifact.topology.model, flat, states), strict=True):
+        for name, values in interpret(replace(artifact.equations, scene=flat), state).items():
+            assert np.abs(results[name] - values).max(initial=0.0) <= 1e-10 * max(1.0, float(np.abs(values).max(initial=0.0))), name
 
 
 @pytest.mark.skipif("avx2" not in Path("/proc/cpuinfo").read_text(), reason="the processor has no AVX2")

@@ -17,8 +17,9 @@ from cutjoint.program.records import LoweredFunction, Program, Result
 
 @dataclass(frozen=True, kw_only=True)
 class SectionView:
-    """One body, joint, cut joint or force of a generated function."""
+    """One body, joint, cut joint or force of a generated function; with a number it begins that ``stretch`` of a long one."""
 
+    stretch: int
     title: str
     notes: tuple[str, ...]
     statements: tuple[Statement, ...]
@@ -37,6 +38,9 @@ class FunctionView:
 
 #: Characters of a line of a generated expression.
 LINE = 110
+
+#: A function of more statements is compiled in stretches of about so many: the time of GCC's combiner grows with the square of a stretch.
+LONG, STRETCH = 4000, 1000
 
 #: Symbols whose elements are members of a record among the arguments.
 _MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
@@ -186,11 +190,15 @@ class Viewer:
         )  # fmt: skip
 
     def _sections(self, statements: Sequence[Statement]) -> list[SectionView]:
-        views = []
+        views: list[SectionView] = []
+        before = stretches = 0
         for index, group in groupby(statements, key=lambda s: s.section):
-            section = self._program.sections[index]
+            section, own = self._program.sections[index], tuple(_wrapped(s) for s in group)
             notes = tuple(on_one_line(x) for x in (section.equation, section.source) if x)
-            views.append(SectionView(title=section.title, notes=notes, statements=tuple(_wrapped(s) for s in group)))
+            begins = len(statements) > LONG and before // STRETCH > stretches
+            stretches = before // STRETCH if begins else stretches
+            views.append(SectionView(stretch=stretches if begins else 0, title=section.title, notes=notes, statements=own))
+            before += len(own)
         return views
 
 
