@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeAlias
 
 import sympy
@@ -49,14 +50,18 @@ class ClosureKernel:
 def derive_closure(joint: Joint) -> ClosureKernel:
     """The kernel of a cut joint."""
     names, base, follower, residual = _residual(joint)
+    jacobian, drift = _jacobian_and_drift(sympy.ImmutableMatrix(residual))
+    return ClosureKernel(
+        names=names, base_directions=base, follower_directions=follower, residual=residual, jacobian=jacobian, drift=drift
+    )  # fmt: skip
+
+
+@cache
+def _jacobian_and_drift(residual: Matrix) -> tuple[Matrix, Matrix]:
+    """Those of a residual, which joints of a kind have in common."""
     rates = _rates()
     velocity = _along(residual, rates)
-    twist = list(V) + list(W)
-    jacobian = velocity.jacobian(twist)
-    return ClosureKernel(
-        names=names, base_directions=base, follower_directions=follower, residual=residual, jacobian=jacobian,
-        drift=_along(velocity, rates),
-    )  # fmt: skip
+    return velocity.jacobian(list(V) + list(W)), _along(velocity, rates)
 
 
 def _rates() -> dict[Scalar, Scalar]:
