@@ -1,6 +1,7 @@
-"""Runs of a batch beside single ones, and operations per second beside the machine's peak: `make batch`.
+"""Runs of a batch beside single ones, operations per second beside the machine's peak, and what a millimetre costs: `make batch`.
 
-All times are of one run of this program on one thread, medians of several runs each.
+All times are of one run of this program on one thread, medians of several runs each.  Errors are the farthest that an output in m of the
+reduced model is from one of the full model at a hundredth of the paper's step.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
+from benchmarks.distance import distance
 from rich.console import Console
 from rich.table import Table
 
@@ -28,6 +30,9 @@ from cutjoint.toolchain.build import FLAGS, find_compiler
 ROOT = Path(__file__).resolve().parent.parent
 RUNS = 64
 REPETITIONS = 5
+#: Step (s) and tolerance; the first is the paper's step.
+STEPS = ((7.5e-3, 1e-6), (2.5e-3, 1e-4), (1.5e-3, 1e-4), (1.25e-3, 1e-6), (1.25e-3, 1e-4))
+REFERENCE_STEP = 7.5e-5
 #: What the runs differ by.
 CASES = [{"tyre_stiffness": 440_000.0 + 625.0 * k} for k in range(RUNS)]
 
@@ -58,9 +63,20 @@ def compare(name: str, model: Model, scene: Scene, throughput: Table, limit: Tab
         limit.add_row(name, str(width), f"{rate / 1e9:.1f}", f"{2 * at_most.get(width, 0.0) / 1e9:.1f}", share)
 
 
-def steps(artifact: Artifact) -> float:
+def seek_millimetre(full: Artifact, model: Model, scene: Scene, table: Table) -> None:
+    """What steps and tolerances cost that are short enough, and some that are not."""
+    truth = simulate(full, dt=REFERENCE_STEP)
+    single, batch = compile_scene(model, scene), compile_batch(model, scene)
+    for dt, tolerance in STEPS:
+        run = simulate(single, dt=dt, tolerance=tolerance)
+        seconds = steps(single, dt=dt, tolerance=tolerance), steps_of_batch(batch, dt=dt, tolerance=tolerance)[0]
+        times = (text for x in seconds for text in (f"{x * 1e3:.2f}", f"{scene.end / x:.0f}"))
+        table.add_row(f"{dt * 1e3:g}", f"{tolerance:g}", f"{run.evaluations / run.steps:.1f}", f"{distance(run, truth):.1e}", *times)
+
+
+def steps(artifact: Artifact, **how: float) -> float:
     """Seconds of a run's steps."""
-    return median(simulate(artifact).seconds for _ in range(REPETITIONS))
+    return median(simulate(artifact, **how).seconds for _ in range(REPETITIONS))  # type: ignore[arg-type]
 
 
 def whole(artifact: Artifact) -> float:
@@ -75,9 +91,9 @@ def whole(artifact: Artifact) -> float:
     return median(run() for _ in range(REPETITIONS))
 
 
-def steps_of_batch(artifact: BatchArtifact) -> tuple[float, float]:
+def steps_of_batch(artifact: BatchArtifact, **how: float) -> tuple[float, float]:
     """The same two of one run of a batch."""
-    done = [simulate_batch(artifact, CASES, threads=1) for _ in range(REPETITIONS)]
+    done = [simulate_batch(artifact, CASES, threads=1, **how) for _ in range(REPETITIONS)]  # type: ignore[arg-type]
     return median(b.seconds for b in done) / RUNS, median(b.elapsed for b in done) / RUNS
 
 
@@ -92,7 +108,11 @@ def main() -> None:
     reduced = climb(model, scene, "recursive")[-1]
     compare("full", model, scene, throughput, limit, at_most)
     compare("reduced", reduced.model, reduced.scene, throughput, limit, at_most)
-    for table in (throughput, limit):
+    millimetre = Table(
+        "step, ms", "tolerance", "evaluations a step", "error, m", "steps of a run, ms", "times real time", "of a batch, ms", "times"
+    )
+    seek_millimetre(compile_scene(model, scene), reduced.model, reduced.scene, millimetre)
+    for table in (throughput, limit, millimetre):
         console.print(table)
 
 

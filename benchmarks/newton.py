@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
+from benchmarks.distance import distance
 from rich.console import Console
 from rich.table import Table
 
@@ -50,15 +50,6 @@ def compare(scene: str, table: Table) -> None:
 def run(artifact: Artifact, dt: float) -> Trajectory:
     """Rows 30 ms apart."""
     return simulate(replace(artifact, scene=replace(artifact.scene, output_step=ROW)), dt=dt)
-
-
-def distance(one: Trajectory, other: Trajectory) -> float:
-    """The largest distance of columns in m; infinite where a run did not end."""
-    if one.failure is not None or other.failure is not None:
-        return float("inf")
-    rows = min(len(one.t), len(other.t))
-    lengths = [name for name, unit in other.units.items() if unit == "m"]
-    return max(float(np.abs(one.columns[c][:rows] - other.columns[c][:rows]).max()) for c in lengths)
 
 
 def main() -> None:

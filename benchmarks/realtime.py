@@ -4,26 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
+from benchmarks.distance import distance
 from rich.console import Console
 from rich.table import Table
 
 from cutjoint.bench.measure import machine
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.realtime import run_in_real_time
-from cutjoint.run.results import Trajectory
 
 MODEL = Path(__file__).parents[1] / "models" / "iltis.yaml"
 SCENE, STEP, SHORT = "simul1", 5e-3, 2.5e-4
 FIXED = (2, 3, 4, 6, 8)
 #: How many iterations the steps that are timed have; None until they converge.
 TIMED = (4, None)
-
-
-def distance(one: Trajectory, other: Trajectory) -> float:
-    """The farthest that columns in m are apart at the rows of the first."""
-    lengths = [name for name, unit in one.units.items() if unit == "m"]
-    return max(float(np.abs(one[c] - np.interp(one.t, other.t, other[c])).max()) for c in lengths)
 
 
 def accuracy(artifact: Artifact) -> Table:

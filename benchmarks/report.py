@@ -54,29 +54,31 @@ def ladder() -> Plan:
 def vehicle() -> Plan:
     """A vehicle that all tools can run, ours in the same variant."""
     case = make_case(MODELS / "iltis.yaml", IAVSD, row=0.005, parameters={"chassis_mass": 1248.0}, link_masses=LINKS)
-    contenders = choose(["generated", "reduced", "peer"])
+    contenders = choose(["generated", "integrators", "reduced", "peer"])
     return Plan(cases=[case], contenders=contenders, reference="extended", title="with link masses, and peers")
 
 
 def verification() -> Plan:
     """The verification problems, with peers."""
     cases = [make_case(MODELS / f"{name}.yaml") for name in ("pendulum", "four_bar", "andrews", "slider_crank")]
-    return Plan(cases=cases, contenders=choose(["generated", "peer"]), drift=True, shortest=0.005)
+    return Plan(cases=cases, contenders=choose(["generated", "integrators", "peer"]), drift=True, shortest=0.005)
 
 
 def smooth() -> Plan:
     """The N-four-bar with gravity upwards: it sways about the upright and stays away from its singular poses."""
-    return Plan(cases=[_chain(Chain(windows=2, gravity=9.81))], contenders=choose(["generated"]), title="away from singular poses")
+    case = _chain(Chain(windows=2, gravity=9.81))
+    return Plan(cases=[case], contenders=choose(["generated", "integrators"]), title="away from singular poses")
 
 
 def governor() -> Plan:
     """The flyball governor, whose stiff spring would keep a reference of 113 bits busy for an hour."""
-    return Plan(cases=[make_case(MODELS / "flyball.yaml")], contenders=choose(["generated", "peer"]), reference="extended")
+    contenders = choose(["generated", "integrators", "peer"])
+    return Plan(cases=[make_case(MODELS / "flyball.yaml")], contenders=contenders, reference="extended")
 
 
 def chain() -> Plan:
     """Forty windows of the N-four-bar, with peers."""
-    return Plan(cases=[_chain(Chain(windows=40))], contenders=choose(["generated", "peer"]), title="and peers")
+    return Plan(cases=[_chain(Chain(windows=40))], contenders=choose(["generated", "integrators", "peer"]), title="and peers")
 
 
 def twins() -> Plan:

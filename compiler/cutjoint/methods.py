@@ -26,6 +26,9 @@ EXPLICIT = ("rk4", "dormand-prince")
 #: order 2 with damping of what is fast.
 IMPLICIT = ("sdirk4", "sdirk4-fixed", "generalised-alpha")
 
+#: Those of both that take steps as long as the tolerance allows.
+ADAPTIVE = ("dormand-prince", "sdirk4")
+
 #: The trapezoidal rule of the methods, explicit and implicit methods, and accurate solutions to measure them by: extrapolation in
 #: relative coordinates (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
 INTEGRATORS = ("trapezoidal", *EXPLICIT, *IMPLICIT, "reference")

@@ -12,7 +12,7 @@ from typing import Any
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
 from cutjoint.emit.source import Source
-from cutjoint.methods import COMPARISON_SOLVERS, EXPLICIT, METHODS, SOLVERS, TWINS
+from cutjoint.methods import ADAPTIVE, COMPARISON_SOLVERS, EXPLICIT, IMPLICIT, METHODS, SOLVERS, TWINS
 from cutjoint.pipeline import Artifact, compile_scene, generate, generate_for, simulate
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.run.results import Trajectory
@@ -64,18 +64,19 @@ class AdaptiveRunner(OwnRunner):
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
         """A run whose rows are the case's."""
-        own = self.artifact.scene.numerics.of_method("recursive").dt
+        own = self.artifact.scene.numerics.of_method(self.artifact.method).dt
         with_tolerance = replace(self, tolerance=min(max(1e-6 * (dt / own) ** 5, 1e-13), 1e-2))
         return OwnRunner.__call__(with_tolerance, self.artifact.scene.output_step, measured=measured)
 
 
 def own_contenders() -> Iterator[Contender]:
-    """Generated code by each method in the order of METHODS; explicit integrators; without lanes; of the reduced model; other solvers;
+    """Generated code by each method in the order of METHODS; other integrators; without lanes; of the reduced model; other solvers;
     generic twins."""
     for method in METHODS:
         yield _contender(method, method, "generated", method=method)
-    for integrator in EXPLICIT:
-        yield _contender(f"recursive/{integrator}", f"recursive, {integrator}", "explicit", method="recursive", integrator=integrator)
+    for method, integrators in (("recursive", EXPLICIT), ("recursive-newton", IMPLICIT)):
+        for integrator in integrators:
+            yield _contender(f"{method}/{integrator}", f"{method}, {integrator}", "integrators", method=method, integrator=integrator)
     for method in METHODS:
         yield _contender(f"{method}/scalar", f"{method}, without lanes", "scalar", method=method, lanes=False)
     for method in METHODS:
@@ -117,7 +118,7 @@ def _prepare(
         case.model, case.scene, method=method, outputs=case.outputs, implementation=implementation, lanes=lanes,
         comparison=solver in COMPARISON_SOLVERS, precision=precision,
     )  # fmt: skip
-    runner = AdaptiveRunner if integrator == "dormand-prince" else OwnRunner
+    runner = AdaptiveRunner if integrator in ADAPTIVE else OwnRunner
     return runner(artifact=artifact, solver=solver, integrator=integrator, tolerance=tolerance, parameters=case.parameters)
 
 

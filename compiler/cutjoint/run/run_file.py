@@ -8,6 +8,7 @@ from math import isfinite
 from typing import Any
 
 from cutjoint.formulate.inputs import open_parameters
+from cutjoint.methods import ADAPTIVE, EXPLICIT
 from cutjoint.model.records import Binding, Model, Numerics, Scalar, Scene, Tyre
 from cutjoint.run.roads import road_pieces
 
@@ -59,13 +60,13 @@ def make_run_file(
     figures = _figures(scene.numerics, method)
     if fixed_cost is not None:
         figures |= {"iterations": fixed_cost, "fixed_cost": True}
-    if integrator in ("rk4", "dormand-prince"):
+    if integrator in EXPLICIT:
         figures["penalty"] = _explicit_penalty(scene.numerics)
     if integrator in ("rk4", "dormand-prince", "sdirk4", "sdirk4-fixed"):
         figures["absolute_tolerance"] = _absolute_tolerance(scene.numerics.of_method(method))
     if integrator == "generalised-alpha":
         figures["spectral_radius"] = scene.numerics.spectral_radius
-    if integrator in ("dormand-prince", "sdirk4"):
+    if integrator in ADAPTIVE:
         figures["dt"] = scene.output_step
     return {
         "task": task,

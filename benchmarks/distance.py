@@ -1,0 +1,15 @@
+"""How far two runs are apart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutjoint.run.results import Trajectory
+
+
+def distance(one: Trajectory, other: Trajectory) -> float:
+    """The farthest that columns in m are apart at the rows of the first; infinite where a run did not end."""
+    if one.failure is not None or other.failure is not None:
+        return float("inf")
+    lengths = [name for name, unit in one.units.items() if unit == "m"]
+    return max(float(np.abs(one[c] - np.interp(one.t, other.t, other[c])).max()) for c in lengths)
