@@ -12,20 +12,15 @@ import numpy as np
 
 from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import EXPLICIT
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import only_starting
+from cutjoint.pipeline import derive, only_starting
 from cutjoint.run.results import Array, Batch
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.run_file import RunError, changing, following, make_run_file, parameter_values
 from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import FLAGS, Binary, build
-from cutjoint.topology.build import build_topology
-
-#: What of a run file follows from parameters.
-_OWN = ("parameters", "positions", "rates", "roads")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +39,7 @@ def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -
     """Compile a model for batches of a scene, with the recursive method.
 
     Raises:
-        ModelError, TopologyError: the model is wrong.
+        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
         RunError: the scene has a closure or an integrator that batches do not have.
         ToolchainError: the C++ side failed.
     """
@@ -53,7 +48,7 @@ def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -
     if scene.numerics.integrator in EXPLICIT:
         raise RunError(f"{scene.span}: scene '{scene.name}': batches have integrator: trapezoidal only; use --integrator trapezoidal")
     begin = perf_counter()
-    equations = only_starting(formulate_recursive(build_topology(model), scene, scene.outputs))
+    equations = only_starting(derive(model, scene, scene.outputs))
     source = emit(schedule_recursive(equations, lanes=False), equations, batch=True)
     generated = perf_counter()
     binary = build(source, flags=flags)
@@ -80,10 +75,10 @@ def simulate_batch(
     changes = {name: value for name, value in (("dt", dt), ("tolerance", tolerance)) if value is not None}
     scene = with_figures(artifact.scene, "recursive", changes)
     scene = replace(scene, end=scene.end if end is None else end)
-    file = make_run_file(artifact.model, scene, {}, task="batch")
-    file["cases"] = [_own(artifact.model, scene, case, file) for case in cases]
-    file["threads"] = len(os.sched_getaffinity(0)) if threads is None else threads
     begin = perf_counter()
+    file = make_run_file(artifact.model, scene, {}, task="batch")
+    file["cases"] = _own_parts(artifact.model, scene, cases)
+    file["threads"] = len(os.sched_getaffinity(0)) if threads is None else threads
     summary = call_simulator(artifact.binary.path, file, progress)
     elapsed = perf_counter() - begin
     results = summary["results"]
@@ -92,14 +87,16 @@ def simulate_batch(
     return Batch(
         cases=tuple(dict(case) for case in cases), **tables, units={c.name: c.unit for c in columns},
         evaluations=tuple(r.get("evaluations", 0) for r in results),
-        failures=tuple(failure_of(r) for r in results), seconds=summary["seconds"], elapsed=elapsed,
+        failures=tuple(failure_of(r) for r in results), undetermined=tuple(results[0].get("undetermined", ())) if results else (),
+        seconds=summary["seconds"], elapsed=elapsed,
     )  # fmt: skip
 
 
-def _own(model: Model, scene: Scene, case: Mapping[str, float], file: Mapping[str, Any]) -> dict[str, Any]:
-    """What of a case's run file differs."""
-    own = make_run_file(model, scene, case, task="batch")
-    return {name: own[name] for name in _OWN if own[name] != file[name]}
+def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
+    """What of each case's run file may differ from that of the others."""
+    parts = changing(model, scene)
+    values = [parameter_values(model, case) for case in cases]
+    return [{"parameters": own, **following(model, scene, own, parts)} for own in values]
 
 
 def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> dict[str, Array]:

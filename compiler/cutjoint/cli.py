@@ -155,7 +155,8 @@ def compile_(model: Path, scene: str | None, method: str, out: Path) -> None:
 @_iterations
 @_set
 @click.option("--batch", type=click.Path(exists=True, dir_okay=False, path_type=Path),
-              help="CSV file of parameters, a row for each run (SI units): many runs side by side; --out has a row for each.")
+              help="CSV file of parameters, a row for each run (SI units): many runs side by side; --out has a row for each, with end, "
+              "smallest and largest value of each output over the scene's rows.")
 @click.option("--threads", type=click.IntRange(min=1), help="Of a batch; as many as processors otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
@@ -176,6 +177,8 @@ def simulate(
     if closure is not None and asked != "recursive":
         raise RunError(f"--closure {closure}: only the recursive method has one; use --method recursive")
     chosen = chosen if closure is None else with_closure(chosen, closure)
+    if batch is None and threads is not None:
+        raise RunError("--threads goes with --batch: a single run has one")
     if batch is not None:
         _require_own(
             "--batch", "runs the method recursive by the trapezoidal rule", implementation=implementation, solver=solver,
@@ -268,12 +271,16 @@ def _run_batch(model: Model, scene: Scene, table: Path, out: Path, parameters: M
     """Many runs of a scene: their results into ``out``, and what became of them."""
     from cutjoint.report.tables import batch_facts
 
-    cases = [{**parameters, **case} for case in read_cases(table, model)]
+    cases = read_cases(table, model)
+    if twice := sorted(cases[0].keys() & parameters.keys()):
+        raise RunError(f"--set {twice[0]}: the table {table} has it too; set it in one of the two")
+    if out.resolve() == table.resolve():
+        raise RunError(f"--out {out}: that is the table of parameters; write the results elsewhere")
+    out.parent.mkdir(parents=True, exist_ok=True)
     with _progress(f"compiling {model.name}"):
         artifact = compile_batch(model, scene)
     with _progress(f"running {scene.name}") as progress:
-        done = simulate_batch(artifact, cases, progress=progress, **how)
-    out.parent.mkdir(parents=True, exist_ok=True)
+        done = simulate_batch(artifact, [{**parameters, **case} for case in cases], progress=progress, **how)
     write_results(done, out)
     _out.print(batch_facts(artifact, done))
     _out.print(f"results: {out}, {len(cases)} runs", markup=False)
@@ -281,7 +288,7 @@ def _run_batch(model: Model, scene: Scene, table: Path, out: Path, parameters: M
     for i, failure in failed[:5]:
         _err.print(f"{table}: run {i + 1}: {failure}", markup=False)
     if failed:
-        _err.print(f"{len(failed)} of {len(cases)} runs failed; column 'failure' of {out} says how", markup=False)
+        _err.print(f"{len(failed)} of {len(cases)} runs failed; column 'run.failure' of {out} says how", markup=False)
         raise SystemExit(1)
 
 

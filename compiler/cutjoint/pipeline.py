@@ -91,19 +91,29 @@ def generate(
         GuideError: guides tear a loop open.
         ModelError: an output that the method does not know.
     """
-    # Model -> Topology
-    topology = build_topology(model)
-    # Topology -> Equations
     closure, reported = (scene.numerics.closure, tuple(outputs)) if method == "recursive" else ("penalty", ())
-    recursive = formulate_recursive(topology, scene, reported, closure=closure)
-    require_inertia(recursive)
-    require_guides(recursive)
+    recursive = derive(model, scene, reported, closure=closure)
     if method != "recursive":
         return generate_system(only_starting(recursive), method, tuple(outputs), lanes=lanes, straight_line=straight_line)
     # Equations -> Program
     program = schedule_recursive(recursive, lanes=lanes)
     # Program -> Source
     return recursive, program, emit(program, recursive)
+
+
+def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = "penalty") -> RecursiveEquations:
+    """The recursive equations of a model, which every method starts from.
+
+    Raises:
+        TopologyError, NoInertiaError, GuideError: as `generate`.
+    """
+    # Model -> Topology
+    topology = build_topology(model)
+    # Topology -> Equations
+    recursive = formulate_recursive(topology, scene, tuple(outputs), closure=closure)
+    require_inertia(recursive)
+    require_guides(recursive)
+    return recursive
 
 
 def generate_for(

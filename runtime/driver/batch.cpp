@@ -21,12 +21,16 @@ class Batch {
  public:
   Batch(const Json& file, const MakeAlone& make_alone, const MakeInstances& make_instances)
       : file_(file), make_alone_(make_alone), make_instances_(make_instances), cases_(file.at("cases").get<std::vector<Json>>()),
-        results_(cases_.size()) {}
+        results_(cases_.size()) {
+    file_.erase("cases");  // each case adds to a copy of the rest
+  }
 
   Json run() {
-    std::vector<std::thread> threads;
-    for (int i = 0; i < file_.at("threads").get<int>(); ++i) threads.emplace_back([this] { work(); });
-    for (std::thread& thread : threads) thread.join();
+    {
+      const std::size_t groups = (cases_.size() + width - 1) / width;
+      std::vector<std::jthread> threads;  // joined at the end of the block
+      for (std::size_t i = 0; i < std::min(groups, file_.at("threads").get<std::size_t>()); ++i) threads.emplace_back([this] { work(); });
+    }
     if (error_) std::rethrow_exception(error_);
     return Json{{"status", "done"}, {"seconds", seconds_}, {"results", results_}};
   }
@@ -53,7 +57,7 @@ class Batch {
     }
   }
 
-  const Json& file_;
+  Json file_;
   const MakeAlone& make_alone_;
   const MakeInstances& make_instances_;
   std::vector<Json> cases_, results_;

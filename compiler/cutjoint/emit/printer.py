@@ -163,6 +163,13 @@ class Printer:
         return lanes_type(node.lanes)
 
 
+def kept_type(node: Scalar, conditions: str) -> str:
+    """The C++ type of a member that holds a scalar."""
+    if node.op in _LOGICAL:
+        return f"{lanes_type(node.lanes)}::Mask" if node.lanes else conditions
+    return lanes_type(node.lanes)
+
+
 def lanes_type(lanes: int) -> str:
     """The C++ type of a scalar with lanes; plain reals have none."""
     return f"Lanes{lanes}" if lanes else "Real"

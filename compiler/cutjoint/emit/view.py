@@ -9,7 +9,7 @@ from itertools import groupby
 from textwrap import wrap
 
 from cutjoint.emit.names import name_scalars, road_names, unique
-from cutjoint.emit.printer import Printer, Statement, lanes_type
+from cutjoint.emit.printer import Printer, Statement, kept_type, lanes_type
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import LoweredFunction, Program, Result
@@ -116,7 +116,7 @@ class Viewer:
     def members(self, binding: BindingTime) -> tuple[tuple[str, str], ...]:
         """Type and name of the kept values of one stage."""
         nodes = self._program.graph.nodes
-        return tuple((lanes_type(nodes[n].lanes), name) for n, name in self._kept.items() if nodes[n].binding is binding)
+        return tuple((kept_type(nodes[n], self._conditions), name) for n, name in self._kept.items() if nodes[n].binding is binding)
 
     def lane_types(self) -> tuple[tuple[str, int], ...]:
         """The types with lanes that the program uses, and their number of lanes."""

@@ -147,6 +147,7 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
         ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),
         ("steps", f"{batch.seconds / runs * 1e3:.3g} ms of a thread for each run"),
         ("parameters", ", ".join(batch.names)),
+        ("speeds not given", f"{len(batch.undetermined)}, as small as the loops allow{_listed(batch.undetermined)}"),
     ])  # fmt: skip
 
 

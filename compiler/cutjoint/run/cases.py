@@ -14,29 +14,34 @@ from cutjoint.run.run_file import RunError, parameter_values
 
 
 def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
-    """The cases of a table with a parameter's name above each column and a row of numbers (SI units) for each run.
+    """The cases of a table with a parameter's name above each column and a row of numbers (SI units) for each run; blank lines count not.
 
     Raises:
         RunError: a name or a number is none, with the line where it stands.
     """
-    with path.open(encoding="utf-8", newline="") as stream:
-        rows = csv.reader(stream, skipinitialspace=True)
-        names = [name.strip() for name in next(rows, [])]
-        _check_names(path, names, model)
-        cases = [_case(f"{path}:{rows.line_num}", names, row) for row in rows if row]
-    if not cases:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, skipinitialspace=True)
+            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise RunError(f"{path}: not a table in UTF-8: {error}; save it as CSV UTF-8, with commas") from None
+    if len(rows) < 2:
         raise RunError(f"{path}: no runs; write the names of parameters in the first line and a line of numbers for each run")
-    return cases
+    line, names = rows[0]
+    _check_names(f"{path}:{line}", names, model)
+    return [_case(f"{path}:{line}", names, row) for line, row in rows[1:]]
 
 
-def _check_names(path: Path, names: Sequence[str], model: Model) -> None:
+def _check_names(place: str, names: Sequence[str], model: Model) -> None:
     for i, name in enumerate(names):
+        if not name:
+            raise RunError(f"{place}: column {i + 1} has no name; write a parameter above it, or take the comma away")
         if name in names[:i]:
-            raise RunError(f"{path}:1: parameter '{name}' stands above two columns; leave one away")
+            raise RunError(f"{place}: parameter '{name}' stands above two columns; leave one away")
         try:
             parameter_values(model, {name: 0.0})
         except RunError as error:
-            raise RunError(f"{path}:1: {error}") from None
+            raise RunError(f"{place}: {error}") from None
 
 
 def _case(place: str, names: Sequence[str], row: Sequence[str]) -> dict[str, float]:
@@ -47,7 +52,7 @@ def _case(place: str, names: Sequence[str], row: Sequence[str]) -> dict[str, flo
 
 def _number(place: str, name: str, text: str) -> float:
     try:
-        value = float(text)
+        value = float("nan" if "_" in text else text)
     except ValueError:
         value = float("nan")
     if not isfinite(value):
@@ -60,7 +65,7 @@ def write_results(batch: Batch, path: Path) -> None:
     tables = [(f"{name}.{kind}", values[name], unit) for name, unit in batch.units.items() for kind, values in _kinds(batch)]
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([*batch.names, "failure", "evaluations", *(name for name, _, _ in tables)])
+        writer.writerow([*batch.names, "run.failure", "run.evaluations", *(name for name, _, _ in tables)])
         for i, case in enumerate(batch.cases):
             values = [_text(float(table[i])) for _, table, _ in tables]
             writer.writerow([*map(repr, case.values()), batch.failures[i] or "", batch.evaluations[i], *values])

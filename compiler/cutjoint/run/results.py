@@ -95,7 +95,8 @@ class Batch:
 
     ``cases`` are the parameters that each run sets (SI units).  ``end``, ``smallest`` and ``largest`` have (runs,) values of each column:
     of the last row, and over all rows; nan where a run did not start.  ``evaluations`` are those that each run needed, ``failures`` is
-    None for a run that reached its end.  ``seconds`` is the time of the steps alone, summed over threads, ``elapsed`` (s) that of all.
+    None for a run that reached its end.  ``undetermined`` are as in a `Trajectory`, of the first run.  ``seconds`` is the time of the steps
+    alone, summed over threads, ``elapsed`` (s) that of all.
     """
 
     cases: tuple[Mapping[str, float], ...]
@@ -105,6 +106,7 @@ class Batch:
     units: Mapping[str, str]
     evaluations: tuple[int, ...]
     failures: tuple[FailureReport | None, ...]
+    undetermined: tuple[str, ...]
     seconds: float
     elapsed: float
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
 from typing import Any
+
+import sympy
 
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.methods import ADAPTIVE, EXPLICIT
@@ -56,7 +58,6 @@ def make_run_file(
         RunError: a change names no open parameter.
     """
     parameters = parameter_values(model, changes)
-    value = Evaluator(model, parameters)
     figures = _figures(scene.numerics, method)
     if fixed_cost is not None:
         figures |= {"iterations": fixed_cost, "fixed_cost": True}
@@ -76,15 +77,36 @@ def make_run_file(
         "end": scene.end,
         "output_step": scene.output_step,
         "pose": scene.pose,
-        "positions": {name: value(e) for name, e in scene.positions.items()},
-        "rates": {name: value(e) for name, e in scene.rates.items()},
-        "roads": {f.name: _road(scene, value(f.constants["radius"])) for f in model.forces if isinstance(f, Tyre)},
+        **following(model, scene, parameters, tuple(_sources(model, scene))),
         "out": out,
         **({"integrator": integrator} if integrator != "trapezoidal" else {}),
         **({"solver": solver} if solver else {}),
         **({"steps_out": steps_out} if steps_out else {}),
         **({"tangents_out": tangents_out} if tangents_out else {}),
     }
+
+
+def changing(model: Model, scene: Scene) -> tuple[str, ...]:
+    """Which parts of a run file follow from open parameters, besides "parameters"."""
+    symbols = {p.symbol for p in open_parameters(model)}
+    of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in _sources(model, scene).items()}
+    return tuple(name for name, used in of_part.items() if used & symbols)
+
+
+def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
+    """Parts of a run file that may follow from parameters: "positions", "rates", "roads"."""
+    value = Evaluator(model, parameters)
+    made: dict[str, Any] = {name: {of: value(e) for of, e in _sources(model, scene)[name].items()} for name in parts}
+    if "roads" in made:
+        roads = {radius: _road(scene, radius) for radius in made["roads"].values()}
+        made["roads"] = {tyre: roads[radius] for tyre, radius in made["roads"].items()}
+    return made
+
+
+def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
+    """The expressions that these parts come from; of a road the wheel's radius."""
+    radii = {f.name: f.constants["radius"] for f in model.forces if isinstance(f, Tyre)}
+    return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
 
 
 #: Iterations of a step in which the augmented method corrects its multipliers, unless it is given: it ends with what is left of them.
@@ -138,7 +160,9 @@ class Evaluator:
 
     def __call__(self, expression: Scalar) -> float:
         """The value of an expression."""
-        return float(expression.subs(self._values)) if hasattr(expression, "subs") else float(expression)
+        if not hasattr(expression, "subs"):
+            return float(expression)
+        return float(expression.subs({s: self._values[s] for s in expression.free_symbols if s in self._values}))
 
 
 def _road(scene: Scene, radius: float) -> dict[str, Any]:

@@ -61,6 +61,7 @@ class Group {
           Abreast::put(state, static_cast<int>(lane), state_);
           cases_[lane] = {read_parameters<double>(d_.parameters, own), read_roads<double>(d_.roads, own)};
         }
+        results_[k]["undetermined"] = launch.undetermined();
         going_[static_cast<int>(k)] = -1;
       } catch (const Failure& failure) {
         cutjoint::report(failure, results_[k]);
@@ -97,9 +98,10 @@ class Group {
     const auto begin = std::chrono::steady_clock::now();
     for (long n = 1; n <= steps && any(going_); ++n) {
       const Mask failed = integrator_->step(state_, going_);
-      state_.t = where(failed, state_.t, Real(static_cast<double>(n) * dt));
+      state_.t = where(going_ & ~failed, Real(static_cast<double>(n) * dt), state_.t);
       if (any(failed)) {
-        record(failed);
+        instances_.begin_step(state_.t, Real(1));  // back to the last state of those that failed
+        if ((n - 1) % stride != 0) record(failed);
         for (int k = 0; k < width; ++k)
           if (failed[k]) stop(k, integrator_->failure(k, n));
       }
