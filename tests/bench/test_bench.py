@@ -23,6 +23,7 @@ from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
 from cutjoint.cli import main
 from cutjoint.methods import METHODS, TWINS
+from cutjoint.report.bench.page import describe
 from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
@@ -112,6 +113,16 @@ def test_order_and_time_at_an_accuracy() -> None:
     assert order(mixed) == pytest.approx(2.0, abs=0.01)
     flat = line_of([(2.0**-k, max(4.0**-k, 4.0**-5), 2.0**k) for k in range(10)])
     assert order(flat) == pytest.approx(2.0, abs=0.1)
+
+
+def test_integrators_are_generated_code_and_have_orders_where_they_have_steps() -> None:
+    def named(contender: str, order: int, seconds: float) -> dict[str, Any]:
+        line = line_of([(2.0**-k, 2.0 ** (-order * k), seconds * 2.0**k) for k in range(6)])
+        return {**line, "contender": contender, "label": contender, "group": "integrators" if "/" in contender else "generated"}
+
+    said = describe({"lines": [named("recursive", 2, 1.0), named("recursive/rk4", 4, 2.0), named("recursive/dormand-prince", 5, 4.0)]})
+    assert said[0] == "Orders of convergence in position: recursive 2.00, recursive/rk4 4.00."
+    assert any("At an error of 1e-03 m the fastest generated code is recursive/rk4" in x for x in said)
 
 
 def precision_line(kind: str, points: list[tuple[float, float | None, float]]) -> dict[str, Any]:

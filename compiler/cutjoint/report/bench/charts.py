@@ -24,7 +24,7 @@ COLOURS = (
 #: What a group of contenders is drawn with.
 STYLES: Mapping[str, tuple[str, str]] = {
     "generated": ("-", "o"), "scalar": ("-", "x"), "solvers": (":", "."), "generic": ("--", "s"), "precision": ("-", "o"),
-    "peer": ("-.", "^"), "reduced": ("--", "D"), "rungs": ("--", "v"),
+    "peer": ("-.", "^"), "reduced": ("--", "D"), "rungs": ("--", "v"), "integrators": (":", "P"),
 }  # fmt: skip
 
 _ERRORS = {"position": "largest error of position [m]", "velocity": "largest error of velocity [m/s]"}
@@ -71,8 +71,9 @@ def draw_work_precision(case: Mapping[str, Any]) -> str:
 
 
 def _colours(lines: Sequence[Line]) -> list[str]:
-    """A colour a formulation and a further one a peer or precision; twins and solvers of a formulation share its colour."""
-    families = [line["contender"] if line["group"] in ("peer", "precision") else line["contender"].partition("/")[0] for line in lines]
+    """A colour a formulation and a further one a peer, precision or integrator; twins and solvers of a formulation share its colour."""
+    own = ("peer", "precision", "integrators")
+    families = [line["contender"] if line["group"] in own else line["contender"].partition("/")[0] for line in lines]
     of = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(dict.fromkeys(families))}
     return [of[family] for family in families]
 

@@ -10,6 +10,7 @@ import jinja2
 
 from cutjoint.bench.findings import fastest_ours, fastest_peer, order
 from cutjoint.locations import templates_folder
+from cutjoint.methods import ADAPTIVE
 from cutjoint.report.bench.atlas_charts import draw_atlas
 from cutjoint.report.bench.charts import draw_convergence, draw_drift, draw_work_precision
 from cutjoint.report.bench.precisions import describe_precisions
@@ -94,7 +95,7 @@ def _impact(apart: float) -> str:
 def describe(case: Data) -> list[str]:
     """What the chart of a case shows, in sentences."""
     lines = [line for line in case["lines"] if "refused" not in line]
-    orders = [(line["label"], order(line)) for line in lines if line["group"] == "generated"]
+    orders = [(line["label"], order(line)) for line in lines if _has_steps(line)]
     known = [f"{label} {value:.2f}" for label, value in orders if not isnan(value)]
     sentences = [f"Orders of convergence in position: {', '.join(known)}."] if known else []
     for target in (1e-3, 1e-5):
@@ -108,6 +109,11 @@ def describe(case: Data) -> list[str]:
     if failed:
         sentences.append(f"With the largest step tried these fail: {'; '.join(failed)}.")
     return sentences
+
+
+def _has_steps(line: Data) -> bool:
+    """Whether a line is of generated code with steps of equal length."""
+    return line["group"] in ("generated", "integrators") and line["contender"].partition("/")[2] not in ADAPTIVE
 
 
 def _configurations(cases: Sequence[Data]) -> list[tuple[str, str]]:
