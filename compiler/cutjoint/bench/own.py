@@ -22,6 +22,9 @@ from cutjoint.toolchain.build import runtime_digest
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
 
+#: Integrators besides the trapezoidal rule, by the method that they take.
+_INTEGRATORS = (("recursive", EXPLICIT), ("recursive-newton", IMPLICIT))
+
 #: Solvers that need a symmetric matrix.
 _SYMMETRIC = frozenset({"eigen-ldlt", "cholmod"})
 
@@ -74,7 +77,7 @@ def own_contenders() -> Iterator[Contender]:
     generic twins."""
     for method in METHODS:
         yield _contender(method, method, "generated", method=method)
-    for method, integrators in (("recursive", EXPLICIT), ("recursive-newton", IMPLICIT)):
+    for method, integrators in _INTEGRATORS:
         for integrator in integrators:
             yield _contender(f"{method}/{integrator}", f"{method}, {integrator}", "integrators", method=method, integrator=integrator)
     for method in METHODS:
@@ -84,6 +87,12 @@ def own_contenders() -> Iterator[Contender]:
             name=f"{method}/reduced", label=f"{method}, reduced model", group="reduced", prepare=partial(_reduced, method=method),
             identify=partial(_identify_reduced, method=method),
         )  # fmt: skip
+    for method, integrators in _INTEGRATORS:
+        for integrator in (x for x in integrators if x in ADAPTIVE):
+            yield Contender(
+                name=f"{method}/{integrator}/reduced", label=f"{method}, {integrator}, reduced model", group="reduced",
+                prepare=partial(_reduced, method=method, integrator=integrator), identify=partial(_identify_reduced, method=method),
+            )  # fmt: skip
     for method in METHODS[1:]:
         for solver in SOLVERS:
             if solver != "emitted" and (method == "augmented" or solver not in _SYMMETRIC):
@@ -118,8 +127,11 @@ def _prepare(
         case.model, case.scene, method=method, outputs=case.outputs, implementation=implementation, lanes=lanes,
         comparison=solver in COMPARISON_SOLVERS, precision=precision,
     )  # fmt: skip
-    runner = AdaptiveRunner if integrator in ADAPTIVE else OwnRunner
-    return runner(artifact=artifact, solver=solver, integrator=integrator, tolerance=tolerance, parameters=case.parameters)
+    return _runner(integrator)(artifact=artifact, solver=solver, integrator=integrator, tolerance=tolerance, parameters=case.parameters)
+
+
+def _runner(integrator: str) -> type[OwnRunner]:
+    return AdaptiveRunner if integrator in ADAPTIVE else OwnRunner
 
 
 def identify_code(
@@ -135,9 +147,10 @@ def identity(source: Source, implementation: str = "generated") -> Mapping[str, 
     return {"digest": source.digest, "runtime": runtime_digest(part="generic" if implementation == "generic" else "")}
 
 
-def _reduced(case: Case, *, method: str) -> OwnRunner:
+def _reduced(case: Case, *, method: str, integrator: str = "trapezoidal") -> OwnRunner:
     rung = _last_exact(case, method)
-    return OwnRunner(artifact=compile_scene(rung.model, rung.scene, method=method), parameters=case.parameters)
+    artifact = compile_scene(rung.model, rung.scene, method=method)
+    return _runner(integrator)(artifact=artifact, integrator=integrator, parameters=case.parameters)
 
 
 def _identify_reduced(case: Case, *, method: str) -> Mapping[str, str]:
