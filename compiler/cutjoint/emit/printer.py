@@ -41,7 +41,7 @@ class Printer:
     prefixes: Sequence[str]
     taken: frozenset[str]
     roads: Mapping[str, str]
-    conditions: str
+    conditions: str = "bool"
     _texts: dict[int, tuple[str, int]] = field(default_factory=dict)
     _counters: dict[str, int] = field(default_factory=dict)
 
