@@ -16,6 +16,8 @@ from cutjoint.toolchain.build import build
 from tests.compile_run.generated import interpret, random_states, run_evaluate
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms import random_models
+from tests.mechanisms.chains import pendulums_in_a_row
+from tests.mechanisms.four_bar import four_bar_text
 
 #: With the paper's penalty of 1e9 N/m against masses of 1 to 1000 kg, doubles keep about 1e-16 * 1e9 of the accelerations, twice in
 #: the elimination; with 1e4 the code itself is compared.  Corrections are differences of frequency squared times penalty: all models have
@@ -93,3 +95,22 @@ def test_a_second_compilation_is_found_in_the_cache(tmp_path: Path, monkeypatch:
     path = MODELS / "four_bar.yaml"
     assert [compile_model(path).binary.fresh for _ in range(2)] == [True, False]
     assert compile_model(path, flags=("-O0",)).binary.fresh
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+@pytest.mark.parametrize(("text", "single"), [
+    (four_bar_text(8), "q_crank_4_"), (pendulums_in_a_row(12, stiffnesses=True), "Dinv_link_4"),
+    (pendulums_in_a_row(8, joint="spherical"), "q_pin_4_"),
+], ids=["four-bar", "springs", "balls"])  # fmt: skip
+def test_loops_equal_the_interpreter(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, compiler: str, text: str, single: str) -> None:
+    monkeypatch.setenv("CXX", compiler)
+    (tmp_path / "row.yaml").write_text(text, encoding="utf-8")
+    artifact = compile_model(tmp_path / "row.yaml", scene="swing")
+    code = artifact.source.files["evaluate.cpp"]
+    assert "for (int k = 0; k < " in code
+    assert single not in code
+    states = random_states(artifact.equations, 3, seed=9)
+    flat = replace(artifact.scene, numerics=replace(artifact.scene.numerics, penalty=1e4, frequency=10.0))
+    for state, results in zip(states, run_evaluate(artifact.binary.path, artifact.topology.model, flat, states), strict=True):
+        for name, values in interpret(replace(artifact.equations, scene=flat), state).items():
+            assert np.abs(results[name] - values).max(initial=0.0) <= 1e-10 * max(1.0, float(np.abs(values).max(initial=0.0))), name

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from itertools import chain, zip_longest
 
 from cutjoint.program.records import Program
 
@@ -44,6 +46,20 @@ def unique(name: str, taken: set[str]) -> str:
         candidate, n = f"{name}_{n}", n + 1
     taken.add(candidate)
     return candidate
+
+
+def common_name(first: str, last: str) -> str:
+    """What the names of the first and the last of several like things share: without the numbers that differ; empty if more differs.
+
+    >>> common_name("R_crank_0_bar_xx", "R_crank_19_bar_xx")
+    'R_crank_bar_xx'
+    """
+    ones, others = (re.split(r"_?(\d+)", name) for name in (first, last))
+    if ones[::2] != others[::2]:
+        return ""
+    numbers = re.findall(r"_?\d+", first)
+    kept = [number if one == other else "" for number, one, other in zip(numbers, ones[1::2], others[1::2], strict=True)]
+    return "".join(chain.from_iterable(zip_longest(ones[::2], kept, fillvalue="")))
 
 
 def road_names(roads: Sequence[str]) -> dict[str, str]:

@@ -17,7 +17,7 @@ LONGEST = 180
 
 @dataclass(frozen=True, kw_only=True)
 class Statement:
-    """``const type name = expression;`` in one section."""
+    """``const type name = expression;`` in one section; without a type, name is an element of an array."""
 
     type: str
     name: str
@@ -32,7 +32,7 @@ class Printer:
     ``names`` are the identifiers of scalars; ``known`` the expressions of those that exist before the function's own statements.
     ``prefixes`` begin the names of a section's shared scalars, ``taken`` are names that they must not take;
     ``roads`` names the roads of tyres.  ``conditions`` is the type of conditions without lanes: "bool", or "Mask" where a real may be
-    that of several instances.
+    that of several instances.  ``elements`` are the places of those that arrays keep.
     """
 
     graph: Graph
@@ -42,27 +42,29 @@ class Printer:
     taken: frozenset[str]
     roads: Mapping[str, str]
     conditions: str = "bool"
+    elements: Mapping[int, str] = field(default_factory=dict)
     _texts: dict[int, tuple[str, int]] = field(default_factory=dict)
     _counters: dict[str, int] = field(default_factory=dict)
 
-    def statements(self, nodes: Sequence[int], results: Sequence[int]) -> list[Statement]:
-        """One statement for every named or repeatedly used scalar, the others inside them."""
-        uses = self._uses(nodes, results)
+    def statements(self, nodes: Sequence[int], uses: Mapping[int, int]) -> list[Statement]:
+        """One statement for every named or repeatedly used scalar, the others inside them; ``uses`` as `count_uses` has them."""
         printed: list[Statement] = []
         for n in nodes:
             node = self.graph.nodes[n]
             if n in self.known:
                 continue
             text, level = self._expression(n)
-            if node.op == "neg" or (n not in self.names and uses[n] < 2 and len(text) < LONGEST):
+            place = self.elements.get(n)
+            if node.op == "neg" or (place is None and n not in self.names and uses[n] < 2 and len(text) < LONGEST):
                 self._texts[n] = (text, level)
                 continue
-            name = self.names.get(n) or self._auxiliary(node.section)
-            printed.append(Statement(type=self._type(node), name=name, expression=text, section=node.section))
+            name = place or self.names.get(n) or self._auxiliary(node.section)
+            printed.append(Statement(type="" if place else self._type(node), name=name, expression=text, section=node.section))
             self._texts[n] = (name, _ATOM)
         return printed
 
-    def _uses(self, nodes: Sequence[int], results: Sequence[int]) -> dict[int, int]:
+    def count_uses(self, nodes: Sequence[int], results: Sequence[int]) -> dict[int, int]:
+        """How often each of the nodes is an argument of others, or a result."""
         uses = dict.fromkeys(nodes, 0)
         for n in nodes:
             for a in self.graph.nodes[n].args:

@@ -184,7 +184,7 @@ def _class_name(stem: str) -> str:
 
 def _function(view: FunctionView) -> dict[str, object]:
     return {
-        "signature": view.signature, "instance": view.instance, "unused": view.unused, "sections": view.sections,
+        "signature": view.signature, "instance": view.instance, "unused": view.unused, "arrays": view.arrays, "sections": view.sections,
         "results": view.results, "using": _USING,
     }  # fmt: skip
 

@@ -70,7 +70,7 @@ def _system_files(page: Page, program: Program, equations: SystemEquations, plan
 def _relative(equations: SystemEquations) -> dict[str, object]:
     """What only systems in relative coordinates say of themselves."""
     if not isinstance(equations, ImplicitEquations):
-        return {"charts": (), "speed_lists": ()}
+        return {"charts": (), "speed_lists": []}
     return {"charts": equations.start.charts, "speed_lists": [{"field": "speeds", "names": equations.start.speed_names}]}
 
 

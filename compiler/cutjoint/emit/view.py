@@ -7,31 +7,45 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from textwrap import wrap
+from types import MappingProxyType
 
-from cutjoint.emit.names import name_scalars, road_names, unique
+from cutjoint.emit.loops import Written, index, read_by_loops, write_loops
+from cutjoint.emit.names import common_name, name_scalars, road_names, unique
 from cutjoint.emit.printer import Printer, Statement, kept_type, lanes_type
 from cutjoint.formulate.records import Equations
-from cutjoint.program.blocks import BindingTime
-from cutjoint.program.records import LoweredFunction, Program, Result
+from cutjoint.program.blocks import BindingTime, Section
+from cutjoint.program.loops import TO, Rolled, roll
+from cutjoint.program.records import Program, Result
+from cutjoint.program.scalars import Graph
 
 
 @dataclass(frozen=True, kw_only=True)
 class SectionView:
-    """One body, joint, cut joint or force of a generated function; with a number it begins that ``stretch`` of a long one."""
+    """One body, joint, cut joint or force of a generated function; with a number it begins that ``stretch`` of a long one.
+
+    Inside a loop the first section has the lines that ``opening`` it take, the last ``closes`` it.
+    """
 
     stretch: int
     title: str
     notes: tuple[str, ...]
     statements: tuple[Statement, ...]
+    opening: tuple[str, ...] = ()
+    indent: str = ""
+    closes: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class FunctionView:
-    """A generated function.  ``signature`` names all arguments, ``instance`` is the same for a build's precision."""
+    """A generated function.  ``signature`` names all arguments, ``instance`` is the same for a build's precision.
+
+    ``arrays`` declares what its loops keep.
+    """
 
     signature: str
     instance: str
     unused: tuple[str, ...]
+    arrays: tuple[str, ...]
     sections: tuple[SectionView, ...]
     results: tuple[str, ...]
 
@@ -146,60 +160,114 @@ class Viewer:
         extra: tuple[str, ...],
     ) -> FunctionView:  # fmt: skip
         kept = [n for n in self._kept if self._program.graph.nodes[n].binding is binding]
-        printer = self._printer(known)
-        statements = printer.statements(nodes, kept)
+        printer = self._printer(known, self._program.graph, self._program.sections, self._names)
+        sections = self._sections(printer.statements(nodes, printer.count_uses(nodes, kept)), self._program.sections)
         results = [f"{self._member(n)} = {printer.text(n)};" for n in kept]
-        return self._view(name, arguments, statements, [*results, *extra])
+        return self._view(name, arguments, _in_stretches(sections), [*results, *extra], ())
 
     def function(self, name: str) -> FunctionView:
         """One of the functions that a step calls."""
         function = self._program.function(name)
-        used = [n for n in function.statements if n in self._locals]
-        inputs = [Statement(type="Real", name=self._locals[n], expression=self._inputs[n], section=0) for n in used]
-        printer = self._printer({**self._inputs, **self._locals, **self._known(BindingTime.STEP)})
-        results = [r.scalar for r in function.results]
-        statements = printer.statements(function.statements, results)
-        return self._view(name, self._equations.function(name).arguments, [*inputs, *statements], self._results(function, printer))
+        rolled = roll(self._program, function, self._place)
+        taken = set(self._names.values()) | set(self._locals.values())
+        loops = write_loops(rolled, self._names, [_prefix(s) for s in rolled.sections], taken, self._conditions)
+        known = {**self._inputs, **self._locals, **self._known(BindingTime.STEP), **loops.known}
+        printer = self._printer(known, rolled.graph, rolled.sections, {**self._names, **loops.names}, loops.elements)
+        sections: list[SectionView] = []
+        single = [n for part in rolled.parts if not isinstance(part, int) for n in part]
+        read = read_by_loops(rolled)
+        nodes = {*single, *(n for n in function.statements if rolled.graph.nodes[n].op in ("neg", "symbol"))}
+        uses = printer.count_uses(sorted(nodes), [*(r.scalar for r in rolled.results), *read, *read])
+        used = [n for n in function.statements if n in self._locals and uses[n]]
+        before = [Statement(type="Real", name=self._locals[n], expression=self._inputs[n], section=0) for n in used]
+        for part in rolled.parts:
+            if isinstance(part, int):
+                sections += self._sections(before, rolled.sections) + self._loop(part, rolled, loops, printer)
+                before = []
+            else:
+                before += printer.statements(part, uses)
+        sections += self._sections(before, rolled.sections)
+        results = [f"{self._target(r)} = {printer.text(r.scalar)};" for r in rolled.results]
+        results += _stores(rolled, loops, printer)
+        return self._view(name, self._equations.function(name).arguments, _in_stretches(sections), results, loops.arrays)
 
-    def _printer(self, known: Mapping[int, str]) -> Printer:
-        prefixes = [_identifier(s.element or s.stage) for s in self._program.sections]
-        taken = frozenset(self._names.values()) | frozenset(self._locals.values())
+    def _loop(self, i: int, rolled: Rolled, loops: Written, printer: Printer) -> list[SectionView]:
+        """The sections of a loop's body; none where it only stores results."""
+        loop = rolled.loops[i]
+        uses = printer.count_uses(loop.body, [])
+        views = self._sections(printer.statements(loop.body, uses), rolled.sections)
+        views = [replace(v, indent="  ") for v in views]
+        if views:
+            views[0] = replace(views[0], opening=loops.opening(i, loop, printer))
+            views[-1] = replace(views[-1], closes=True)
+        return views
+
+    def _printer(
+        self, known: Mapping[int, str], graph: Graph, sections: Sequence[Section], names: Mapping[int, str],
+        elements: Mapping[int, str] = MappingProxyType({}),
+    ) -> Printer:  # fmt: skip
+        prefixes = [_prefix(s) for s in sections]
+        taken = frozenset(names.values()) | frozenset(self._locals.values())
         return Printer(
-            graph=self._program.graph, names=self._names, known=known, prefixes=prefixes, taken=taken, roads=self._roads,
-            conditions=self._conditions,
+            graph=graph, names=names, known=known, prefixes=prefixes, taken=taken, roads=self._roads,
+            conditions=self._conditions, elements=elements,
         )  # fmt: skip
 
-    def _results(self, function: LoweredFunction, printer: Printer) -> list[str]:
-        return [f"{self._target(r)} = {printer.text(r.scalar)};" for r in function.results]
+    def _place(self, symbol: str, index: int) -> tuple[str, int]:
+        """Array and element of an input or a result."""
+        if symbol in self._equations.slots:
+            slot = self._equations.slots[symbol]
+            return slot.array, slot.offset + index
+        return self._input(symbol, index), 0
 
     def _target(self, result: Result) -> str:
-        slot = self._equations.slots[result.target]
-        return f"{slot.array}[{slot.offset + result.index}]"
+        array, index = self._place(result.target, result.index)
+        return f"{array}[{index}]"
 
     def _view(
-        self, name: str, arguments: tuple[str, ...], statements: Sequence[Statement], results: Sequence[str]
-    ) -> FunctionView:
-        text = "\n".join([*(s.expression for s in statements), *results])
+        self, name: str, arguments: tuple[str, ...], sections: Sequence[SectionView], results: Sequence[str], arrays: tuple[str, ...]
+    ) -> FunctionView:  # fmt: skip
+        text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *results])
         names = [a.rpartition(" ")[2] for a in arguments]
         const = "" if name in ("load", "begin_step") else " const"
         return FunctionView(
             signature=f"{name}({', '.join(arguments)}){const}",
             instance=f"{name}({', '.join(a.replace('Real', 'Precision') for a in arguments)}){const}",
             unused=tuple(n for n in names if not _mentions(text, n)),
-            sections=tuple(self._sections(statements)), results=tuple(results),
+            arrays=arrays, sections=tuple(sections), results=tuple(results),
         )  # fmt: skip
 
-    def _sections(self, statements: Sequence[Statement]) -> list[SectionView]:
+    def _sections(self, statements: Sequence[Statement], sections: Sequence[Section]) -> list[SectionView]:
         views: list[SectionView] = []
-        before = stretches = 0
-        for index, group in groupby(statements, key=lambda s: s.section):
-            section, own = self._program.sections[index], tuple(_wrapped(s) for s in group)
+        for number, group in groupby(statements, key=lambda s: s.section):
+            section, own = sections[number], tuple(_wrapped(s) for s in group)
             notes = tuple(on_one_line(x) for x in (section.equation, section.source) if x)
-            begins = len(statements) > LONG and before // STRETCH > stretches
-            stretches = before // STRETCH if begins else stretches
-            views.append(SectionView(stretch=stretches if begins else 0, title=section.title, notes=notes, statements=own))
-            before += len(own)
+            views.append(SectionView(stretch=0, title=section.title, notes=notes, statements=own))
         return views
+
+
+def _in_stretches(sections: Sequence[SectionView]) -> list[SectionView]:
+    """The sections of a long function with the beginnings of its stretches marked."""
+    if sum(len(s.statements) for s in sections) <= LONG:
+        return list(sections)
+    views: list[SectionView] = []
+    before = stretches = 0
+    for section in sections:
+        begins = before // STRETCH > stretches and not section.indent
+        stretches = before // STRETCH if begins else stretches
+        views.append(replace(section, stretch=stretches if begins else 0))
+        before += len(section.statements)
+    return views
+
+
+def _stores(rolled: Rolled, loops: Written, printer: Printer) -> list[str]:
+    """The lines of loops that store results."""
+    lines: list[str] = []
+    for i, loop in enumerate(rolled.loops):
+        if loop.stores:
+            stores = (f"  {s.array}[{index(s.step)}] = {printer.text(s.node)};" for s in loop.stores)
+            lines += [*loops.opening(i, loop, printer), *stores, "}"]
+    return lines
 
 
 def on_one_line(text: str) -> str:
@@ -211,6 +279,12 @@ def _wrapped(statement: Statement) -> Statement:
     """The statement with its expression broken into lines of a readable length."""
     lines = wrap(statement.expression, LINE, break_long_words=False, break_on_hyphens=False)
     return replace(statement, expression="\n      ".join(lines))
+
+
+def _prefix(section: Section) -> str:
+    """What names begin with that a section has no better ones for."""
+    first, _, last = section.element.partition(TO)
+    return _identifier((common_name(first, last) if last else first) or section.stage)
 
 
 def _identifier(text: str) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutjoint.program.blocks import Block
 from cutjoint.program.lower import reachable_blocks
-from cutjoint.program.scalars import Graph
+from cutjoint.program.scalars import Graph, Scalar
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -145,25 +145,29 @@ def interpret_scalars(
 ) -> dict[int, Any]:
     """Evaluate the roots and all that they depend on: numbers, or arrays of one number a lane."""
     values: dict[int, Any] = {}
-    with np.errstate(all="ignore"):
-        for number in graph.reachable(roots):
-            node = graph.nodes[number]
-            data: Any = node.data
-            if node.op == "const":
-                values[number] = data
-            elif node.op == "symbol":
-                values[number] = float(np.ravel(inputs[data[0]])[data[1]])
-            elif node.op.startswith("road_"):
-                values[number] = float(_call(node.op, data, [values[a] for a in node.args], roads)[0, 0])
-            elif node.op == "lane_const":
-                values[number] = np.array(data)
-            elif node.op == "gather":
-                values[number] = np.array([values[a] for a in node.args])
-            elif node.op == "lane":
-                values[number] = float(values[node.args[0]][data])
-            elif node.op == "lane_sum":
-                values[number] = float(np.sum(values[node.args[0]]))
-            else:
-                result = FUNCTIONS[node.op](*(values[a] for a in node.args))
-                values[number] = np.asarray(result, dtype=float) if node.lanes else float(result)
+    for number in graph.reachable(roots):
+        node = graph.nodes[number]
+        values[number] = interpret_scalar(node, [values[a] for a in node.args], inputs, roads)
     return values
+
+
+def interpret_scalar(node: Scalar, args: Sequence[Any], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> Any:
+    """The value of one node, a number or an array of one number a lane."""
+    data: Any = node.data
+    with np.errstate(all="ignore"):
+        if node.op == "const":
+            return data
+        if node.op == "symbol":
+            return float(np.ravel(inputs[data[0]])[data[1]])
+        if node.op.startswith("road_"):
+            return float(_call(node.op, data, list(args), roads)[0, 0])
+        if node.op == "lane_const":
+            return np.array(data)
+        if node.op == "gather":
+            return np.array(args)
+        if node.op == "lane":
+            return float(args[0][data])
+        if node.op == "lane_sum":
+            return float(np.sum(args[0]))
+        result = FUNCTIONS[node.op](*args)
+        return np.asarray(result, dtype=float) if node.lanes else float(result)

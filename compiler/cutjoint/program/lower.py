@@ -32,9 +32,10 @@ class Lowering:
 
     def _dot(self, pairs: Iterable[tuple[int, int]]) -> int:
         g = self.graph
-        result = g.const(0.0)
+        result = zero = g.const(0.0)
         for a, b in pairs:
-            result = g.add(result, g.mul(a, b))
+            if a != zero and b != zero:
+                result = g.add(result, g.mul(a, b))
         return result
 
     def _symmetric(self, n: int, element: Callable[[int, int], int]) -> Elements:

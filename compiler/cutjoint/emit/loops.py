@@ -1,0 +1,108 @@
+"""Loops of a function -> the names of what they keep, and C++ texts of what their bodies read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from cutjoint.emit.names import common_name, unique
+from cutjoint.emit.printer import Printer, kept_type
+from cutjoint.program.loops import Input, Kept, Loop, Rolled, Step, Table
+from cutjoint.program.scalars import Graph
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """The loops of one function in C++.
+
+    ``arrays`` are declarations, ``known`` the texts of what loops compute and what their bodies read, ``elements`` those of the bodies'
+    scalars that arrays keep, ``names`` of their others, ``tables`` the name and nodes of each table by the number of its loop, ``copies``
+    what goes where before it.
+    """
+
+    arrays: tuple[str, ...]
+    known: Mapping[int, str]
+    elements: Mapping[int, str]
+    names: Mapping[int, str]
+    tables: tuple[tuple[tuple[str, tuple[int, ...]], ...], ...]
+    copies: tuple[tuple[tuple[str, int], ...], ...]
+
+    def opening(self, i: int, loop: Loop, printer: Printer) -> tuple[str, ...]:
+        """The lines before the body of a loop."""
+        copies = (f"{element} = {printer.text(n)};" for element, n in self.copies[i])
+        tables = (_table(name, nodes, printer) for name, nodes in self.tables[i])
+        return *copies, *tables, f"for (int k = 0; k < {loop.count}; ++k) {{"
+
+
+def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str], taken: set[str], conditions: str) -> Written:
+    """Name what the loops of a function keep.
+
+    ``names`` are those of its scalars, ``prefixes`` begin names of a section's others, ``taken`` are in use.
+    """
+    declared: list[str] = []
+    known: dict[int, str] = {}
+    elements: dict[int, str] = {}
+    named: dict[int, str] = {}
+    arrays: dict[tuple[int, int], tuple[str, int]] = {}
+    for i, loop in enumerate(rolled.loops):
+        for j, n in enumerate(loop.body):
+            node = rolled.graph.nodes[n]
+            name = common_name(*(names.get(nodes[j], "") for nodes in (loop.iterations[0], loop.iterations[-1])))
+            if j in loop.arrays:
+                first, last = loop.arrays[j]
+                array = unique(name or f"{prefixes[node.section]}_kept", taken)
+                arrays[i, j] = array, -first
+                declared.append(f"{kept_type(node, conditions)} {array}[{last - first + 1}];")
+                known |= {nodes[j]: f"{array}[{k - first}]" for k, nodes in enumerate(loop.iterations)}
+                elements[n] = f"{array}[{index(Step(-first, 1))}]"
+            elif name:
+                named[n] = unique(name, taken)
+    tables = []
+    for loop in rolled.loops:
+        own = []
+        for n, given in loop.given.items():
+            match given:
+                case Input(array, step):
+                    known[n] = f"{array}[{index(step)}]"
+                case Kept(number, statement, step):
+                    array, front = arrays[number, statement]
+                    known[n] = f"{array}[{index(Step(step.first + front, step.stride))}]"
+                case Table(nodes):
+                    own.append((unique("given", taken), nodes))
+                    known[n] = f"{own[-1][0]}[k]"
+        tables.append(tuple(own))
+    copies = tuple(tuple((_element(arrays[c.loop, c.statement], c.place), c.node) for c in loop.copies) for loop in rolled.loops)
+    return Written(arrays=tuple(declared), known=known, elements=elements, names=named, tables=tuple(tables), copies=copies)
+
+
+def _element(array: tuple[str, int], place: int) -> str:
+    name, front = array
+    return f"{name}[{place + front}]"
+
+
+def index(step: Step) -> str:
+    """The index of iteration k, without spaces, so that no line breaks there."""
+    first, stride = step
+    if stride == 0:
+        return str(first)
+    scaled = "k" if abs(stride) == 1 else f"{abs(stride)}*k"
+    if stride < 0:
+        return f"{first}-{scaled}"
+    return f"{scaled}{first:+d}" if first else scaled
+
+
+def _table(name: str, nodes: Sequence[int], printer: Printer) -> str:
+    values = [printer.graph.value(n) for n in nodes]
+    if all(v is not None for v in values):
+        return f"static constexpr double {name}[] = {{{', '.join(map(repr, values))}}};"
+    kind = kept_type(printer.graph.nodes[nodes[0]], printer.conditions)
+    return f"const {kind} {name}[] = {{{', '.join(printer.text(n) for n in nodes)}}};"
+
+
+def read_by_loops(rolled: Rolled) -> list[int]:
+    """Values from outside that bodies read as they are, and those of tables and copies."""
+    graph: Graph = rolled.graph
+    found = [a for loop in rolled.loops for n in loop.body for a in graph.nodes[n].args]
+    found += [s.node for loop in rolled.loops for s in loop.stores] + [c.node for loop in rolled.loops for c in loop.copies]
+    found += [n for loop in rolled.loops for given in loop.given.values() if isinstance(given, Table) for n in given.nodes]
+    return [graph.signless(n) for n in found]

@@ -1,0 +1,409 @@
+"""Statements that repeat -> loops: what a long chain does link by link is emitted once.
+
+A function's statements come section by section (a body, a joint, a force).  Where sections of the same shape follow each other again and
+again, one of them, or a period of several, is the body of a loop.  What an iteration reads from outside is the same in all, or lies in
+step: inputs at regular places, values of this loop or of another some iterations away, or in the opposite direction; or it is read from a
+table, if it is known before the loop.  Values that are read outside their own iteration are kept in arrays; what the first
+iteration has where the others have the one before is copied to the same array, in front.  The order of evaluation stays, and with it
+every rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain, groupby
+from typing import NamedTuple, TypeAlias
+
+from cutjoint.program.blocks import BindingTime, Section
+from cutjoint.program.records import LoweredFunction, Program, Result
+from cutjoint.program.scalars import Graph, Scalar
+
+#: A loop has at least so many iterations, and its body at most so many sections.
+LEAST, PERIOD = 6, 8
+
+#: A loop whose iterations have fewer statements than this for each table of values is none.
+COSTLY = 4
+
+#: Elements that an array may have before and after those of its loop.
+_BEYOND = 2
+
+#: Stands between the first and the last element of a loop's section.
+TO = " .. "
+
+#: Array and element of an input or a result: of a symbol's name and index.
+Place: TypeAlias = Callable[[str, int], tuple[str, int]]
+
+
+class Step(NamedTuple):
+    """Places ``first + stride*k`` of iterations k = 0, 1, ..."""
+
+    first: int
+    stride: int
+
+    def at(self, k: int) -> int:
+        """The place of iteration k."""
+        return self.first + self.stride * k
+
+
+@dataclass(frozen=True)
+class Input:
+    """Elements of an input, by the name of its array."""
+
+    array: str
+    step: Step
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Elements of the array of a value: that of statement ``statement`` in the body of loop ``loop``."""
+
+    loop: int
+    statement: int
+    step: Step
+
+
+@dataclass(frozen=True)
+class Table:
+    """Nodes one by one: numbers, or values that are known before the loop."""
+
+    nodes: tuple[int, ...]
+
+
+#: What stands for a value from outside in the body of a loop.
+Given: TypeAlias = Input | Kept | Table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Store:
+    """A result: ``array[step] = node``."""
+
+    array: str
+    step: Step
+    node: int
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A node that the array of a loop's statement has at a place before its first iteration (-1 is next to it) or after its last."""
+
+    loop: int
+    statement: int
+    place: int
+    node: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """``body`` are nodes that stand for those of each iteration; ``given`` are those among their arguments that change, but are not theirs.
+
+    ``iterations`` are the nodes of the function that each iteration computes (none where it only has ``stores``, results).  ``arrays`` are
+    the statements whose values arrays keep, with the first and the last place of each; ``copies`` are the nodes that must be in other
+    places than those of iterations before the loop begins.
+    """
+
+    count: int
+    body: tuple[int, ...]
+    given: Mapping[int, Given]
+    iterations: tuple[tuple[int, ...], ...]
+    arrays: Mapping[int, tuple[int, int]]
+    copies: tuple[Copy, ...]
+    stores: tuple[Store, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rolled:
+    """A function with loops: its parts in order, statements or the number of a loop; results that no loop stores.
+
+    ``graph`` and ``sections`` are the program's with those of the bodies behind its own.
+    """
+
+    graph: Graph
+    sections: tuple[Section, ...]
+    parts: tuple[tuple[int, ...] | int, ...]
+    loops: tuple[Loop, ...]
+    results: tuple[Result, ...]
+
+
+#: An argument without its sign in all iterations.
+_Column: TypeAlias = tuple[int, ...]
+
+
+@dataclass
+class _Run:
+    """Statements, or results, that repeat: by iteration."""
+
+    iterations: list[list[int]]
+    given: dict[_Column, Given] = field(default_factory=dict)
+
+
+def roll(program: Program, function: LoweredFunction, place: Place) -> Rolled:
+    """Find what repeats in a function; ``place`` says where inputs and results stand."""
+    return _Rolling(program, function, place).rolled()
+
+
+class _Rolling:
+    """The search in one function.  A result has the number -1 - its index among the results."""
+
+    def __init__(self, program: Program, function: LoweredFunction, place: Place) -> None:
+        self._program = program
+        self._graph = program.graph
+        self._nodes = program.graph.nodes
+        self._results = function.results
+        self._place = place
+        own = [n for n in function.statements if self._nodes[n].op not in ("symbol", "neg")]
+        self._own = frozenset(own)
+        self._classes: dict[int, tuple[int, int]] = {}
+        self._keys: dict[object, int] = {}
+        groups = [list(g) for _, g in groupby(own, key=self._part)]
+        stores = self._by_array()
+        keys = [self._key_of(g) for g in groups] + [self._key_of_result(self._results[i]) for i in stores]
+        groups += [[-1 - i] for i in stores]
+        self._order = [n for g in groups for n in g]
+        self._runs = [
+            _Run([list(chain(*groups[i : i + period])) for i in range(first, first + period * count, period)])
+            for first, period, count in _repeats(keys)
+        ]  # fmt: skip
+        self._where: dict[int, tuple[int, int, int]] = {}
+        self._copies: dict[tuple[int, int, int], tuple[int, int]] = {}
+
+    # What is alike
+
+    def _arguments(self, n: int) -> list[int]:
+        """The arguments of a statement or result, without their signs."""
+        return [self._graph.signless(a) for a in self._signed(n)]
+
+    def _signed(self, n: int) -> tuple[int, ...]:
+        if n < 0:
+            return (self._results[-1 - n].scalar,)
+        node = self._nodes[n]
+        return tuple(sorted(node.args, key=lambda a: repr(self._kind(a)))) if node.op in ("add", "mul") else node.args
+
+    def _kind(self, a: int) -> tuple[object, ...]:
+        """What an argument must have in common with that of another iteration."""
+        bare = self._graph.signless(a)
+        node, negated = self._nodes[bare], bare != a
+        if node.op in ("const", "lane_const"):
+            return "number", node.lanes, negated
+        if self._is_input(bare):
+            return "input", self._place_of(bare)[0], negated
+        return "value" if bare in self._own else "early", node.lanes, negated
+
+    def _is_input(self, a: int) -> bool:
+        return self._nodes[a].op == "symbol" and self._nodes[a].binding is BindingTime.ITERATION
+
+    def _place_of(self, a: int) -> tuple[str, int]:
+        data = self._nodes[a].data
+        assert isinstance(data, tuple)
+        return self._place(*data)
+
+    def _key_of(self, group: Sequence[int]) -> int:
+        """The same number for sections whose statements have the same shape."""
+        nodes = [self._nodes[n] for n in group]
+        kinds = [tuple(self._kind(a) for a in self._signed(n)) for n in group]
+        shape = tuple((node.op, node.lanes, node.data, kind) for node, kind in zip(nodes, kinds, strict=True))
+        key = self._keys.setdefault((self._program.sections[nodes[0].section].stage, shape), len(self._keys))
+        self._classes |= {n: (key, j) for j, n in enumerate(group)}
+        return key
+
+    def _part(self, n: int) -> tuple[int, int]:
+        """The same for statements that stay together: those of an element; what belongs to none goes by itself."""
+        section = self._nodes[n].section
+        return section, -1 if self._program.sections[section].element else n
+
+    def _by_array(self) -> list[int]:
+        """The results in the order of the arrays that they go to."""
+        arrays = [self._place(r.target, r.index)[0] for r in self._results]
+        first = {array: i for i, array in reversed(list(enumerate(arrays)))}
+        return sorted(range(len(arrays)), key=lambda i: first[arrays[i]])
+
+    def _key_of_result(self, result: Result) -> int:
+        bare = self._graph.signless(result.scalar)
+        shape = (self._place(result.target, result.index)[0], self._kind(result.scalar), self._classes.get(bare))
+        return self._keys.setdefault(shape, len(self._keys))
+
+    # What lies in step
+
+    def rolled(self) -> Rolled:
+        """The function with loops."""
+        while not self._settled():
+            self._runs = [run for run in self._runs if len(run.iterations) >= LEAST]
+        return self._written()
+
+    def _settled(self) -> bool:
+        """Fit what the runs read; False if one had to be made shorter, and all are to be fitted again."""
+        self._where = {
+            n: (i, j, k) for i, run in enumerate(self._runs) for k, nodes in enumerate(run.iterations) for j, n in enumerate(nodes)
+        }
+        self._copies = {}
+        fitted = [self._fits(i, run) for i, run in enumerate(self._runs)]
+        return all(fitted)
+
+    def _fits(self, i: int, run: _Run) -> bool:
+        """Fit what one run reads; leave off the iterations up to one that does not fit, or from it on, whichever are fewer."""
+        run.given = {}
+        for column in dict.fromkeys(c for row in zip(*run.iterations, strict=True) for c in self._columns(row)):
+            if len(set(column)) == 1 or self._is_inside(i, column):
+                continue
+            given = self._fit(i, column)
+            if isinstance(given, int):
+                run.iterations = run.iterations[given + 1 :] if 2 * given < len(column) else run.iterations[:given]
+                return False
+            run.given[column] = given
+        listed = [c for c, given in run.given.items() if isinstance(given, Table) and self._kind(c[0])[0] != "number"]
+        in_step = all(_step([p for _, p in self._stored(row)]) for row in zip(*run.iterations, strict=True) if row[0] < 0)
+        if not in_step or len(listed) * COSTLY > len(run.iterations[0]):
+            run.iterations = []
+            return False
+        return True
+
+    def _columns(self, row: Sequence[int]) -> list[_Column]:
+        """Each argument of a statement of the body."""
+        return list(zip(*(self._arguments(n) for n in row), strict=True))
+
+    def _stored(self, row: Sequence[int]) -> list[tuple[str, int]]:
+        """The places of a result of the body."""
+        return [self._place(r.target, r.index) for r in (self._results[-1 - n] for n in row)]
+
+    def _is_inside(self, i: int, column: _Column) -> bool:
+        """Whether an argument is a value of the same iteration."""
+        first = self._where.get(column[0])
+        return first is not None and all(self._where.get(a) == (i, first[1], k) for k, a in enumerate(column))
+
+    def _fit(self, i: int, column: _Column) -> Given | int:
+        """Where the values of a column are, or an iteration that does not fit."""
+        if self._is_input(column[0]):
+            return self._fit_input([self._place_of(a) for a in column], column)
+        if column[0] not in self._own:
+            return Table(column)
+        middle = len(column) // 2
+        one, other = self._where.get(column[middle - 1]), self._where.get(column[middle])
+        if one is None or other is None or one[:2] != other[:2]:
+            inside = [k for k, a in enumerate(column) if self._where.get(a, (None,))[0] == i]
+            return inside[0] if inside else Table(column)
+        stride = other[2] - one[2]
+        return self._fit_array(i, Kept(*one[:2], Step(other[2] - stride * middle, stride)), column)
+
+    def _fit_input(self, places: Sequence[tuple[str, int]], column: _Column) -> Given | int:
+        """The elements of an input; where only the first or the last do not lie in step, these do not fit."""
+        indices = [index for _, index in places]
+        middle = len(indices) // 2
+        stride = indices[middle] - indices[middle - 1]
+        step = Step(indices[middle] - stride * middle, stride)
+        wrong = [k for k, index in enumerate(indices) if index != step.at(k)]
+        if not wrong:
+            return Input(places[0][0], step)
+        return Table(column) if len(wrong) > _BEYOND else wrong[-1] if wrong[-1] < middle else wrong[0]
+
+    def _fit_array(self, i: int, kept: Kept, column: _Column) -> Given | int:
+        """The array of a value, or the first iteration that has something else, which cannot be copied to its ends."""
+        copies = {}
+        count = len(self._runs[kept.loop].iterations)
+        for k, a in enumerate(column):
+            place = (kept.loop, kept.statement, kept.step.at(k))
+            if self._where.get(a) != place:
+                near = -_BEYOND <= place[2] < 0 or count <= place[2] < count + _BEYOND
+                is_known = a not in self._where or self._where[a][0] != i
+                if not near or not is_known or self._copies.get(place, (i, a))[1] != a:
+                    return k
+                copies[place] = (i, a)
+        self._copies = copies | self._copies
+        return kept
+
+    # What comes out
+
+    def _written(self) -> Rolled:
+        graph, sections = Graph(nodes=list(self._nodes)), list(self._program.sections)
+        wanted = self._wanted()
+        loops = tuple(self._loop(i, run, wanted, graph, sections) for i, run in enumerate(self._runs))
+        parts: list[tuple[int, ...] | int] = []
+        for i, group in groupby(self._order, key=lambda n: self._where[n][0] if n in self._where else None):
+            nodes = tuple(n for n in group if n >= 0)
+            if i is not None or nodes:
+                parts.append(nodes if i is None else i)
+        results = tuple(r for j, r in enumerate(self._results) if -1 - j not in self._where)
+        return Rolled(graph=graph, sections=tuple(sections), parts=tuple(parts), loops=loops, results=results)
+
+    def _wanted(self) -> frozenset[tuple[int, int]]:
+        """Statements of loops whose values are read outside their own iteration."""
+        given = [g for run in self._runs for g in run.given.values()]
+        kept = {(g.loop, g.statement) for g in given if isinstance(g, Kept)}
+        read = {a for g in given if isinstance(g, Table) for a in g.nodes} | {a for _, a in self._copies.values()}
+        read |= {a for n in self._order if n not in self._where for a in self._arguments(n)}
+        read |= {c[0] for run in self._runs for row in zip(*run.iterations, strict=True) for c in self._columns(row) if len(set(c)) == 1}
+        return frozenset(kept | {self._where[a][:2] for a in read if a in self._where})
+
+    def _loop(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]], graph: Graph, sections: list[Section]) -> Loop:
+        body: dict[int, int] = {}
+        given: dict[_Column, int] = {}
+        stores: list[Store] = []
+        titles: dict[int, int] = {}
+        for j, row in enumerate(zip(*run.iterations, strict=True)):
+            args = tuple(
+                _negative(graph, n) if self._nodes[signed].op == "neg" else n
+                for signed, column in zip(self._signed(row[0]), self._columns(row), strict=True)
+                for n in [self._argument(column, run, body, given, graph)]
+            )  # fmt: skip
+            if row[0] < 0:
+                (array, first), (_, second), *_ = self._stored(row)
+                stores.append(Store(array=array, step=Step(first, second - first), node=args[0]))
+                continue
+            like = self._nodes[row[0]]
+            if like.section not in titles:
+                titles[like.section] = len(sections)
+                sections.append(self._joint_section([self._program.sections[self._nodes[n].section] for n in row]))
+            body[j] = _append(graph, replace(like, args=args, section=titles[like.section]))
+        count = len(run.iterations)
+        arrays = {j: [0, count - 1, *(k for loop, s, k in self._copies if (loop, s) == (i, j))] for loop, j in sorted(wanted) if loop == i}
+        return Loop(
+            count=count, body=tuple(body.values()), given={n: run.given[column] for column, n in given.items()},
+            iterations=tuple(tuple(nodes) for nodes in run.iterations) if body else (),
+            arrays={j: (min(places), max(places)) for j, places in arrays.items()},
+            copies=tuple(Copy(*place, a) for place, (reader, a) in self._copies.items() if reader == i), stores=tuple(stores),
+        )  # fmt: skip
+
+    def _argument(self, column: _Column, run: _Run, body: Mapping[int, int], given: dict[_Column, int], graph: Graph) -> int:
+        """What a body's node has as an argument."""
+        if column in run.given:
+            if column not in given:
+                like = self._nodes[column[0]]
+                given[column] = _append(graph, replace(like, op="symbol", args=(), data=None, binding=BindingTime.ITERATION))
+            return given[column]
+        return column[0] if len(set(column)) == 1 else body[self._where[column[0]][1]]
+
+    def _joint_section(self, sections: Sequence[Section]) -> Section:
+        """The section of a body: what those of its iterations have in common, and the first and last of them."""
+        first, last = sections[0], sections[-1]
+        return replace(first, element=f"{first.element}{TO}{last.element}") if first.element else first
+
+
+def _append(graph: Graph, node: Scalar) -> int:
+    graph.nodes.append(node)
+    return len(graph.nodes) - 1
+
+
+def _negative(graph: Graph, n: int) -> int:
+    return _append(graph, replace(graph.nodes[n], op="neg", args=(n,), data=None))
+
+
+def _step(places: Sequence[int]) -> Step | None:
+    """Places that lie in step."""
+    step = Step(places[0], places[1] - places[0])
+    return step if all(step.at(k) == p for k, p in enumerate(places)) else None
+
+
+def _repeats(keys: Sequence[int]) -> Iterator[tuple[int, int, int]]:
+    """First group, period and number of iterations of each run of at least LEAST."""
+    first = 0
+    while first < len(keys):
+        covered, best = 0, (1, 1)
+        for period in range(1, PERIOD + 1):
+            last = first + period
+            while last < len(keys) and keys[last] == keys[last - period]:
+                last += 1
+            count = (last - first) // period
+            if count >= LEAST and count * period > covered:
+                covered, best = count * period, (period, count)
+        if covered:
+            yield first, *best
+        first += covered or 1
