@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz bench batch realtime newton methods report choice flags verification lint setup clean
+.PHONY: demo test heavy sanitize fuzz bench batch chain realtime newton methods report choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -28,6 +28,9 @@ flags: setup
 
 batch: setup
 	$(BIN)/python -m benchmarks.batch
+
+chain: setup
+	$(BIN)/python -m benchmarks.chain
 
 realtime: setup
 	$(BIN)/python -m benchmarks.realtime

@@ -68,7 +68,7 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
     families = find_corresponding(equations.correspondence, equations.topology) if lanes else []
     functions = [(f.name, fold(equations.builder, families, f.results)) for f in equations.functions]
     program, pattern = settle_entries(
-        schedule(equations.builder, functions), len(equations.row_names), symmetric=equations.method == "augmented"
+        schedule(equations.builder, functions, lanes=lanes), len(equations.row_names), symmetric=equations.method == "augmented"
     )  # fmt: skip
     equations = equations.with_tangent(places(pattern))
     if isinstance(equations, LagrangianEquations) and equations.method == "classical":

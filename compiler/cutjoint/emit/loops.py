@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.emit.names import common_name, unique
-from cutjoint.emit.printer import Printer, kept_type
+from cutjoint.emit.printer import Printer, kept_type, lanes_type
 from cutjoint.program.loops import Input, Kept, Loop, Rolled, Step, Table
 from cutjoint.program.scalars import Graph
 
@@ -17,7 +18,7 @@ class Written:
 
     ``arrays`` are declarations, ``known`` the texts of what loops compute and what their bodies read, ``elements`` those of the bodies'
     scalars that arrays keep, ``names`` of their others, ``tables`` the name and nodes of each table by the number of its loop, ``copies``
-    what goes where before it.
+    what goes where before it, ``fronts`` what a body begins with.
     """
 
     arrays: tuple[str, ...]
@@ -26,12 +27,13 @@ class Written:
     names: Mapping[int, str]
     tables: tuple[tuple[tuple[str, tuple[int, ...]], ...], ...]
     copies: tuple[tuple[tuple[str, int], ...], ...]
+    fronts: tuple[tuple[str, ...], ...]
 
     def opening(self, i: int, loop: Loop, printer: Printer) -> tuple[str, ...]:
         """The lines before the body of a loop."""
         copies = (f"{element} = {printer.text(n)};" for element, n in self.copies[i])
         tables = (_table(name, nodes, printer) for name, nodes in self.tables[i])
-        return *copies, *tables, f"for (int k = 0; k < {loop.count}; ++k) {{"
+        return *copies, *tables, *_heading(loop), *self.fronts[i]
 
 
 def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str], taken: set[str], conditions: str) -> Written:
@@ -52,27 +54,53 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
                 first, last = loop.arrays[j]
                 array = unique(name or f"{prefixes[node.section]}_kept", taken)
                 arrays[i, j] = array, -first
-                declared.append(f"{kept_type(node, conditions)} {array}[{last - first + 1}];")
+                kind = "Real" if loop.lanes else kept_type(node, conditions)
+                declared.append(f"{kind} {array}[{last - first + 1}];")
                 known |= {nodes[j]: f"{array}[{k - first}]" for k, nodes in enumerate(loop.iterations)}
                 elements[n] = f"{array}[{index(Step(-first, 1))}]"
+                if loop.lanes:
+                    elements[n] = f"row<{lanes_type(loop.lanes)}>(&{elements[n]})"
+                    named[n] = unique(f"{array}_k", taken)
             elif name:
                 named[n] = unique(name, taken)
-    tables = []
+    tables, fronts = [], []
     for loop in rolled.loops:
-        own = []
+        own, front_lines = [], []
+        uses = Counter(rolled.graph.signless(a) for n in loop.body for a in rolled.graph.nodes[n].args)
         for n, given in loop.given.items():
             match given:
                 case Input(array, step):
-                    known[n] = f"{array}[{index(step)}]"
-                case Kept(number, statement, step):
+                    pass
+                case Kept(number, statement, kept):
                     array, front = arrays[number, statement]
-                    known[n] = f"{array}[{index(Step(step.first + front, step.stride))}]"
+                    step = Step(kept.first + front, kept.stride)
                 case Table(nodes):
-                    own.append((unique("given", taken), nodes))
-                    known[n] = f"{own[-1][0]}[k]"
+                    array, step = unique("given", taken), Step(0, 1)
+                    own.append((array, nodes))
+            known[n] = f"{array}[{index(step)}]"
+            if loop.lanes:
+                kind = lanes_type(loop.lanes)
+                known[n] = f"strided<{kind}, {step.stride}>(&{known[n]})"
+                if uses[n] > 1:
+                    name = unique(f"{array}_k", taken)
+                    front_lines.append(f"  const {kind} {name} = {known[n]};")
+                    known[n] = name
         tables.append(tuple(own))
+        fronts.append(tuple(front_lines))
     copies = tuple(tuple((_element(arrays[c.loop, c.statement], c.place), c.node) for c in loop.copies) for loop in rolled.loops)
-    return Written(arrays=tuple(declared), known=known, elements=elements, names=named, tables=tuple(tables), copies=copies)
+    return Written(
+        arrays=tuple(declared), known=known, elements=elements, names=named, tables=tuple(tables), copies=copies, fronts=tuple(fronts),
+    )  # fmt: skip
+
+
+def _heading(loop: Loop) -> tuple[str, ...]:
+    """The line that opens a loop; with lanes the last iterations may overlap those before, which have the same values."""
+    if not loop.lanes:
+        return (f"for (int k = 0; k < {loop.count}; ++k) {{",)
+    last = loop.count - loop.lanes
+    if loop.count % loop.lanes == 0:
+        return (f"for (int k = 0; k < {loop.count}; k += {loop.lanes}) {{",)
+    return f"for (int first = 0; first < {loop.count}; first += {loop.lanes}) {{", f"  const int k = first < {last} ? first : {last};"
 
 
 def _element(array: tuple[str, int], place: int) -> str:

@@ -32,7 +32,7 @@ class Printer:
     ``names`` are the identifiers of scalars; ``known`` the expressions of those that exist before the function's own statements.
     ``prefixes`` begin the names of a section's shared scalars, ``taken`` are names that they must not take;
     ``roads`` names the roads of tyres.  ``conditions`` is the type of conditions without lanes: "bool", or "Mask" where a real may be
-    that of several instances.  ``elements`` are the places of those that arrays keep.
+    that of several instances.  ``elements`` are the places of those that arrays keep, besides their names if they have some.
     """
 
     graph: Graph
@@ -58,8 +58,10 @@ class Printer:
             if node.op == "neg" or (place is None and n not in self.names and uses[n] < 2 and len(text) < LONGEST):
                 self._texts[n] = (text, level)
                 continue
-            name = place or self.names.get(n) or self._auxiliary(node.section)
-            printed.append(Statement(type="" if place else self._type(node), name=name, expression=text, section=node.section))
+            name = self.names.get(n) or place or self._auxiliary(node.section)
+            printed.append(Statement(type="" if name == place else self._type(node), name=name, expression=text, section=node.section))
+            if place is not None and name != place:
+                printed.append(Statement(type="", name=place, expression=name, section=node.section))
             self._texts[n] = (name, _ATOM)
         return printed
 

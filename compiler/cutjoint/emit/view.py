@@ -75,6 +75,7 @@ class Viewer:
         self._roads = road_names(equations.roads)
         self._inputs = self._input_names()
         self._kept = self._kept_names()
+        self._rolled = {f.name: roll(program, f, self._place) for f in program.functions}
 
     def _input_names(self) -> dict[int, str]:
         """Expressions of the input symbols."""
@@ -134,8 +135,8 @@ class Viewer:
 
     def lane_types(self) -> tuple[tuple[str, int], ...]:
         """The types with lanes that the program uses, and their number of lanes."""
-        widths = sorted({node.lanes for node in self._program.graph.nodes if node.lanes})
-        return tuple((lanes_type(n), n) for n in widths)
+        widths = {node.lanes for node in self._program.graph.nodes} | {x.lanes for r in self._rolled.values() for x in r.loops}
+        return tuple((lanes_type(n), n) for n in sorted(widths - {0}))
 
     def _member(self, n: int) -> str:
         loaded = self._program.graph.nodes[n].binding is BindingTime.PARAM
@@ -167,8 +168,7 @@ class Viewer:
 
     def function(self, name: str) -> FunctionView:
         """One of the functions that a step calls."""
-        function = self._program.function(name)
-        rolled = roll(self._program, function, self._place)
+        function, rolled = self._program.function(name), self._rolled[name]
         taken = set(self._names.values()) | set(self._locals.values())
         loops = write_loops(rolled, self._names, [_prefix(s) for s in rolled.sections], taken, self._conditions)
         known = {**self._inputs, **self._locals, **self._known(BindingTime.STEP), **loops.known}

@@ -6,6 +6,8 @@ step: inputs at regular places, values of this loop or of another some iteration
 table, if it is known before the loop.  Values that are read outside their own iteration are kept in arrays; what the first
 iteration has where the others have the one before is copied to the same array, in front.  The order of evaluation stays, and with it
 every rounding.
+
+Where no iteration reads what another has kept, several are computed side by side, if the program may have lanes.
 """
 
 from __future__ import annotations
@@ -22,8 +24,16 @@ from cutjoint.program.scalars import Graph, Scalar
 #: A loop has at least so many iterations, and its body at most so many sections.
 LEAST, PERIOD = 6, 8
 
+#: A loop stands for at least so many statements or results.
+WORTH = 20
+
+#: Iterations side by side.
+LANES = 4
+
 #: A loop whose iterations have fewer statements than this for each table of values is none.
 COSTLY = 4
+
+_CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
 
 #: Elements that an array may have before and after those of its loop.
 _BEYOND = 2
@@ -99,10 +109,11 @@ class Loop:
 
     ``iterations`` are the nodes of the function that each iteration computes (none where it only has ``stores``, results).  ``arrays`` are
     the statements whose values arrays keep, with the first and the last place of each; ``copies`` are the nodes that must be in other
-    places than those of iterations before the loop begins.
+    places than those of iterations before the loop begins.  With ``lanes``, so many iterations are computed side by side.
     """
 
     count: int
+    lanes: int
     body: tuple[int, ...]
     given: Mapping[int, Given]
     iterations: tuple[tuple[int, ...], ...]
@@ -160,10 +171,11 @@ class _Rolling:
         keys = [self._key_of(g) for g in groups] + [self._key_of_result(self._results[i]) for i in stores]
         groups += [[-1 - i] for i in stores]
         self._order = [n for g in groups for n in g]
-        self._runs = [
+        runs = (
             _Run([list(chain(*groups[i : i + period])) for i in range(first, first + period * count, period)])
             for first, period, count in _repeats(keys)
-        ]  # fmt: skip
+        )  # fmt: skip
+        self._runs = [run for run in runs if _is_worth(run)]
         self._where: dict[int, tuple[int, int, int]] = {}
         self._copies: dict[tuple[int, int, int], tuple[int, int]] = {}
 
@@ -227,7 +239,7 @@ class _Rolling:
     def rolled(self) -> Rolled:
         """The function with loops."""
         while not self._settled():
-            self._runs = [run for run in self._runs if len(run.iterations) >= LEAST]
+            self._runs = [run for run in self._runs if _is_worth(run)]
         return self._written()
 
     def _settled(self) -> bool:
@@ -338,11 +350,12 @@ class _Rolling:
         given: dict[_Column, int] = {}
         stores: list[Store] = []
         titles: dict[int, int] = {}
+        lanes = self._lanes(i, run, wanted)
         for j, row in enumerate(zip(*run.iterations, strict=True)):
             args = tuple(
                 _negative(graph, n) if self._nodes[signed].op == "neg" else n
                 for signed, column in zip(self._signed(row[0]), self._columns(row), strict=True)
-                for n in [self._argument(column, run, body, given, graph)]
+                for n in [self._argument(column, run, body, given, graph, lanes)]
             )  # fmt: skip
             if row[0] < 0:
                 (array, first), (_, second), *_ = self._stored(row)
@@ -352,22 +365,34 @@ class _Rolling:
             if like.section not in titles:
                 titles[like.section] = len(sections)
                 sections.append(self._joint_section([self._program.sections[self._nodes[n].section] for n in row]))
-            body[j] = _append(graph, replace(like, args=args, section=titles[like.section]))
+            body[j] = _append(graph, replace(like, args=args, section=titles[like.section], lanes=lanes or like.lanes))
         count = len(run.iterations)
         arrays = {j: [0, count - 1, *(k for loop, s, k in self._copies if (loop, s) == (i, j))] for loop, j in sorted(wanted) if loop == i}
         return Loop(
-            count=count, body=tuple(body.values()), given={n: run.given[column] for column, n in given.items()},
+            count=count, lanes=lanes, body=tuple(body.values()), given={n: run.given[column] for column, n in given.items()},
             iterations=tuple(tuple(nodes) for nodes in run.iterations) if body else (),
             arrays={j: (min(places), max(places)) for j, places in arrays.items()},
             copies=tuple(Copy(*place, a) for place, (reader, a) in self._copies.items() if reader == i), stores=tuple(stores),
         )  # fmt: skip
 
-    def _argument(self, column: _Column, run: _Run, body: Mapping[int, int], given: dict[_Column, int], graph: Graph) -> int:
+    def _lanes(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]]) -> int:
+        """How many iterations of a run are computed side by side: none where they read each other's values, have lanes of their own, or
+        keep conditions."""
+        alone = not any(isinstance(g, Kept) and g.loop == i for g in run.given.values())
+        nodes = [self._nodes[n] for n in run.iterations[0] if n >= 0]
+        plain = not any(x.lanes or x.op in ("lane", "lane_sum") or x.op.startswith("road_") for x in nodes)
+        real = not any(self._nodes[run.iterations[0][j]].op in _CONDITIONS for loop, j in wanted if loop == i)
+        return LANES if self._program.lanes and nodes and alone and plain and real else 0
+
+    def _argument(
+        self, column: _Column, run: _Run, body: Mapping[int, int], given: dict[_Column, int], graph: Graph, lanes: int
+    ) -> int:  # fmt: skip
         """What a body's node has as an argument."""
         if column in run.given:
             if column not in given:
                 like = self._nodes[column[0]]
-                given[column] = _append(graph, replace(like, op="symbol", args=(), data=None, binding=BindingTime.ITERATION))
+                leaf = replace(like, op="symbol", args=(), data=None, binding=BindingTime.ITERATION, lanes=lanes or like.lanes)
+                given[column] = _append(graph, leaf)
             return given[column]
         return column[0] if len(set(column)) == 1 else body[self._where[column[0]][1]]
 
@@ -375,6 +400,12 @@ class _Rolling:
         """The section of a body: what those of its iterations have in common, and the first and last of them."""
         first, last = sections[0], sections[-1]
         return replace(first, element=f"{first.element}{TO}{last.element}") if first.element else first
+
+
+def _is_worth(run: _Run) -> bool:
+    """Whether a run has enough iterations and statements for a loop."""
+    count = len(run.iterations)
+    return count >= LEAST and count * len(run.iterations[0]) >= WORTH
 
 
 def _append(graph: Graph, node: Scalar) -> int:

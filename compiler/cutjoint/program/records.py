@@ -33,7 +33,7 @@ class Program:
     """All functions on one graph.
 
     ``loaded`` and ``stepped`` are the nodes computed when parameters are loaded and when a step begins; ``kept`` are those of them that
-    later code reads.  ``labels`` names blocks as the formulation did.
+    later code reads.  ``labels`` names blocks as the formulation did.  ``lanes`` says whether what is alike may be computed side by side.
     """
 
     graph: Graph
@@ -44,6 +44,7 @@ class Program:
     loaded: tuple[int, ...]
     stepped: tuple[int, ...]
     kept: frozenset[int]
+    lanes: bool = False
 
     def function(self, name: str) -> LoweredFunction:
         """A function by name."""

@@ -10,8 +10,8 @@ from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
 
 
-def schedule(builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block]]]) -> Program:
-    """Lower the functions onto one graph.
+def schedule(builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block]]], *, lanes: bool = False) -> Program:
+    """Lower the functions onto one graph; with ``lanes``, their loops may have some, too.
 
     Work that depends on parameters or on time alone leaves the functions for the two earlier stages.
     """
@@ -24,7 +24,7 @@ def schedule(builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block
     loaded = tuple(n for n in early if graph.nodes[n].binding is BindingTime.PARAM)
     return Program(
         graph=graph, sections=tuple(builder.sections), elements=lowering.elements, labels=dict(builder.labels),
-        functions=lowered, loaded=loaded, stepped=stepped, kept=_kept(graph, lowered, loaded, stepped),
+        functions=lowered, loaded=loaded, stepped=stepped, kept=_kept(graph, lowered, loaded, stepped), lanes=lanes,
     )  # fmt: skip
 
 

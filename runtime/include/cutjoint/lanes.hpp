@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cmath>
+#include <cstring>
+#include <type_traits>
 
 #if defined(__x86_64__) && defined(__GLIBC__)
 #include <immintrin.h>
@@ -44,6 +46,8 @@ template <class Real, int N>
 struct Lanes {
   using Vector = typename Register<Real, N>::type;
   using Mask = decltype(Vector{} < Vector{});
+  using real_type = Real;
+  static constexpr int size = N;
 
   Vector v;
 
@@ -67,6 +71,30 @@ struct Lanes {
   friend Mask operator<(Lanes a, Lanes b) { return a.v < b.v; }
   friend Mask operator<=(Lanes a, Lanes b) { return a.v <= b.v; }
 };
+
+/// Every stride-th number from x on.
+template <class Side, int stride, class Number>
+Side strided(const Number* x) {
+  typename Side::Vector v;
+  if constexpr (stride == 1 && std::is_same_v<Number, typename Side::real_type>)
+    std::memcpy(&v, x, sizeof v);
+  else
+    for (int k = 0; k < Side::size; ++k) v[k] = typename Side::real_type(x[k * stride]);
+  return v;
+}
+
+/// Numbers in memory that are assigned to side by side.
+template <class Side>
+struct Row {
+  typename Side::real_type* x;
+  void operator=(Side side) const { std::memcpy(x, &side.v, sizeof side.v); }
+};
+
+/// The numbers from x on.
+template <class Side>
+Row<Side> row(typename Side::real_type* x) {
+  return {x};
+}
 
 /// condition ? yes : no in each lane, both evaluated.
 template <class Mask, class Real, int N>

@@ -16,4 +16,4 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_families(equations.builder, equations.topology) if lanes else []
     folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in _OFTEN}
-    return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions])
+    return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes)
