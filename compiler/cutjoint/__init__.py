@@ -9,16 +9,41 @@ From Python::
     run.t, run["chassis.z"]
 """
 
-from cutjoint.model.errors import ModelError
-from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import compile_model, simulate
-from cutjoint.run.run_file import RunError
-from cutjoint.states import NoEquilibriumError, find_equilibrium
-from cutjoint.toolchain.build import ToolchainError
-from cutjoint.topology.build import build_topology
-from cutjoint.topology.spanning_tree import TopologyError
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cutjoint.model.errors import ModelError
+    from cutjoint.model.read import read_model, read_model_text
+    from cutjoint.pipeline import compile_model, simulate
+    from cutjoint.run.run_file import RunError
+    from cutjoint.states import NoEquilibriumError, find_equilibrium
+    from cutjoint.toolchain.build import ToolchainError
+    from cutjoint.topology.build import build_topology
+    from cutjoint.topology.spanning_tree import TopologyError
 
 __all__ = [
     "ModelError", "NoEquilibriumError", "RunError", "ToolchainError", "TopologyError", "build_topology", "compile_model",
     "find_equilibrium", "read_model", "read_model_text", "simulate",
 ]  # fmt: skip
+
+_HOMES = {
+    "cutjoint.model.errors": ("ModelError",),
+    "cutjoint.model.read": ("read_model", "read_model_text"),
+    "cutjoint.pipeline": ("compile_model", "simulate"),
+    "cutjoint.run.run_file": ("RunError",),
+    "cutjoint.states": ("NoEquilibriumError", "find_equilibrium"),
+    "cutjoint.toolchain.build": ("ToolchainError",),
+    "cutjoint.topology.build": ("build_topology",),
+    "cutjoint.topology.spanning_tree": ("TopologyError",),
+}
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """What is above, imported with its first use: SymPy takes longer to import than a kept run takes to run."""
+        for home, names in _HOMES.items():
+            if name in names:
+                return getattr(import_module(home), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -17,6 +17,11 @@ def runtime_folder() -> Path:
     return _find("runtime")
 
 
+def code_folders() -> tuple[Path, ...]:
+    """All that the compiler is made of: its modules, the templates and the runtime."""
+    return _PACKAGE, templates_folder(), runtime_folder()
+
+
 def _find(name: str) -> Path:
     for candidate in (_PACKAGE / name, _PACKAGE.parent.parent / name):
         if candidate.is_dir():

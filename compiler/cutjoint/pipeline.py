@@ -5,11 +5,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
@@ -26,11 +24,13 @@ from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import EXPLICIT, IMPLICIT, INTEGRATORS, ITERATIONS, METHODS, TWINS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, RodForce, Scene
+from cutjoint.prepared import Compilation
 from cutjoint.program.records import Program
-from cutjoint.run.results import Trajectory, read_effort, read_table
+from cutjoint.run.ready import ReadyRun, start
+from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.scenes import find_scene, with_figures
-from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.run.simulator import Progress, call_simulator
 from cutjoint.systems import generate_system
 from cutjoint.toolchain.build import FLAGS, PRECISIONS, Binary, Kind, build, build_generic
 from cutjoint.topology.build import build_topology
@@ -58,6 +58,20 @@ class Artifact:
     precision: str
     generate_seconds: float
     compile_seconds: float
+
+    @property
+    def compilation(self) -> Compilation:
+        """What became of the compilation, in figures."""
+        return Compilation(
+            scene=self.scene.name, method=self.method, operations=self.program.operations(self.iteration),
+            instructions=self.program.instructions(self.iteration), compiler=self.binary.compiler, flags=tuple(self.binary.flags),
+            generate_seconds=self.generate_seconds, compile_seconds=self.compile_seconds if self.binary.fresh else 0.0,
+        )  # fmt: skip
+
+    @property
+    def places(self) -> dict[str, str]:
+        """Where each joint stands in the model file."""
+        return {joint.name: str(joint.span) for joint in self.topology.model.joints}
 
     @property
     def iteration(self) -> str:
@@ -200,38 +214,35 @@ def simulate(
         RunError: a parameter that cannot be set.
         SimulatorError: the simulator could not begin.
     """
+    ready = make_ready(
+        artifact, dt=dt, end=end, penalty=penalty, tolerance=tolerance, parameters=parameters, solver=solver, integrator=integrator,
+        iterations=iterations,
+    )  # fmt: skip
+    return start(ready, out=out, steps=steps, tangents=tangents, progress=progress)
+
+
+def make_ready(
+    artifact: Artifact, *, dt: float | None = None, end: float | None = None, penalty: float | None = None, tolerance: float | None = None,
+    parameters: Mapping[str, float] | None = None, solver: str = "emitted", integrator: str | None = None, iterations: int | None = None,
+) -> ReadyRun:  # fmt: skip
+    """The run of a compiled model that these figures ask for, as in `simulate`, ready to be started.
+
+    Raises:
+        RunError: a parameter that cannot be set, or figures that do not go together.
+    """
     changes = {name: value for name, value in (("dt", dt), ("penalty", penalty), ("tolerance", tolerance)) if value is not None}
     scene = with_figures(artifact.scene, artifact.method, changes)
     integrator = _checked_integrator(artifact, integrator)
     if iterations is not None:
         require_fixed_cost(artifact, integrator)
-    scene = replace(scene, end=scene.end if end is None else end)
-    if out is not None:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory() as folder:
-        table = Path(folder) / "table.csv" if out is None else out
-        if steps is not None:
-            steps.parent.mkdir(parents=True, exist_ok=True)
-        run_file = make_run_file(
-            artifact.topology.model, scene, parameters or {}, task="simulate", method=artifact.method, out=str(table.resolve()),
-            solver=_solver(artifact, solver) if integrator in ("trapezoidal", *IMPLICIT) else "", integrator=integrator,
-            steps_out="" if steps is None else str(steps.resolve()), tangents_out="" if tangents is None else str(tangents.resolve()),
-            fixed_cost=iterations,
-        )  # fmt: skip
-        if artifact.implementation == "generic":
-            run_file["model"] = str(_describe(artifact, Path(folder)))
-        summary = call_simulator(artifact.binary.path, run_file, progress)
-        failure = failure_of(summary)
-        if not table.exists():
-            table.write_text("t" + "".join(f",{c.name}" for c in artifact.equations.columns) + "\n", encoding="utf-8")
-        t, columns = read_table(table)
-    units = {c.name: c.unit for c in artifact.equations.columns}
-    if out is not None:
-        out.with_suffix(".units.json").write_text(json.dumps({"t": "s", **units}, indent=2) + "\n", encoding="utf-8")
-    return Trajectory(
-        t=t, columns=columns, units=units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
-        seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
-        effort=read_effort(summary),
+    run_file = make_run_file(
+        artifact.topology.model, replace(scene, end=scene.end if end is None else end), parameters or {}, task="simulate",
+        method=artifact.method, solver=_solver(artifact, solver) if integrator in ("trapezoidal", *IMPLICIT) else "",
+        integrator=integrator, fixed_cost=iterations,
+    )  # fmt: skip
+    return ReadyRun(
+        simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
+        description=_describe(artifact) if artifact.implementation == "generic" else None,
     )  # fmt: skip
 
 
@@ -288,15 +299,9 @@ def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
     return {name: value for name, value in summary.items() if isinstance(value, float | int)}
 
 
-def _describe(artifact: Artifact, folder: Path) -> Path:
+def _describe(artifact: Artifact) -> dict[str, Any]:
     """The model as the generic twin reads it."""
-    path = folder / "model.json"
     equations = artifact.equations
     if isinstance(equations, LagrangianEquations):
-        description = describe_generic_natural(equations)
-    else:
-        description = describe_generic(artifact.topology, artifact.scene, equations.outputs)
-    path.write_text(json.dumps(description), encoding="utf-8")
-    return path
-
-
+        return describe_generic_natural(equations)
+    return describe_generic(artifact.topology, artifact.scene, equations.outputs)

@@ -115,7 +115,7 @@ def test_a_stiff_model_is_told() -> None:
     run = completed(simulate(artifact, integrator="dormand-prince", tolerance=1e-5, end=0.5))
     assert run.effort.stiff_steps > 0.9 * run.steps
     assert run.steps == pytest.approx(0.5 * 8075 / 3.3, rel=0.5)
-    facts = run_facts(artifact, run)
+    facts = run_facts(artifact.compilation, run)
     assert any("stability, not accuracy, limited" in str(cell) for cell in facts.columns[1].cells)
     failure = simulate(artifact, integrator="rk4", dt=1e-3, end=0.5).failure
     assert failure is not None
@@ -125,7 +125,7 @@ def test_a_stiff_model_is_told() -> None:
 
 def test_events_are_told(tmp_path: Path) -> None:
     artifact = compile_text(tmp_path, bouncing_text(0, 0.5))
-    facts = run_facts(artifact, completed(simulate(artifact, integrator="dormand-prince")))
+    facts = run_facts(artifact.compilation, completed(simulate(artifact, integrator="dormand-prince")))
     assert "4: floor 4" in list(facts.columns[1].cells)
 
 

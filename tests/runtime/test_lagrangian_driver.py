@@ -132,14 +132,15 @@ def test_compiles_with_clang(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 def test_steps_of_the_recursive_method_are_measured_when_asked_for(tmp_path: Path) -> None:
     artifact = compile_model(MODELS / "four_bar.yaml", scene="swing")
     tables = []
-    for steps_out in ("", str(tmp_path / "steps.csv")):
+    places: tuple[dict[str, str], ...] = ({}, {"steps_out": str(tmp_path / "steps.csv")})
+    for more in places:
         out = tmp_path / "table.csv"
-        file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate", out=str(out), steps_out=steps_out)
-        summary = call_simulator(artifact.binary.path, {**file, "end": 0.5})
+        file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate", out=str(out))
+        summary = call_simulator(artifact.binary.path, {**file, **more, "end": 0.5})
         effort = read_effort(summary)
         assert effort.solver == ""
         assert effort.iterations == summary["evaluations"]
-        assert np.isfinite(effort.residuals.position) == bool(steps_out)
+        assert np.isfinite(effort.residuals.position) == bool(more)
         tables.append(out.read_bytes())
     assert tables[0] == tables[1]
     t, steps = read_table(tmp_path / "steps.csv")

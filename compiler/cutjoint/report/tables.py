@@ -3,32 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from cutjoint.analysis.conditioning import RatedChoice, RatedOption
-from cutjoint.analysis.mobility import Mobility
-from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
-from cutjoint.batch import BatchArtifact
-from cutjoint.pipeline import Artifact
+from cutjoint.prepared import Compilation
 from cutjoint.run.results import Batch, Effort, Equilibrium, Trajectory
-from cutjoint.topology.records import Topology
+
+if TYPE_CHECKING:
+    from cutjoint.analysis.conditioning import RatedChoice, RatedOption
+    from cutjoint.analysis.mobility import Mobility
+    from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
+    from cutjoint.batch import BatchArtifact
+    from cutjoint.topology.records import Topology
 
 
-def _facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+    """A table of names and what is told of each."""
     table = Table(title=title, title_justify="left", show_header=False, box=None)
     for name, value in rows:
         table.add_row(name, value)
     return table
 
 
-def topology_facts(topology: Topology, mobility: Mobility) -> Table:
-    """The counts of a model."""
+def topology_facts(topology: Topology, mobility: Mobility) -> tuple[tuple[str, str], ...]:
+    """The counts of a model by name."""
     model = topology.model
     massless = sum(1 for b in model.bodies if b.mass == 0)
     guided = sum(1 for t in topology.tree if t.joint.guide is not None)
     classes = [f"{len(c.roots)} x {c.size} bodies ({', '.join(c.roots)})" for c in topology.classes]
-    return _facts(f"model {model.name}", [
+    return (
         ("bodies", f"{len(model.bodies)}, {massless} of them massless"),
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
         ("loops", f"{len(topology.loops)}, widest couples {max((x.width for x in topology.loops), default=0)} bodies"),
@@ -37,7 +41,7 @@ def topology_facts(topology: Topology, mobility: Mobility) -> Table:
         ("cut-joint equations", f"{mobility.equations}, rank {mobility.rank}"),
         ("design position", _design_position(mobility)),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
-    ])  # fmt: skip
+    )  # fmt: skip
 
 
 def _design_position(mobility: Mobility) -> str:
@@ -120,16 +124,15 @@ def _figures(rated: RatedOption, base: int) -> str:
     return "".join(f"  {figure:>{len(heading)}}" for figure, heading in zip(figures, _FIGURES, strict=True))
 
 
-def run_facts(artifact: Artifact, run: Trajectory) -> Table:
+def run_facts(compilation: Compilation, run: Trajectory) -> Table:
     """What compiling and running took."""
-    program, function = artifact.program, artifact.iteration
-    compiled = f"{artifact.compile_seconds:.2f} s" if artifact.binary.fresh else "found in the cache"
+    c = compilation
     simulated = float(run.t[-1] - run.t[0]) if run.t.size else 0.0
     factor = f"{simulated / run.seconds:.0f} times real time" if run.seconds else "-"
-    return _facts(f"scene {artifact.scene.name}, method {artifact.method}", [
-        ("operations", f"{program.operations(function)} an evaluation, {program.instructions(function)} with lanes counted once"),
-        ("generate", f"{artifact.generate_seconds:.2f} s"),
-        ("compile", f"{compiled} ({artifact.binary.compiler}, {' '.join(artifact.binary.flags)})"),
+    return facts(f"scene {c.scene}, method {c.method}", [
+        ("operations", f"{c.operations} an evaluation, {c.instructions} with lanes counted once"),
+        ("generate", _taken(c.generate_seconds)),
+        ("compile", f"{_taken(c.compile_seconds)} ({c.compiler}, {' '.join(c.flags)})"),
         ("run", f"{run.seconds:.4f} s for {simulated:g} s: {factor}"),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
         *_effort_facts(run.effort),
@@ -137,11 +140,15 @@ def run_facts(artifact: Artifact, run: Trajectory) -> Table:
     ])  # fmt: skip
 
 
+def _taken(seconds: float) -> str:
+    return f"{seconds:.2f} s" if seconds else "found in the cache"
+
+
 def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
     """What compiling and running a batch took."""
-    compiled = f"{artifact.compile_seconds:.2f} s" if artifact.binary.fresh else "found in the cache"
+    compiled = _taken(artifact.compile_seconds if artifact.binary.fresh else 0.0)
     runs = len(batch.cases)
-    return _facts(f"scene {artifact.scene.name}, a batch", [
+    return facts(f"scene {artifact.scene.name}, a batch", [
         ("generate", f"{artifact.generate_seconds:.2f} s"),
         ("compile", f"{compiled} ({artifact.binary.compiler}, {' '.join(artifact.binary.flags)})"),
         ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),

@@ -12,12 +12,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import platformdirs
 from filelock import FileLock
 
-from cutjoint.emit.source import Source
 from cutjoint.locations import runtime_folder
+
+if TYPE_CHECKING:
+    from cutjoint.emit.source import Source
 
 #: How generated code is optimised, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/performance.md.
 FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
@@ -100,9 +103,9 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
     with _alone(kept):
         fresh = not kept.exists()
         if fresh:
-            with _workplace() as folder:
+            with workplace() as folder:
                 _cmake(runtime_folder(), folder, flags)
-                _keep(folder / "generic", kept)
+                keep(folder / "generic", kept)
     return Binary(path=kept, fresh=fresh, compiler=compiler_version(compiler), flags=tuple(flags))
 
 
@@ -110,16 +113,16 @@ def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) 
     """Configure and build in a temporary folder, then move the simulator into place at once; the first one brings the driver's parts."""
     parts = _driver_parts(source, flags, kind)
     with ExitStack() as stack:
-        folder = stack.enter_context(_workplace())
+        folder = stack.enter_context(workplace())
         for part in parts.values():
             stack.enter_context(_alone(part))
         missing = [name for name, part in parts.items() if not part.exists()]
         known = [f"-DCUTJOINT_{name.upper()}={part}" for name, part in parts.items() if name not in missing]
         write_source(source, folder / "source")
         _cmake(folder / "source", folder / "out", flags, f"-DCUTJOINT_RUNTIME={runtime_folder()}", *kind.definitions, *known)
-        _keep(folder / "out" / "simulator", target / "simulator")
+        keep(folder / "out" / "simulator", target / "simulator")
         for name in missing:
-            _keep(folder / "out" / f"lib{name}.a", parts[name])
+            keep(folder / "out" / f"lib{name}.a", parts[name])
 
 
 def _driver_parts(source: Source, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
@@ -142,14 +145,14 @@ def _alone(file: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _workplace() -> Iterator[Path]:
+def workplace() -> Iterator[Path]:
     """A temporary folder on the cache's file system."""
     cache_folder().mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=cache_folder()) as name:
         yield Path(name)
 
 
-def _keep(file: Path, target: Path) -> None:
+def keep(file: Path, target: Path) -> None:
     """Move a file into the cache at once, so that no other process sees half of it."""
     target.parent.mkdir(parents=True, exist_ok=True)
     file.replace(target)

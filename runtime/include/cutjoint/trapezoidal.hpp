@@ -55,7 +55,8 @@ class Trapezoidal {
   ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
   ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n
   ///
-  /// Throws Failure when the iteration diverges to infinity or does not end; `state` is then the last one that converged.
+  /// Throws Failure when the iteration diverges to infinity or does not end; `state` is then the last one that converged, and the
+  /// mechanism is at its time.
   void step(State<Real>& state, long number) {
     before_ = state;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
@@ -98,9 +99,14 @@ class Trapezoidal {
       projection_.positions(state, number);
       projection_.velocities(state, number);
     } catch (const Failure&) {
-      state = before_;
+      go_back(state);
       throw;
     }
+  }
+
+  void go_back(State<Real>& state) {
+    state = before_;
+    mechanism_.begin_step(state.t, Real(1));
   }
 
   bool converged(const State<Real>& state, const std::vector<Real>& previous) {
@@ -120,7 +126,7 @@ class Trapezoidal {
   }
 
   [[noreturn]] void give_up(State<Real>& state, long number, Real t, int iteration) {
-    state = before_;
+    go_back(state);
     const auto change = static_cast<double>(change_), size = static_cast<double>(size_);
     throw not_reached(iteration, change, size, static_cast<double>(t), number, mechanism_.description().speeds[worst_]);
   }

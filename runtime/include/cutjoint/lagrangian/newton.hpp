@@ -104,7 +104,7 @@ class Newton : public Workspace<S> {
     residuals_ = measure();
   }
 
-  /// One step; `state` is that at its end.  Throws Failure; `state` is then the last one that converged.
+  /// One step; `state` is that at its end.  Throws Failure; `state` is then the last one that converged, and the system is at its time.
   void step(State<Real>& state, long number) {
     before_ = state;
     this->number_ = number;
@@ -123,6 +123,7 @@ class Newton : public Workspace<S> {
     } catch (const Failure&) {
       wary_ = false;
       state = before_;
+      system_.begin_step(state.t, Real(1));
       throw;
     }
     state.t = time_;

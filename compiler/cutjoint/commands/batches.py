@@ -1,0 +1,78 @@
+"""`cutjoint simulate --batch`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from cutjoint.batch import compile_batch, simulate_batch
+from cutjoint.commands import options
+from cutjoint.commands.preparing import read_request, require_own
+from cutjoint.model.records import Model, Scene
+from cutjoint.prepared import Request
+from cutjoint.report.tables import batch_facts
+from cutjoint.run.cases import read_cases, write_results
+from cutjoint.run.results import Batch
+from cutjoint.run.run_file import RunError
+
+
+def run_batch(
+    request: Request, parameters: Mapping[str, float], table: Path | None, *, threads: int | None, out: Path, steps: Path | None,
+    plots: Path | None,
+) -> None:  # fmt: skip
+    """Run a scene once for each row of a ``table`` of parameters: their results into ``out``, and what became of them.
+
+    Raises:
+        RunError: there is no table, or what is asked for does not go with one.
+        SystemExit: some of the runs failed, which is told.
+    """
+    model, scene, method = read_request(request)
+    if table is None:
+        raise RunError("--threads goes with --batch: a single run has one")
+    require_own(
+        "--batch", "runs the method recursive by the trapezoidal rule", implementation=request.implementation, solver=request.solver,
+        precision=request.precision, integrator=None if request.integrator == "trapezoidal" else request.integrator,
+        method=None if method == "recursive" else method, iterations=request.iterations, steps=steps, plots=plots,
+    )  # fmt: skip
+    if request.integrator is not None:
+        scene = replace(scene, numerics=replace(scene.numerics, integrator=request.integrator))
+    done = _run(request, model, scene, parameters, _cases(table, model, parameters, out), threads, out)
+    _report_failures(done, table, out)
+
+
+def _cases(table: Path, model: Model, parameters: Mapping[str, float], out: Path) -> list[dict[str, float]]:
+    """The cases of a table, which sets none of ``parameters`` and is not written to."""
+    cases = read_cases(table, model)
+    if twice := sorted(cases[0].keys() & parameters.keys()):
+        raise RunError(f"--set {twice[0]}: the table {table} has it too; set it in one of the two")
+    if out.resolve() == table.resolve():
+        raise RunError(f"--out {out}: that is the table of parameters; write the results elsewhere")
+    return cases
+
+
+def _run(
+    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
+    out: Path,
+) -> Batch:  # fmt: skip
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with options.progress_bar(f"compiling {model.name}"):
+        artifact = compile_batch(model, scene)
+    with options.progress_bar(f"running {scene.name}") as progress:
+        done = simulate_batch(
+            artifact, [{**parameters, **case} for case in cases], dt=request.dt, end=request.end, tolerance=request.tolerance,
+            threads=threads, progress=progress,
+        )  # fmt: skip
+    write_results(done, out)
+    options.out.print(batch_facts(artifact, done))
+    options.out.print(f"results: {out}, {len(cases)} runs", markup=False)
+    return done
+
+
+def _report_failures(done: Batch, table: Path, out: Path) -> None:
+    failed = [(i, failure) for i, failure in enumerate(done.failures) if failure is not None]
+    for i, failure in failed[:5]:
+        options.err.print(f"{table}: run {i + 1}: {failure}", markup=False)
+    if failed:
+        options.err.print(f"{len(failed)} of {len(done.cases)} runs failed; column 'run.failure' of {out} says how", markup=False)
+        raise SystemExit(1)

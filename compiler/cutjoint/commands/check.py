@@ -1,0 +1,42 @@
+"""`cutjoint check`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cutjoint.analysis.conditioning import rate_choices
+from cutjoint.analysis.inertia import require_inertia
+from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.poses import explore
+from cutjoint.analysis.redundancy import find_redundancy
+from cutjoint.commands import options
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.model.read import read_model
+from cutjoint.report import tables
+from cutjoint.run.scenes import find_scene
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.choice import rank_cuts
+
+
+@click.command("check")
+@options.model
+@options.reports_errors
+def command(model: Path) -> None:
+    """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
+    checked = read_model(model)
+    scene = next(iter(checked.scenes), None)
+    topology = build_topology(checked)
+    equations = formulate_recursive(topology, find_scene(checked, scene), ())
+    require_inertia(equations)
+    poses = explore(equations)
+    mobility = find_mobility(equations, poses)
+    options.out.print(tables.facts(f"model {checked.name}", tables.topology_facts(topology, mobility)))
+    if topology.loops:
+        options.out.print(tables.loop_table(topology))
+        redundancy = find_redundancy(equations, poses)
+        if redundancy.structural or redundancy.momentary:
+            options.out.print(tables.redundancy_table(redundancy))
+        options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
+    options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)

@@ -1,0 +1,24 @@
+"""`cutjoint compile`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cutjoint.commands import options
+from cutjoint.pipeline import compile_model
+
+
+@click.command("compile")
+@options.model
+@options.scene
+@options.method
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the C++ and the simulator.")
+@options.reports_errors
+def command(model: Path, scene: str | None, method: str, out: Path) -> None:
+    """Generate and compile the C++ of MODEL for one scene."""
+    with options.progress_bar(f"compiling {model.name}"):
+        artifact = compile_model(model, scene=scene, method=method, out=out)
+    operations = artifact.program.operations(artifact.iteration)
+    options.out.print(f"{operations} operations an evaluation; source and simulator in {out}", markup=False)

@@ -1,0 +1,33 @@
+"""`cutjoint modes`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cutjoint.commands import options
+from cutjoint.model.read import read_model
+from cutjoint.report.modes import mode_tables, modes_json
+from cutjoint.run.scenes import find_scene
+from cutjoint.states import find_modes
+
+
+@click.command("modes")
+@options.model
+@options.scene
+@click.option("--at", type=click.FloatRange(min=0), metavar="T",
+              help="Linearise about the scene's motion at T seconds; otherwise about the static equilibrium.")
+@options.changes
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file for all figures.")
+@options.reports_errors
+def command(model: Path, scene: str | None, at: float | None, changes: tuple[str, ...], out: Path | None) -> None:
+    """Linearise MODEL and print eigenvalues, frequencies, damping and mode shapes."""
+    checked = read_model(model)
+    chosen = find_scene(checked, next(iter(checked.scenes), None) if scene is None and at is None else scene)
+    with options.progress_bar(f"linearising {model.name}") as progress:
+        found = find_modes(checked, chosen, at=at, parameters=options.read_parameters(changes), progress=progress)
+    for table in mode_tables(found):
+        options.out.print(table)
+    if out is not None:
+        out.write_text(modes_json(found, checked.name, chosen.name), encoding="utf-8")

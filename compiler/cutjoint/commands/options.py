@@ -1,0 +1,96 @@
+"""What commands share: options, how errors end, progress, parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from cutjoint.methods import METHODS
+from cutjoint.run.results import FailureReport
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+model = click.argument("model", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
+method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
+changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
+dt = click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
+end = click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
+iterations = click.option("--iterations", type=click.IntRange(min=1),
+                           help="Of each step of the method recursive, no less and no more, so that all steps cost the same.")  # fmt: skip
+links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
+                      help="Make a massless body a slender rod; * in BODY stands for any text.")  # fmt: skip
+
+
+def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Errors of the user's making end in their message and exit status 1."""
+
+    @wraps(command)
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return command(*args, **kwargs)
+        except (click.ClickException, KeyboardInterrupt, SystemExit):
+            raise
+        except _user_errors() as error:
+            err.print(str(error), markup=False)
+            raise SystemExit(1) from None
+
+    return wrapped
+
+
+def _user_errors() -> tuple[type[Exception], ...]:
+    """Imported where something is raised: a kept run needs none of the stages that these belong to."""
+    from cutjoint.analysis.guides import GuideError
+    from cutjoint.analysis.inertia import NoInertiaError
+    from cutjoint.model.errors import ModelError
+    from cutjoint.run.run_file import RunError
+    from cutjoint.run.simulator import SimulatorError
+    from cutjoint.sparse.ordering import MissingLibraryError
+    from cutjoint.states import NoEquilibriumError
+    from cutjoint.toolchain.build import ToolchainError
+    from cutjoint.topology.spanning_tree import TopologyError
+
+    return (
+        ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
+        NoEquilibriumError, OSError,
+    )  # fmt: skip
+
+
+def describe_failure(failure: FailureReport, scene: str, places: Mapping[str, str], model: Path) -> str:
+    """What failed, with the place of its joint in the model file."""
+    where = places.get(failure.element.rpartition(".")[0], str(model))
+    return f"{where}: scene '{scene}': {failure}"
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
+    """A progress bar on standard error; it yields the function that moves it."""
+    with Progress(console=err, transient=True) as bar:
+        task = bar.add_task(label, total=None)
+        yield lambda share: bar.update(task, total=1.0, completed=share)
+
+
+def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str, float]:
+    """The values of NAME=VALUE by their names.
+
+    Raises:
+        RunError: that is not what is written.
+    """
+    parameters = {}
+    for change in changes:
+        name, _, value = change.partition("=")
+        try:
+            parameters[name] = float(value)
+        except ValueError:
+            from cutjoint.run.run_file import RunError
+
+            raise RunError(f"{option} {change}: write NAME=NUMBER") from None
+    return parameters

@@ -1,0 +1,120 @@
+"""From a model file to a prepared run and its trajectory: what `cutjoint simulate` does where none is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from cutjoint.analysis.mobility import find_mobility
+from cutjoint.commands import options
+from cutjoint.methods import COMPARISON_SOLVERS
+from cutjoint.model.read import read_model
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import Artifact, compile_scene, make_ready
+from cutjoint.prepared import Prepared, Request, keep_prepared
+from cutjoint.reduce.choose import choose, chosen_rung
+from cutjoint.reduce.ladder import Rung
+from cutjoint.report.ladder import choice_table
+from cutjoint.report.tables import topology_facts
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError, changing
+from cutjoint.run.scenes import find_scene, with_closure
+
+Play = Callable[[Prepared], Trajectory]
+
+
+def read_request(request: Request) -> tuple[Model, Scene, str]:
+    """The model, the scene with the closure that is asked for, and the method.
+
+    Raises:
+        ModelError: the file is wrong.
+        RunError: there is no such scene, or the method has no closure.
+    """
+    model = read_model(request.model)
+    scene = find_scene(model, request.scene)
+    method = request.method or scene.method or "recursive"
+    if request.closure is None:
+        return model, scene, method
+    if method != "recursive":
+        raise RunError(f"--closure {request.closure}: only the recursive method has one; use --method recursive")
+    return model, with_closure(scene, request.closure), method
+
+
+def prepare_and_play(request: Request, parameters: Mapping[str, float], play: Play) -> tuple[Prepared, Trajectory]:
+    """Compile a model for what is asked for, with ``parameters`` (SI units) changed, and play the run; keep what it needed.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
+        RunError: what is asked for does not go together, or the model does not have it.
+        ToolchainError, SimulatorError: the C++ side failed.
+    """
+    model, scene, method = read_request(request)
+    if method == "auto":
+        return _pick_and_play(request, model, scene, parameters, play)
+    artifact = _compile(request, model, scene, method)
+    figures = {name: getattr(request, name) for name in ("dt", "end", "tolerance", "solver", "integrator", "iterations")}
+    prepared = _prepare(artifact, **figures)
+    keep_prepared(request, model.text, prepared)
+    if parameters:
+        prepared = replace(prepared, run=make_ready(artifact, parameters=parameters, **figures))
+    return prepared, play(prepared)
+
+
+def _compile(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
+    if method == "recursive" and request.solver != "emitted":
+        raise RunError(f"--solver {request.solver}: the recursive method has no linear solver; use --method augmented or classical")
+    with options.progress_bar(f"compiling {request.model.name}"):
+        return compile_scene(
+            model, scene, method=method, implementation=request.implementation, precision=request.precision,
+            comparison=request.solver in COMPARISON_SOLVERS,
+        )  # fmt: skip
+
+
+def _prepare(artifact: Artifact, **figures: Any) -> Prepared:
+    model = artifact.topology.model
+    return Prepared(
+        model=model.name, counts=topology_facts(artifact.topology, find_mobility(artifact.mechanism)), places=artifact.places,
+        compilation=artifact.compilation, following=changing(model, artifact.scene), run=make_ready(artifact, **figures),
+    )  # fmt: skip
+
+
+def _pick_and_play(
+    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], play: Play
+) -> tuple[Prepared, Trajectory]:  # fmt: skip
+    """Let method auto pick model, scene and method; nothing is kept, since what it picks was measured."""
+    require_own(
+        "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=request.solver,
+        integrator=request.integrator, precision=request.precision, dt=request.dt, end=request.end, iterations=request.iterations,
+    )  # fmt: skip
+    rung = _pick(model, scene, request.tolerance, parameters)
+    prepared = _prepare(_compile(request, rung.model, rung.scene, rung.method), parameters=parameters)
+    run = play(prepared)
+    if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
+        options.err.print(f"{run.failure}; again with the full model", markup=False)
+        full = replace(scene, numerics=rung.scene.numerics)
+        prepared = _prepare(_compile(request, model, full, rung.method), parameters=parameters)
+        run = play(prepared)
+    return prepared, run
+
+
+def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> Rung:
+    """The model, scene and method that method auto picks; it says what and why."""
+    wanted = replace(scene, method="auto", tolerance=tolerance or scene.tolerance)
+    if wanted.tolerance is None:
+        raise RunError(f"{scene.span}: scene '{scene.name}': method auto needs a tolerance; write tolerance: 1 mm, or use --tolerance")
+    with options.progress_bar(f"picking what keeps {wanted.tolerance:g} m and rad"):
+        choice = choose(model, wanted, parameters=parameters)
+    options.out.print(choice_table(choice, wanted))
+    return chosen_rung(model, wanted, choice)
+
+
+def require_own(who: str, reason: str, **asked: Any) -> None:
+    """Some ways to run have their own choice of what these options say.
+
+    Raises:
+        RunError: one of them is given.
+    """
+    usual = {"implementation": "generated", "solver": "emitted", "precision": "double"}
+    for name in (name for name, value in asked.items() if value != usual.get(name)):
+        raise RunError(f"--{name} cannot go with {who}, which {reason}")

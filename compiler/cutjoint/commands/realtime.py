@@ -1,0 +1,39 @@
+"""`cutjoint realtime`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cutjoint.commands import options
+from cutjoint.pipeline import compile_model
+from cutjoint.realtime import run_in_real_time
+from cutjoint.report.realtime import time_tables
+
+
+@click.command("realtime")
+@options.model
+@options.scene
+@options.method
+@options.dt
+@options.end
+@options.iterations
+@options.changes
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for the time of each step.")
+@options.reports_errors
+def command(
+    model: Path, scene: str | None, method: str, dt: float | None, end: float | None, iterations: int | None, changes: tuple[str, ...],
+    out: Path | None,
+) -> None:  # fmt: skip
+    """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
+    with options.progress_bar(f"compiling {model.name}"):
+        artifact = compile_model(model, scene=scene, method=method)
+    with options.progress_bar(f"running {artifact.scene.name}"):
+        times = run_in_real_time(artifact, dt=dt, end=end, iterations=iterations, parameters=options.read_parameters(changes), out=out)
+    for table in time_tables(times):
+        options.out.print(table)
+    if times.failure is not None:
+        where = options.describe_failure(times.failure, artifact.scene.name, artifact.places, model)
+        options.err.print(f"{where}; the steps up to then are told", markup=False)
+        raise SystemExit(1)

@@ -1,0 +1,33 @@
+"""`cutjoint reduce`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cutjoint.commands import options
+from cutjoint.model.read import read_model
+from cutjoint.reduce.ladder import climb
+from cutjoint.reduce.measure import measure_rungs
+from cutjoint.report.ladder import ladder_table, note_lines
+from cutjoint.run.scenes import find_scene
+
+
+@click.command("reduce")
+@options.model
+@options.scene
+@options.method
+@click.option("--approximate", is_flag=True, help="Try passes too that change the motion a little.")
+@options.dt
+@options.changes
+@options.reports_errors
+def command(model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...]) -> None:
+    """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every rung."""
+    checked = read_model(model)
+    with options.progress_bar(f"reducing {model.name}"):
+        rungs = climb(checked, find_scene(checked, scene), method, approximate=approximate)
+        costs = measure_rungs(rungs, dt=dt, parameters=options.read_parameters(changes))
+    options.out.print(ladder_table(rungs, costs))
+    for line in note_lines(rungs[-1]):
+        options.out.print(line, markup=False)

@@ -1,0 +1,90 @@
+"""`cutjoint simulate`: a run that is kept needs nothing of what derives and compiles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cutjoint.commands import options
+from cutjoint.methods import CLOSURES, EXPLICIT, IMPLEMENTATIONS, IMPLICIT, METHODS, SOLVERS
+from cutjoint.prepared import Prepared, Request, find_prepared
+from cutjoint.report import tables
+from cutjoint.run.ready import start
+from cutjoint.run.results import Trajectory
+from cutjoint.toolchain.build import PRECISIONS
+
+
+@click.command("simulate")
+@options.model
+@options.scene
+@click.option("--method", type=click.Choice(["auto", *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
+              "by default the scene's, else recursive.")
+@click.option("--tolerance", type=click.FloatRange(min=0, min_open=True), help="Of method auto in m and rad, of a step of "
+              "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
+@click.option("--implementation", type=click.Choice(IMPLEMENTATIONS), default="generated", show_default=True,
+              help="Code made for the model, or a generic program that interprets it.")
+@click.option("--solver", type=click.Choice(SOLVERS), default="emitted", show_default=True,
+              help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
+@click.option("--integrator", type=click.Choice(["trapezoidal", *EXPLICIT, *IMPLICIT]),
+              help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default "
+              "the scene's, else trapezoidal.")
+@click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
+@click.option("--closure", type=click.Choice(CLOSURES),
+              help="How the recursive method holds its cut joints; the scene's otherwise.")
+@options.dt
+@options.end
+@options.iterations
+@options.changes
+@click.option("--batch", type=click.Path(exists=True, dir_okay=False, path_type=Path),
+              help="CSV file of parameters, a row for each run (SI units): many runs side by side; --out has a row for each, with end, "
+              "smallest and largest value of each output over the scene's rows.")
+@click.option("--threads", type=click.IntRange(min=1), help="Of a batch; as many as processors otherwise.")
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
+@click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
+@click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
+@options.reports_errors
+def command(
+    model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str,
+    integrator: str | None, precision: str, closure: str | None, dt: float | None, end: float | None, iterations: int | None,
+    changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path, steps: Path | None, plots: Path | None,
+) -> None:  # fmt: skip
+    """Compile MODEL when needed, run one scene, and write its outputs."""
+    parameters = options.read_parameters(changes)
+    request = Request(
+        model=model, scene=scene, method=method, closure=closure, implementation=implementation, solver=solver, integrator=integrator,
+        precision=precision, dt=dt, end=end, tolerance=tolerance, iterations=iterations,
+    )  # fmt: skip
+    if batch is not None or threads is not None:
+        from cutjoint.commands.batches import run_batch
+
+        run_batch(request, parameters, batch, threads=threads, out=out, steps=steps, plots=plots)
+        return
+
+    def play(prepared: Prepared) -> Trajectory:
+        with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
+            return start(prepared.run, out=out, steps=steps, progress=progress)
+
+    prepared = find_prepared(request, parameters)
+    if prepared is not None:
+        run = play(prepared)
+    else:
+        from cutjoint.commands.preparing import prepare_and_play
+
+        prepared, run = prepare_and_play(request, parameters, play)
+    options.out.print(tables.facts(f"model {prepared.model}", prepared.counts))
+    options.out.print(tables.run_facts(prepared.compilation, run))
+    options.out.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
+    if plots is not None:
+        _plot(prepared, run, plots)
+    if run.failure is not None:
+        where = options.describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
+        options.err.print(f"{where}; the results up to then are kept", markup=False)
+        raise SystemExit(1)
+
+
+def _plot(prepared: Prepared, run: Trajectory, folder: Path) -> None:
+    from cutjoint.report.plots import plot_run
+
+    title = f"{prepared.model}, {prepared.compilation.scene}"
+    options.out.print(f"plots: {', '.join(str(p) for p in plot_run(run, title, folder))}", markup=False)

@@ -1,0 +1,147 @@
+"""Prepared runs, kept: a second run of a scene derives nothing, and imports nothing of what derives.
+
+The key covers all that a run follows from: the text of the model and the name of its file, which messages have, what was asked for, the
+sources of the compiler and the runtime, the versions of what the compiler calls, the C++ compiler and its flags.  What is kept is plain
+data (JSON), and a simulator by its name in the cache.
+"""
+
+from __future__ import annotations
+
+import codecs
+import json
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import Any
+
+from cutjoint.locations import code_folders
+from cutjoint.run.ready import ReadyRun
+from cutjoint.toolchain.build import FLAGS, ToolchainError, cache_folder, compiler_version, find_compiler, keep, workplace
+
+#: Bytes that are read of a model file: more than a model may have, so that a part of a larger file is none that was kept.
+_LARGEST = 8_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What is asked for besides parameters, by the options of `cutjoint simulate`; None is what scene and method have."""
+
+    model: Path
+    scene: str | None = None
+    method: str | None = None
+    closure: str | None = None
+    implementation: str = "generated"
+    solver: str = "emitted"
+    integrator: str | None = None
+    precision: str = "double"
+    dt: float | None = None
+    end: float | None = None
+    tolerance: float | None = None
+    iterations: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compilation:
+    """Figures of a compilation, for people: operations and instructions of an evaluation, seconds, 0 for what the cache had."""
+
+    scene: str
+    method: str
+    operations: int
+    instructions: int
+    compiler: str
+    flags: tuple[str, ...]
+    generate_seconds: float
+    compile_seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """A compiled model's run, and what is told of it.
+
+    ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
+    file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
+    """
+
+    model: str
+    counts: tuple[tuple[str, str], ...]
+    places: Mapping[str, str]
+    compilation: Compilation
+    following: tuple[str, ...]
+    run: ReadyRun
+
+    def takes(self, parameters: Mapping[str, float]) -> bool:
+        """Whether parameters can be changed without the model."""
+        return not parameters or (not self.following and parameters.keys() <= self.run.run_file["parameters"].keys())
+
+
+def find_prepared(request: Request, parameters: Mapping[str, float]) -> Prepared | None:
+    """The run that was prepared before from what is there now, with parameters (SI units) changed; None where there is none."""
+    if not request.model.is_file():
+        return None  # a pipe can be read once
+    try:
+        with request.model.open("rb") as stream:
+            content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
+        prepared = _from_json(json.loads(_place(request, content).read_text(encoding="utf-8")))
+    except (OSError, ToolchainError, PackageNotFoundError, ValueError, KeyError, TypeError):
+        return None  # nothing kept, or not in one piece; what else is wrong will be told by who prepares
+    if not prepared.takes(parameters) or not prepared.run.simulator.exists():
+        return None
+    return replace(prepared, run=prepared.run.with_parameters(parameters))
+
+
+def keep_prepared(request: Request, text: str, prepared: Prepared) -> None:
+    """Keep what was prepared from the text of a model, with the parameters that it has there."""
+    try:
+        place = _place(request, text.encode())
+    except PackageNotFoundError:
+        return  # installed in a way that does not tell the versions
+    with workplace() as folder:
+        (folder / place.name).write_text(json.dumps(_as_json(prepared)), encoding="utf-8")
+        keep(folder / place.name, place)
+
+
+def _place(request: Request, content: bytes) -> Path:
+    compiler = find_compiler()
+    asked = {**asdict(request), "model": str(request.model)}
+    about = [sha256(content).hexdigest(), asked, _code_digest(code_folders()), _versions(), compiler, compiler_version(compiler), FLAGS]
+    return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
+
+
+@cache
+def _code_digest(folders: tuple[Path, ...]) -> str:
+    """Of the sources in folders, as they were when it was first asked for."""
+    code = sha256()
+    for folder in folders:
+        for path in sorted(p for p in folder.rglob("*") if p.suffix not in ("", ".pyc") and p.is_file()):
+            content = path.read_bytes()
+            code.update(f"{path.relative_to(folder)}\0{len(content)}\0".encode() + content)
+    return code.hexdigest()
+
+
+@cache
+def _versions() -> tuple[str, ...]:
+    """Of Python, of this package and of what it requires."""
+    required = [re.split(r"[^\w.-]", line)[0] for line in requires("cutjoint") or () if "extra ==" not in line]
+    return (sys.version, *(f"{name} {version(name)}" for name in ("cutjoint", *required)))
+
+
+def _as_json(prepared: Prepared) -> dict[str, Any]:
+    found = replace(prepared.compilation, generate_seconds=0.0, compile_seconds=0.0)
+    run = {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}
+    return {**asdict(replace(prepared, compilation=found)), "run": run}
+
+
+def _from_json(data: Mapping[str, Any]) -> Prepared:
+    run, compilation = data["run"], data["compilation"]
+    if not re.fullmatch(r"[\w-]+", run["simulator"]):
+        raise ValueError("a simulator has a name in the cache, not a path")
+    return Prepared(
+        model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
+        compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"])}), following=tuple(data["following"]),
+        run=ReadyRun(**{**run, "simulator": cache_folder() / run["simulator"] / "simulator"}),
+    )  # fmt: skip
