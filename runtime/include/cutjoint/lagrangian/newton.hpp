@@ -109,9 +109,8 @@ class Newton : public Workspace<S> {
     this->number_ = number;
     try {
       advance(state);
-    } catch (const Unreached&) {
-      if (!halves()) throw;
-      advance_by_parts(state);
+    } catch (const Failure&) {
+      if (!halves() || !advance_by_parts(state)) throw;
     }
   }
 
@@ -150,8 +149,7 @@ class Newton : public Workspace<S> {
   virtual void take_multipliers() {}                                   ///< those of the solution
   virtual void settle(State<Real>& state) = 0;                         ///< multipliers at the end of a step, whose Phi is known
 
-  /// Bring rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations.
-  /// What is left of it goes into `gap`.
+  /// Bring rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations; what is left stays in `gap`.
   virtual void project_on(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap) = 0;
 
   virtual void explain() {}  ///< throw Failure when there is more to say of an iteration that did not converge
@@ -206,11 +204,6 @@ class Newton : public Workspace<S> {
   std::vector<Real> lambda_before_;  ///< multipliers of the step before
 
  private:
-  /// An iteration that finds no end.
-  struct Unreached : Failure {
-    using Failure::Failure;
-  };
-
   void advance(State<Real>& state) {
     before_ = state;
     time_ = state.t + dt_;
@@ -233,36 +226,32 @@ class Newton : public Workspace<S> {
     state.t = time_;
   }
 
-  /// A step in parts of a half, a quarter and so on, as short as they must be and as long as they may.  Throws Failure where the
-  /// shortest fails; `state` is then that before the step.
-  void advance_by_parts(State<Real>& state) {
+  /// A step in parts of a half, a quarter and so on, as short as they must be and as long as they may.  Returns false where the shortest
+  /// fails; `state` is then that before the step.
+  bool advance_by_parts(State<Real>& state) {
     constexpr int whole = 64;
     whole_ = state;
     whole_mean_ = mean_;
     int done = 0, part = whole / 2;
-    try {
-      while (done < whole) {
-        stride(Real(part) / Real(whole));
-        stay(state);
-        try {
-          advance(state);
-        } catch (const Unreached&) {
-          if (part == 1) throw;
-          part /= 2;
-          continue;
-        }
+    while (done < whole && part > 0) {
+      stride(Real(part) / Real(whole));
+      stay(state);
+      try {
+        advance(state);
         ++substeps_;
         done += part;
         if (part < whole / 2 && done % (2 * part) == 0) part *= 2;
+      } catch (const Failure&) {
+        part /= 2;
       }
-    } catch (const Failure&) {
-      stride(Real(1));
+    }
+    if (done < whole) {
       state = whole_;
       mean_ = whole_mean_;
-      throw;
     }
     stride(Real(1));
     stay(state);
+    return done == whole;
   }
 
   /// Go on with this share of the step's length.
@@ -275,10 +264,10 @@ class Newton : public Workspace<S> {
     weigh();
   }
 
-  /// Let the next step begin with the state's accelerations and multipliers: those before belong to another length.
+  /// Let the next step begin with the state's accelerations and multipliers: those before belong to another length, or to an attempt.
   void stay(const State<Real>& state) {
     vdot_before_ = state.vdot;
-    lambda_before_ = lambda_;
+    lambda_ = lambda_before_ = state.lambda;
   }
 
   void iterate(State<Real>& state) {
@@ -344,9 +333,9 @@ class Newton : public Workspace<S> {
     take_multipliers();
   }
 
-  /// The accelerations are within the tolerance, as far as their changes tell; or the coordinates by no more than their rounding, and that falls no more: with
-  /// a small dt, an acceleration belongs to less than the last digit of a coordinate.  Equations that nearly depend on each other
-  /// enlarge rounding, which shows when several iterations get no closer.
+  /// The accelerations have no more than the tolerance left to change; or the coordinates changed by no more than their rounding, and that
+  /// falls no more: with a small dt, an acceleration belongs to less than the last digit of a coordinate.  Equations that nearly depend on
+  /// each other enlarge rounding, which shows when several iterations get no closer.
   bool converged(const State<Real>& state, int iteration) {
     const Real last = change_, move = largest(x_);
     change_ = move / k_;
@@ -362,14 +351,14 @@ class Newton : public Workspace<S> {
     return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
   }
 
-  /// What the iteration has still to change, with kept factors: the rest of a geometric series, thirty times as much for safety, but no more than it changed
-  /// last.  (Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8, take ten to a hundred times.)
+  /// What the iteration has left to change, at most as much as it changed last: with kept factors the rest of a geometric series, twenty
+  /// times over for safety.  (Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8, take ten to a hundred times.)
   Real expected() const {
     if (renews_always() || !(contraction_ < Real(1))) return change_;
-    return std::min(change_, Real(30) * contraction_ / (1 - contraction_) * change_);
+    return std::min(change_, Real(20) * contraction_ / (1 - contraction_) * change_);
   }
 
-  /// The contraction that earlier steps showed, as it is believed in the next one: less and less, as long as no second iteration shows another.
+  /// The contraction that earlier steps showed, as the next one believes it: less and less until a second iteration shows another.
   static Real faded(Real contraction) {
     using std::sqrt;
     const Real root = sqrt(contraction);
@@ -393,7 +382,7 @@ class Newton : public Workspace<S> {
   }
 
   /// Rates and accelerations satisfy the equations at the smallest cost in the norm of the tangent: by increments that vanish with the
-  /// gaps, with the factors of the last iteration.  Phid is linear in the rates and Phidd in the accelerations, so that what is left of them is known.
+  /// gaps, with the factors of the last iteration.  Phid is linear in the rates and Phidd in the accelerations: what is left is known.
   void project(State<Real>& state) {
     project_on(state, state.v, phid_);
     this->close(state);
@@ -422,8 +411,7 @@ class Newton : public Workspace<S> {
                          : idle_ == 0                             ? "it was still getting closer: allow more iterations, or take a smaller dt"
                          : change_ <= Real(1e-4) * size_          ? "what is left may be rounding: take a larger tolerance"
                                                                   : "take a smaller dt; look at the forces on this coordinate";
-    throw Unreached(std::string(this->name()) + ": " + what, static_cast<double>(time_), this->number_, std::string(d_.unknowns()[worst()]),
-                    static_cast<double>(change_), advice);
+    fail(what, d_.unknowns()[worst()], change_, advice);
   }
 
   std::vector<Real> vdot_before_;  ///< accelerations of the step before

@@ -7,8 +7,8 @@
 
 namespace cutjoint {
 
-/// The balance is cheap beside its tangent, so that factors are kept, over steps too, while they bring the iteration on; a step that fails even with
-/// a tangent in each iteration is taken in halves.
+/// The balance is cheap beside its tangent, so that factors are kept, over steps too, while they bring the iteration on; a step that fails
+/// even with a tangent in each iteration is taken in halves.
 ///
 /// What violates the equations is then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
 /// would push epsilon dt^2/4 alpha / mass times too far in the free directions.  Multipliers are corrected once the iteration is near its end:
@@ -22,8 +22,8 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   RecursiveNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures) : Base(system, solver, figures), push_(m_), penalised_(n_) {}
 
  private:
-  using Base::alpha_, Base::closing_, Base::d_, Base::f_, Base::figures_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::pose_,
-      Base::system_, Base::x_;
+  using Base::alpha_, Base::closing_, Base::d_, Base::f_, Base::figures_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_,
+      Base::pose_, Base::system_, Base::x_;
 
   const char* name() const override { return "recursive-newton"; }
 
