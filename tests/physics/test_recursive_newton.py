@@ -54,7 +54,7 @@ def test_very_long_steps_on_stiff_bumpers(dt: float) -> None:
 def test_steps_in_parts() -> None:
     """Where an iteration has too few passes for some steps, these are taken in parts: rows and motions stay what they were."""
     artifact = compiled("iltis", "simul1")
-    numerics = replace(artifact.scene.numerics, iterations=4)
+    numerics = replace(artifact.scene.numerics, iterations=2)
     whole = finished(artifact, dt=0.005, end=4.0)
     parts = finished(replace(artifact, scene=replace(artifact.scene, numerics=numerics)), dt=0.005, end=4.0)
     assert whole.effort.substeps == 0
@@ -62,7 +62,7 @@ def test_steps_in_parts() -> None:
     assert parts.steps == whole.steps
     assert parts.t == pytest.approx(whole.t, abs=1e-12)
     assert parts.effort.residuals.position < 1e-10
-    assert parts.columns["chassis.z"] == pytest.approx(whole.columns["chassis.z"], abs=2e-3)
+    assert parts.columns["chassis.z"] == pytest.approx(whole.columns["chassis.z"], abs=2e-4)
 
 
 def test_a_step_whose_parts_fail_ends_the_run() -> None:
