@@ -3,13 +3,14 @@
 
 #include <cmath>
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace cutjoint {
 
 /// The largest absolute value; not a number where one is none.
 template <class Real>
-Real largest(const std::vector<Real>& values) {
+Real largest(std::span<const Real> values) {
   using std::abs;
   Real result(0);
   for (const Real value : values)
@@ -18,7 +19,7 @@ Real largest(const std::vector<Real>& values) {
 }
 
 /// The same by registers: a step asks for it more than ten times.
-inline double largest(const std::vector<double>& values) {
+inline double largest(std::span<const double> values) {
   typedef double Four __attribute__((vector_size(32)));
   typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
   Four most{}, least{}, odd{};
@@ -40,6 +41,11 @@ inline double largest(const std::vector<double>& values) {
     rest += size - size;
   }
   return rest == 0 ? result : largest<double>(values);
+}
+
+template <class Real>
+Real largest(const std::vector<Real>& values) {
+  return largest(std::span<const Real>(values));
 }
 
 }  // namespace cutjoint

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -282,7 +283,7 @@ class Newton : public Workspace<S> {
       const bool renewed = renews_always() || wary_ || !factored_ || slow_;
       if (renewed) turn();
       approach(state, iteration, renewed);
-      if (renewed && iteration > 1 && !finite(largest(x_))) give_up(infinite);
+      if (renewed && iteration > 1 && !finite(largest_move())) give_up(infinite);
       if (renewed) this->factor();
       factored_ = true;
       this->solve();
@@ -337,7 +338,7 @@ class Newton : public Workspace<S> {
   /// falls no more: with a small dt, an acceleration belongs to less than the last digit of a coordinate.  Equations that nearly depend on
   /// each other enlarge rounding, which shows when several iterations get no closer.
   bool converged(const State<Real>& state, int iteration) {
-    const Real last = change_, move = largest(x_);
+    const Real last = change_, move = largest_move();
     change_ = move / k_;
     size_ = Real(1) + largest(state.vdot);
     growing_ = change_ > last ? growing_ + 1 : 0;
@@ -365,6 +366,8 @@ class Newton : public Workspace<S> {
     return root * sqrt(root);
   }
 
+  Real largest_move() const { return largest(std::span<const Real>(x_).first(n_)); }
+
   /// The unknown that the last solution changes most, or one without a number.
   std::size_t worst() const {
     using std::abs;
@@ -376,7 +379,7 @@ class Newton : public Workspace<S> {
 
   bool start_settled(const State<Real>& state, int iteration) {
     const Real last = change_;
-    change_ = largest(x_);
+    change_ = largest_move();
     const Real size = Real(1) + largest(state.vdot);
     return iteration > 0 && (change_ <= rounding_like(1e-12) * size || (change_ <= rounding_like(1e-8) * size && change_ >= last / 2));
   }
@@ -407,7 +410,7 @@ class Newton : public Workspace<S> {
 
   [[noreturn]] void give_up(const std::string& what) {
     explain();
-    const char* advice = !finite(change_) || !finite(largest(x_)) ? "take a smaller dt"
+    const char* advice = !finite(change_) || !finite(largest_move()) ? "take a smaller dt"
                          : idle_ == 0                             ? "it was still getting closer: allow more iterations, or take a smaller dt"
                          : change_ <= Real(1e-4) * size_          ? "what is left may be rounding: take a larger tolerance"
                                                                   : "take a smaller dt; look at the forces on this coordinate";
