@@ -37,7 +37,7 @@ def test_long_steps_on_stiff_bumpers() -> None:
         assert np.isfinite(np.array(list(run.columns.values()))).all()
 
 
-@pytest.mark.parametrize(("dt", "at_most"), [(0.005, 3.2), (0.0075, 4.0), (0.01, 4.3)])
+@pytest.mark.parametrize(("dt", "at_most"), [(0.005, 3.2), (0.0075, 4.2), (0.01, 4.4)])
 def test_iterations_on_stiff_bumpers(dt: float, at_most: float) -> None:
     run = finished(compiled("iltis", "simul1s"), dt=dt)
     assert run.effort.iterations < at_most * run.steps
@@ -58,7 +58,7 @@ def test_steps_in_parts() -> None:
     whole = finished(artifact, dt=0.005, end=4.0)
     parts = finished(replace(artifact, scene=replace(artifact.scene, numerics=numerics)), dt=0.005, end=4.0)
     assert whole.effort.substeps == 0
-    assert 2 <= parts.effort.substeps < parts.steps
+    assert parts.effort.substeps >= 2
     assert parts.steps == whole.steps
     assert parts.t == pytest.approx(whole.t, abs=1e-12)
     assert parts.effort.residuals.position < 1e-10
@@ -76,19 +76,19 @@ def test_a_step_whose_parts_fail_ends_the_run() -> None:
 
 
 def test_short_steps_keep_their_factors() -> None:
-    """A tangent in five steps or fewer, where each would cost as much as three or four iterations; no step is taken in parts."""
+    """A tangent in less than four of ten steps, where it would cost as much as three or four iterations; no step is taken in parts."""
     run = finished(compiled("iltis", "simul1"), dt=0.00125, end=5.0)
-    assert run.effort.factorisations < 0.3 * run.steps
-    assert run.effort.iterations < 2.6 * run.steps
+    assert run.effort.factorisations < 0.4 * run.steps
+    assert run.effort.iterations < 2.7 * run.steps
     assert run.effort.substeps == 0
 
 
 def test_accuracy_does_not_depend_on_kept_factors() -> None:
-    """The estimate of what an iteration leaves keeps runs as near to those of a small tolerance as the tolerance says."""
+    """Whenever tangents are renewed, a run is as near to that of a small tolerance as its own says."""
     artifact = compiled("iltis", "simul1")
     run, close = (finished(artifact, dt=0.0025, end=5.0, tolerance=tolerance) for tolerance in (1e-6, 1e-10))
     for column in ("chassis.x", "chassis.z"):
-        assert run.columns[column] == pytest.approx(close.columns[column], abs=2e-5)
+        assert run.columns[column] == pytest.approx(close.columns[column], abs=2e-6)
 
 
 def test_long_steps_of_the_vehicle() -> None:

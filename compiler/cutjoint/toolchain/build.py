@@ -123,7 +123,8 @@ def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) 
 
 
 def _driver_parts(source: Source, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
-    """Where the driver's parts stand in the cache; all but that of the recursive method have the flags of generated code."""
+    """Where the driver's parts stand in the cache; all but that of the recursive method have parts with the flags of generated
+    code."""
     launch = [runtime_digest(), compiler_version(find_compiler())]
     optimised = kind.comparison or source.driver != "recursive"
     driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *(flags if optimised else ())]

@@ -106,7 +106,7 @@ class Newton : public Workspace<S> {
   }
 
   /// One step; `state` is that at its end.  Throws Failure; `state` is then the last one that converged.
-  void step(State<Real>& state, long number) {
+  [[gnu::noinline]] void step(State<Real>& state, long number) {
     this->number_ = number;
     try {
       advance(state);
@@ -277,7 +277,6 @@ class Newton : public Workspace<S> {
     change_ = smallest_ = std::numeric_limits<Real>::infinity();
     growing_ = idle_ = 0;
     slow_ = false;
-    contraction_ = faded(contraction_);
     for (int iteration = 1;; ++iteration) {
       follow(state);
       const bool renewed = renews_always() || wary_ || !factored_ || slow_;
@@ -334,9 +333,9 @@ class Newton : public Workspace<S> {
     take_multipliers();
   }
 
-  /// The accelerations have no more than the tolerance left to change; or the coordinates changed by no more than their rounding, and that
-  /// falls no more: with a small dt, an acceleration belongs to less than the last digit of a coordinate.  Equations that nearly depend on
-  /// each other enlarge rounding, which shows when several iterations get no closer.
+  /// The accelerations changed by at most the tolerance; or the coordinates by no more than their rounding, and that falls no more: with
+  /// a small dt, an acceleration belongs to less than the last digit of a coordinate.  Equations that nearly depend on each other
+  /// enlarge rounding, which shows when several iterations get no closer.
   bool converged(const State<Real>& state, int iteration) {
     const Real last = change_, move = largest_move();
     change_ = move / k_;
@@ -345,25 +344,12 @@ class Newton : public Workspace<S> {
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
     if (iteration > 1) contraction_ = change_ / last;
-    const Real left = expected(), enough = Real(figures_.tolerance) * size_;
-    slow_ = !(left * contraction_ * contraction_ <= enough);
-    if (left <= enough) return true;
+    const Real enough = Real(figures_.tolerance) * size_;
+    const Real third = iteration > 1 ? change_ : change_ * contraction_;  // the change before that of the third iteration, or of the next
+    slow_ = !(third * contraction_ <= enough);
+    if (change_ <= enough) return true;
     const Real digits = (idle_ >= 4 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
     return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
-  }
-
-  /// What the iteration has left to change, at most as much as it changed last: with kept factors the rest of a geometric series, twenty
-  /// times over for safety.  (Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.8, take ten to a hundred times.)
-  Real expected() const {
-    if (renews_always() || !(contraction_ < Real(1))) return change_;
-    return std::min(change_, Real(20) * contraction_ / (1 - contraction_) * change_);
-  }
-
-  /// The contraction that earlier steps showed, as the next one believes it: less and less until a second iteration shows another.
-  static Real faded(Real contraction) {
-    using std::sqrt;
-    const Real root = sqrt(contraction);
-    return root * sqrt(root);
   }
 
   Real largest_move() const { return largest(std::span<const Real>(x_).first(n_)); }
@@ -426,7 +412,7 @@ class Newton : public Workspace<S> {
   std::vector<Real> kept_now_, kept_before_;  ///< multipliers at the start of a step and before it
   bool wary_ = false;      ///< whether each iteration has a tangent of its own after all
   bool factored_ = false;  ///< whether there are factors of a step
-  bool slow_ = false;      ///< whether two more iterations with the factors in use would not be enough
+  bool slow_ = false;      ///< whether the factors in use would not end the step with its third iteration, or then with the next
   Real contraction_{1};    ///< the share of a change that the next one has, as last seen
   int growing_ = 0, idle_ = 0;  ///< iterations in a row whose change grew, and since it last fell by half
   long iterations_ = 0, substeps_ = 0;
