@@ -6,6 +6,10 @@
 #include "cutjoint/run.hpp"
 #include "cutjoint/sdirk/method.hpp"
 
+extern template class cutjoint::Newton<cutjoint::AnySystem<cutjoint::Precision>>;  // newton.cpp
+extern template class cutjoint::AugmentedNewton<cutjoint::AnySystem<cutjoint::Precision>>;
+extern template class cutjoint::RecursiveNewton<cutjoint::AnySystem<cutjoint::Precision>>;
+
 int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system) {
   return run_program(argc, argv, "simulator", [&](const Json& file) {
     if (reference::is_reference(file)) {

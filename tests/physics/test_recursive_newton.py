@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -34,6 +35,60 @@ def test_long_steps_on_stiff_bumpers() -> None:
         run = finished(artifact, dt=dt)
         assert run.effort.residuals.position < 1e-10
         assert np.isfinite(np.array(list(run.columns.values()))).all()
+
+
+@pytest.mark.parametrize(("dt", "at_most"), [(0.005, 3.2), (0.0075, 4.2), (0.01, 4.4)])
+def test_iterations_on_stiff_bumpers(dt: float, at_most: float) -> None:
+    run = finished(compiled("iltis", "simul1s"), dt=dt)
+    assert run.effort.iterations < at_most * run.steps
+
+
+@pytest.mark.parametrize("dt", [0.015, 0.02, 0.03])
+def test_very_long_steps_on_stiff_bumpers(dt: float) -> None:
+    """Contacts that the iteration does not find its way through at once, which steps in parts do."""
+    run = finished(compiled("iltis", "simul1s"), dt=dt)
+    assert run.effort.residuals.position < 1e-10
+    assert run.effort.residuals.velocity < 1e-5
+
+
+def test_steps_in_parts() -> None:
+    """Where an iteration has too few passes for some steps, these are taken in parts: rows and motions stay what they were."""
+    artifact = compiled("iltis", "simul1")
+    numerics = replace(artifact.scene.numerics, iterations=2)
+    whole = finished(artifact, dt=0.005, end=4.0)
+    parts = finished(replace(artifact, scene=replace(artifact.scene, numerics=numerics)), dt=0.005, end=4.0)
+    assert whole.effort.substeps == 0
+    assert parts.effort.substeps >= 2
+    assert parts.steps == whole.steps
+    assert parts.t == pytest.approx(whole.t, abs=1e-12)
+    assert parts.effort.residuals.position < 1e-10
+    assert parts.columns["chassis.z"] == pytest.approx(whole.columns["chassis.z"], abs=2e-4)
+
+
+def test_a_step_whose_parts_fail_ends_the_run() -> None:
+    """No part converges in one iteration; the state is that before the step."""
+    artifact = compiled("iltis", "simul1")
+    numerics = replace(artifact.scene.numerics, iterations=1)
+    run = simulate(replace(artifact, scene=replace(artifact.scene, numerics=numerics)), dt=0.005, tolerance=1e-13)
+    assert run.failure is not None
+    assert run.failure.message == "recursive-newton: Newton's iteration did not converge in 1 iterations"
+    assert len(run.t) == run.failure.step
+
+
+def test_short_steps_keep_their_factors() -> None:
+    """A tangent in less than four of ten steps, where it would cost as much as three or four iterations; no step is taken in parts."""
+    run = finished(compiled("iltis", "simul1"), dt=0.00125, end=5.0)
+    assert run.effort.factorisations < 0.4 * run.steps
+    assert run.effort.iterations < 2.8 * run.steps
+    assert run.effort.substeps == 0
+
+
+def test_accuracy_does_not_depend_on_kept_factors() -> None:
+    """Whenever tangents are renewed, a run is as near to that of a small tolerance as its own says."""
+    artifact = compiled("iltis", "simul1")
+    run, close = (finished(artifact, dt=0.0025, end=5.0, tolerance=tolerance) for tolerance in (1e-6, 1e-10))
+    for column in ("chassis.x", "chassis.z"):
+        assert run.columns[column] == pytest.approx(close.columns[column], abs=5e-6)
 
 
 def test_long_steps_of_the_vehicle() -> None:

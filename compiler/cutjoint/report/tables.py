@@ -166,6 +166,7 @@ def _effort_facts(effort: Effort) -> list[tuple[str, str]]:
     r = effort.residuals
     facts = [("solver", f"{effort.solver}, {effort.factorisations} factorisations{fallbacks}")]
     facts += [("penalty", f"{effort.penalty:.3g}")] if effort.penalty == effort.penalty else []
+    facts += [("taken in parts", f"{effort.substeps} parts of steps")] if effort.substeps else []
     return [*facts, ("largest residuals", f"Phi {r.position:.1e}, Phid {r.velocity:.1e}, Phidd {r.acceleration:.1e}")]
 
 

@@ -50,7 +50,8 @@ class Effort:
     """What the steps of a run took besides evaluations.
 
     The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured.  ``penalty`` is that of the
-    augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to pivoting.
+    augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to pivoting, ``substeps``
+    the parts that steps of recursive-newton were taken in where the iteration did not reach their end at once.
     ``rejected`` are attempts of steps that were taken again shorter, ``stiff_steps`` those whose length stability limited, ``events`` the
     changes of formula at which steps ended, by element in ``events_by_element``: figures of explicit integrators.
     """
@@ -60,6 +61,7 @@ class Effort:
     iterations: int = 0
     factorisations: int = 0
     pivoting_fallbacks: int = 0
+    substeps: int = 0
     residuals: Residuals = Residuals()
     rejected: int = 0
     stiff_steps: int = 0
@@ -133,7 +135,8 @@ def read_effort(summary: Mapping[str, Any]) -> Effort:
     return Effort(
         solver=summary.get("solver", ""), penalty=summary.get("penalty", nan), iterations=summary.get("iterations", 0),
         factorisations=summary.get("factorisations", 0),
-        pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), residuals=Residuals(**residuals), rejected=summary.get("rejected", 0),
+        pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), substeps=summary.get("substeps", 0),
+        residuals=Residuals(**residuals), rejected=summary.get("rejected", 0),
         stiff_steps=summary.get("stiff_steps", 0), events=summary.get("events", 0),
         events_by_element=summary.get("events_by_element", {}),
     )  # fmt: skip

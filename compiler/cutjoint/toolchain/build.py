@@ -126,10 +126,11 @@ def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) 
 
 
 def _driver_parts(source: Source, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
-    """Where the driver's parts stand in the cache; those for comparisons and batches have the flags of generated code."""
-    optimised = kind.comparison or source.driver == "batch"
-    launch = [runtime_digest(), compiler_version(find_compiler()), *(flags if optimised else ())]
-    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions]
+    """Where the driver's parts stand in the cache; all but that of the recursive method have parts with the flags of generated
+    code, those for comparisons and batches nothing else."""
+    launch = [runtime_digest(), compiler_version(find_compiler()), *(flags if kind.comparison or source.driver == "batch" else ())]
+    own = flags if source.driver != "recursive" else ()
+    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *own]
     return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in (("launch", launch), ("driver", driver))}
 
 

@@ -2,18 +2,50 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
+#include <span>
 #include <vector>
 
 namespace cutjoint {
 
 /// The largest absolute value; not a number where one is none.
 template <class Real>
-Real largest(const std::vector<Real>& values) {
+Real largest(std::span<const Real> values) {
   using std::abs;
   Real result(0);
   for (const Real value : values)
     if (const Real size = abs(value); size > result || size != size) result = size;
   return result;
+}
+
+/// The same by registers: a step asks for it more than ten times.
+inline double largest(std::span<const double> values) {
+  typedef double Four __attribute__((vector_size(32)));
+  typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
+  Four most{}, least{}, odd{};
+  std::size_t i = 0;
+  for (; i + 4 <= values.size(); i += 4) {
+    const Four x = *reinterpret_cast<const Loose*>(values.data() + i);
+    most = x > most ? x : most;
+    least = x < least ? x : least;
+    odd += x - x;  // zero unless one is no finite number
+  }
+  double result = 0, rest = (odd[0] + odd[1]) + (odd[2] + odd[3]);
+  for (std::size_t j = 0; j < 4; ++j) {
+    result = most[j] > result ? most[j] : result;
+    result = -least[j] > result ? -least[j] : result;
+  }
+  for (; i < values.size(); ++i) {
+    const double size = std::abs(values[i]);
+    result = size > result ? size : result;
+    rest += size - size;
+  }
+  return rest == 0 ? result : largest<double>(values);
+}
+
+template <class Real>
+Real largest(const std::vector<Real>& values) {
+  return largest(std::span<const Real>(values));
 }
 
 }  // namespace cutjoint

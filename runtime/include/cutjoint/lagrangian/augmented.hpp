@@ -38,6 +38,10 @@ class AugmentedNewton : public Newton<S> {
       for (auto k = static_cast<std::size_t>(d_.pattern.first[j]); k < static_cast<std::size_t>(d_.pattern.first[j + 1]); ++k)
         if (static_cast<std::size_t>(d_.pattern.row[k]) == j) heaviest = std::max(heaviest, tangent_[k]);
     start_alpha_ = overweight<Real> * (heaviest > Real(0) ? heaviest : Real(1));
+    weigh();
+  }
+
+  void weigh() override {
     if (!(figures_.penalty > 0)) alpha_ = start_alpha_ / (k_ > Real(0) ? k_ : Real(1));
   }
 
@@ -83,9 +87,8 @@ class AugmentedNewton : public Newton<S> {
   }
 
   /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the gap Phid; see Closing.
-  void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) override {
-    const auto negligible = [&] { return this->negligible(values); };
-    const Real left = closing_.close(values, gap, k_ * alpha_, negligible, [&](const auto& w, auto way, auto closing) {
+  void project_on(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap) override {
+    const Real left = closing_.close(values, gap, k_ * alpha_, this->negligible(values), [&](const auto& w, auto way, auto closing) {
       this->follow_weight(pose_, state, w, way, closing);
     });
     if (&values == &state.v) take_share(left);
@@ -107,7 +110,6 @@ class AugmentedNewton : public Newton<S> {
   Real share_left_{0};             ///< of the gap by a projection of length dt^2/4 alpha, where most is left
   std::vector<Real> pose_;  ///< of the tangent
 
- private:
   Closing<Real> closing_;
 };
 

@@ -54,7 +54,7 @@ class ClassicalNewton final : public Newton<S> {
 
   /// f_x (dv; .) = (0; -dt^2/4 Phid), and the same of accelerations with Phidd [eqs. 21-22].  Twice or more, since the matrix is that of
   /// the last iteration, whose pose differs from the final one.
-  void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) override {
+  void project_on(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap) override {
     Real last = std::numeric_limits<Real>::infinity();
     for (std::size_t pass = 0; pass < passes; ++pass) {
       const Real size = largest(gap);

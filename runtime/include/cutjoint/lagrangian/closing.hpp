@@ -27,18 +27,19 @@ class Closing {
  public:
   static constexpr std::size_t passes = 10;
 
-  Closing(std::size_t unknowns, std::size_t equations) : n_(unknowns), m_(equations), gap_(m_), ways_(passes * n_), closings_(passes * m_) {}
+  Closing(std::size_t unknowns, std::size_t equations) : n_(unknowns), m_(equations), ways_(passes * n_), closings_(passes * m_) {}
 
-  /// Change `values` until their gap is `negligible()` beside them; `follow` puts way = A^-1 Phi_q^T w and closing = Phi_q way for a w, and `constraint`
-  /// is c.  Returns the share of the gap that a projection of length c would leave, where most would be left.
-  template <class Negligible, class Follow>
-  Real close(std::vector<Real>& values, const std::vector<Real>& gap, Real constraint, Negligible negligible, Follow follow) {
-    gap_ = gap;
+  /// Change `values` until their gap is `negligible`; it is left in `gap`, which is linear in them.  `follow` puts way = A^-1 Phi_q^T w and
+  /// closing = Phi_q way for a w, and `constraint` is c.  Returns the share of the gap that a projection of length c would leave, where most would
+  /// be left.
+  template <class Follow>
+  Real close(std::vector<Real>& values, std::vector<Real>& gap, Real constraint, Real negligible, Follow follow) {
     Real strongest(0), share_left(0);
-    for (std::size_t pass = 0; pass < passes && largest(gap_) > negligible(); ++pass) {
+    closed_ = !(largest(gap) > negligible);
+    for (std::size_t pass = 0; pass < passes && !closed_; ++pass) {
       const std::span<Real> way(ways_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
-      follow(gap_, way, closing);
-      const Real strength = dot(gap_, closing) / dot(gap_, gap_);
+      follow(gap, way, closing);
+      const Real strength = dot(gap, closing) / dot(gap, gap);
       share_left = std::max(share_left, 1 - constraint * strength);
       const Real free = strength / std::max(1 - constraint * strength, std::numeric_limits<Real>::epsilon());
       if (!(free > Real(1e-4) * strongest)) break;
@@ -49,18 +50,25 @@ class Closing {
         subtract(share, old_way, way);
         subtract(share, old, closing);
       }
-      const Real length = dot(gap_, closing) / dot(closing, closing);
+      const Real length = dot(gap, closing) / dot(closing, closing);
       subtract(length, way, values);
-      subtract(length, closing, gap_);
+      subtract(length, closing, gap);
+      closed_ = !(largest(gap) > negligible);
     }
     return share_left;
   }
 
+  /// Whether the last gap has been closed.
+  bool closed() const { return closed_; }
+
  private:
   static Real dot(std::span<const Real> a, std::span<const Real> b) {
-    Real sum(0);
-    for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
-    return sum;
+    Real sums[4] = {Real(0), Real(0), Real(0), Real(0)};  // they do not wait for each other
+    std::size_t i = 0;
+    for (; i + 4 <= a.size(); i += 4)
+      for (std::size_t j = 0; j < 4; ++j) sums[j] += a[i + j] * b[i + j];
+    for (; i < a.size(); ++i) sums[0] += a[i] * b[i];
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
   }
 
   static void subtract(Real factor, std::span<const Real> a, std::span<Real> from) {
@@ -68,7 +76,7 @@ class Closing {
   }
 
   std::size_t n_, m_;
-  std::vector<Real> gap_;             ///< what is left
+  bool closed_ = true;
   std::vector<Real> ways_, closings_;  ///< increments, and what they close
 };
 

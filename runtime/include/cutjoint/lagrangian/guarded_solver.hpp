@@ -40,7 +40,6 @@ class GuardedSolver final : public LinearSolver<Real> {
 
   Breakdown solve(Real* x) override {
     if (trusted_) return in_use_->solve(x);
-    scaled_->measure(values_);
     std::copy_n(x, right_.size(), right_.begin());
     if (const Breakdown broken = in_use_->solve(x)) return broken;
     trusted_ = solves(x);
@@ -56,8 +55,12 @@ class GuardedSolver final : public LinearSolver<Real> {
   long fallbacks() const override { return fallbacks_; }
 
  private:
+  /// The scales are those of an earlier matrix of the run until they find fault.
   bool solves(const Real* x) {
     const Real limit = std::max(Real(1e-8), 128 * std::numeric_limits<Real>::epsilon());
+    if (measured_ && scaled_->backward_error(values_, x, right_.data()) <= limit) return true;
+    measured_ = true;
+    scaled_->measure(values_);
     return scaled_->backward_error(values_, x, right_.data()) <= limit;
   }
 
@@ -73,7 +76,7 @@ class GuardedSolver final : public LinearSolver<Real> {
   std::unique_ptr<Scaled<Real>> scaled_;
   std::vector<Real> right_;
   LinearSolver<Real>* in_use_ = nullptr;
-  bool trusted_ = false;
+  bool trusted_ = false, measured_ = false;
   long fallbacks_ = 0;
 };
 

@@ -98,6 +98,7 @@ class LagrangianMethod {
     summary["evaluations"] = newton_->evaluations();
     summary["iterations"] = newton_->iterations();
     summary["factorisations"] = newton_->factorisations();
+    summary["substeps"] = newton_->substeps();
     summary["pivoting_fallbacks"] = solver_->fallbacks();
     summary["residuals"] = Json{{"position", number_or_null(worst_.position)},
                                 {"velocity", number_or_null(worst_.velocity)},

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -72,7 +73,7 @@ class Newton : public Workspace<S> {
       : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt),
         share_(Real(1 - figures.rule.alpha_f) / Real(1 - figures.rule.alpha_m)), speed_(dt_ * Real(figures.rule.gamma) * share_),
         k_(dt_ * dt_ * Real(figures.rule.beta) * share_), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_),
-        before_(d_.coordinates.size(), n_, m_), mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
+        before_(d_.coordinates.size(), n_, m_), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
 
   /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
   void begin(State<Real>& state, Real motion) {
@@ -91,7 +92,7 @@ class Newton : public Workspace<S> {
       this->close(state);
       if (iteration > 0) correct_start();
       if (settled) break;
-      if (iteration == 200) fail("the accelerations at the start do not settle", d_.unknowns()[worst_], change_, "take a larger penalty");
+      if (iteration == 200) fail("the accelerations at the start do not settle", d_.unknowns()[worst()], change_, "take a larger penalty");
       this->balance(state, Real(0));
       right_of_start(state);
       this->solve();
@@ -105,34 +106,24 @@ class Newton : public Workspace<S> {
   }
 
   /// One step; `state` is that at its end.  Throws Failure; `state` is then the last one that converged, and the system is at its time.
-  void step(State<Real>& state, long number) {
-    before_ = state;
+  [[gnu::noinline]] void step(State<Real>& state, long number) {
     this->number_ = number;
-    time_ = state.t + dt_;
     try {
-      system_.begin_step(time_, Real(1));
-      if (renews_always())
-        iterate(state);
-      else
-        iterate_warily(state);
-      this->close(state);
-      settle(state);
-      project(state);
-      if (figures_.rule.averages())
-        for (std::size_t i = 0; i < n_; ++i) mean_[i] = averaged(state, i);
+      advance(state);
     } catch (const Failure&) {
-      wary_ = false;
-      state = before_;
+      if (halves() && advance_by_parts(state)) return;
       system_.begin_step(state.t, Real(1));
       throw;
     }
-    state.t = time_;
   }
 
   /// Weights of the tangent of a step.
   Weights<Real> step_weights() const { return weights(); }
 
   long iterations() const { return iterations_; }
+
+  /// How many parts the steps that were divided have been taken in.
+  long substeps() const { return substeps_; }
 
   /// Residuals of the last state.
   const Residuals& residuals() const { return residuals_; }
@@ -148,19 +139,21 @@ class Newton : public Workspace<S> {
   virtual Weights<Real> start_weights() const = 0;  ///< of the matrix that gives accelerations
 
   virtual void choose_weights(const State<Real>&) {}  ///< of the equations against the masses
+  virtual void weigh() {}                             ///< the same for another length of the step
   virtual void examine() {}         ///< throw Failure when the matrix of the start is singular without its solver having noticed
   virtual void correct_start() {}   ///< multipliers from Phidd
   virtual void right_of_start(const State<Real>& state) = 0;
   /// Right-hand side of an iteration, and the tangent where it is renewed.
   virtual void approach(const State<Real>& state, int iteration, bool renewed) = 0;
   virtual bool renews_always() const { return true; }                  ///< whether each iteration has a tangent of its own
+  virtual bool halves() const { return false; }                        ///< whether a step that fails is taken in halves
   virtual bool extrapolates() const { return true; }                   ///< whether multipliers go on as in the step before
   virtual bool may_end() const { return true; }                        ///< whether a step may end with this iteration
   virtual void take_multipliers() {}                                   ///< those of the solution
   virtual void settle(State<Real>& state) = 0;                         ///< multipliers at the end of a step, whose Phi is known
 
-  /// Bring rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations.
-  virtual void project_on(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap) = 0;
+  /// Bring rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations; what is left stays in `gap`.
+  virtual void project_on(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap) = 0;
 
   virtual void explain() {}  ///< throw Failure when there is more to say of an iteration that did not converge
 
@@ -169,6 +162,9 @@ class Newton : public Workspace<S> {
 
   /// The gap beside a quantity of this size that a projection may leave.
   virtual Real negligible(const std::vector<Real>& values) const { return rounding(values); }
+
+  /// The turns of the balls from the step's start to the iterate.
+  void turn() { turn_matrices<Real>(d_.charts, delta_.data(), turns_.data()); }
 
   /// Passes of a projection, and the gap beside a quantity of this size that is only rounding.
   static constexpr std::size_t passes = 10;
@@ -211,27 +207,90 @@ class Newton : public Workspace<S> {
   std::vector<Real> lambda_before_;  ///< multipliers of the step before
 
  private:
+  void advance(State<Real>& state) {
+    before_ = state;
+    time_ = state.t + dt_;
+    try {
+      system_.begin_step(time_, Real(1));
+      if (renews_always())
+        iterate(state);
+      else
+        iterate_warily(state);
+      this->close(state);
+      settle(state);
+      project(state);
+      if (figures_.rule.averages())
+        for (std::size_t i = 0; i < n_; ++i) mean_[i] = averaged(state, i);
+    } catch (const Failure&) {
+      wary_ = false;
+      state = before_;
+      throw;
+    }
+    state.t = time_;
+  }
+
+  /// A step in parts of a half, a quarter and so on, as short as they must be and as long as they may.  Returns false where the shortest
+  /// fails; `state` is then that before the step.
+  bool advance_by_parts(State<Real>& state) {
+    constexpr int whole = 64;
+    whole_ = state;
+    whole_mean_ = mean_;
+    int done = 0, part = whole / 2;
+    while (done < whole && part > 0) {
+      stride(Real(part) / Real(whole));
+      stay(state);
+      try {
+        advance(state);
+        ++substeps_;
+        done += part;
+        if (part < whole / 2 && done % (2 * part) == 0) part *= 2;
+      } catch (const Failure&) {
+        part /= 2;
+      }
+    }
+    if (done < whole) {
+      state = whole_;
+      mean_ = whole_mean_;
+    }
+    stride(Real(1));
+    stay(state);
+    return done == whole;
+  }
+
+  /// Go on with this share of the step's length.
+  void stride(Real share) {
+    dt_ = share * Real(figures_.dt);
+    speed_ = dt_ * Real(figures_.rule.gamma) * share_;
+    k_ = dt_ * dt_ * Real(figures_.rule.beta) * share_;
+    factored_ = false;
+    contraction_ = Real(1);
+    weigh();
+  }
+
+  /// Let the next step begin with the state's accelerations and multipliers: those before belong to another length, or to an attempt.
+  void stay(const State<Real>& state) {
+    vdot_before_ = state.vdot;
+    lambda_ = lambda_before_ = state.lambda;
+  }
+
   void iterate(State<Real>& state) {
     const char* infinite = "Newton's iteration diverged to infinity";
     predict(state);
     change_ = smallest_ = std::numeric_limits<Real>::infinity();
     growing_ = idle_ = 0;
-    slow_ = hard_;
+    slow_ = false;
     for (int iteration = 1;; ++iteration) {
       follow(state);
       const bool renewed = renews_always() || wary_ || !factored_ || slow_;
-      if (renewed) turn_matrices<Real>(d_.charts, delta_.data(), turns_.data());
+      if (renewed) turn();
       approach(state, iteration, renewed);
-      if (iteration > 1 && !finite(largest(x_))) fail(infinite, d_.unknowns()[worst_], change_, "take a smaller dt");
+      if (renewed && iteration > 1 && !finite(largest_move())) give_up(infinite);
       if (renewed) this->factor();
       factored_ = true;
       this->solve();
       take(Real(1) / k_, state);
       ++iterations_;
-      if (converged(state) && may_end()) {
-        hard_ = iteration > 2;
-        break;
-      }
+      if (converged(state, iteration) && may_end()) break;
       if (!finite(change_)) give_up(infinite);
       if (growing_ >= 5 && change_ > Real(1e3) * smallest_) give_up("Newton's iteration diverges");
       if (iteration >= figures_.iterations) give_up("Newton's iteration did not converge in " + std::to_string(iteration) + " iterations");
@@ -279,28 +338,31 @@ class Newton : public Workspace<S> {
   /// The accelerations changed by at most the tolerance; or the coordinates by no more than their rounding, and that falls no more: with
   /// a small dt, an acceleration belongs to less than the last digit of a coordinate.  Equations that nearly depend on each other
   /// enlarge rounding, which shows when several iterations get no closer.
-  bool converged(const State<Real>& state) {
+  bool converged(const State<Real>& state, int iteration) {
     const Real last = change_, move = largest_move();
     change_ = move / k_;
     size_ = Real(1) + largest(state.vdot);
     growing_ = change_ > last ? growing_ + 1 : 0;
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
-    slow_ = !(change_ <= Real(0.01) * last);
-    if (change_ <= Real(figures_.tolerance) * size_) return true;
+    if (iteration > 1) contraction_ = change_ / last;
+    const Real enough = Real(figures_.tolerance) * size_;
+    const Real third = iteration > 1 ? change_ : change_ * contraction_;  // the change before that of the third iteration, or of the next
+    slow_ = !(third * contraction_ <= enough);
+    if (change_ <= enough) return true;
     const Real digits = (idle_ >= 4 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
     return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
   }
 
-  Real largest_move() {
+  Real largest_move() const { return largest(std::span<const Real>(x_).first(n_)); }
+
+  /// The unknown that the last solution changes most, or one without a number.
+  std::size_t worst() const {
     using std::abs;
-    Real move(0);
-    for (std::size_t i = 0; i < n_; ++i)
-      if (const Real size = abs(x_[i]); size > move || size != size) {
-        move = size;
-        worst_ = i;
-      }
-    return move;
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < n_; ++i)
+      if (abs(x_[i]) > abs(x_[worst]) || x_[i] != x_[i]) worst = i;
+    return worst;
   }
 
   bool start_settled(const State<Real>& state, int iteration) {
@@ -311,12 +373,11 @@ class Newton : public Workspace<S> {
   }
 
   /// Rates and accelerations satisfy the equations at the smallest cost in the norm of the tangent: by increments that vanish with the
-  /// gaps, with the factors of the last iteration.
+  /// gaps, with the factors of the last iteration.  Phid is linear in the rates and Phidd in the accelerations: what is left is known.
   void project(State<Real>& state) {
     project_on(state, state.v, phid_);
     this->close(state);
     project_on(state, state.vdot, phidd_);
-    this->close(state);
     residuals_ = measure();
     const double sum = residuals_.position + residuals_.velocity + residuals_.acceleration;
     if (!std::isfinite(sum)) fail("an equation has no finite value", d_.equations[0], Real(sum), this->advice_finite());
@@ -337,26 +398,26 @@ class Newton : public Workspace<S> {
 
   [[noreturn]] void give_up(const std::string& what) {
     explain();
-    fail(what, d_.unknowns()[worst_], change_,
-         idle_ == 0                       ? "it was still getting closer: allow more iterations, or take a smaller dt"
-         : change_ <= Real(1e-4) * size_ ? "what is left may be rounding: take a larger tolerance"
-                                          : "take a smaller dt; look at the forces on this coordinate");
+    const char* advice = !finite(change_) || !finite(largest_move()) ? "take a smaller dt"
+                         : idle_ == 0                             ? "it was still getting closer: allow more iterations, or take a smaller dt"
+                         : change_ <= Real(1e-4) * size_          ? "what is left may be rounding: take a larger tolerance"
+                                                                  : "take a smaller dt; look at the forces on this coordinate";
+    fail(what, d_.unknowns()[worst()], change_, advice);
   }
 
   std::vector<Real> vdot_before_;  ///< accelerations of the step before
-  State<Real> before_;
-  std::vector<Real> mean_;   ///< a, of rules that average
+  State<Real> before_, whole_;           ///< the state before the step, and before one that is taken in parts
+  std::vector<Real> mean_, whole_mean_;  ///< a, of rules that average, and that before a step in parts
   std::vector<Real> delta_;  ///< the integrals of the speeds over a step
   Residuals residuals_;
   Real change_{0}, smallest_{0}, size_{1};
   std::vector<Real> kept_now_, kept_before_;  ///< multipliers at the start of a step and before it
   bool wary_ = false;      ///< whether each iteration has a tangent of its own after all
   bool factored_ = false;  ///< whether there are factors of a step
-  bool hard_ = false;      ///< whether the last step took its time, so that the next one begins with a tangent of its own
-  bool slow_ = false;      ///< whether the factors in use bring the iteration on too slowly
+  bool slow_ = false;      ///< whether the factors in use would not end the step with its third iteration, or then with the next
+  Real contraction_{1};    ///< the share of a change that the next one has, as last seen
   int growing_ = 0, idle_ = 0;  ///< iterations in a row whose change grew, and since it last fell by half
-  std::size_t worst_ = 0;
-  long iterations_ = 0;
+  long iterations_ = 0, substeps_ = 0;
 };
 
 }  // namespace cutjoint

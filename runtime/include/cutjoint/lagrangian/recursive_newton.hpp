@@ -7,7 +7,8 @@
 
 namespace cutjoint {
 
-/// The balance is cheap beside its tangent, so that factors are kept, over steps too, while they bring the iteration on.
+/// The balance is cheap beside its tangent, so that factors are kept, over steps too, while they bring the iteration on; a step that fails
+/// even with a tangent in each iteration is taken in halves.
 ///
 /// What violates the equations is then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
 /// would push epsilon dt^2/4 alpha / mass times too far in the free directions.  Multipliers are corrected once the iteration is near its end:
@@ -21,8 +22,8 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   RecursiveNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures) : Base(system, solver, figures), push_(m_), penalised_(n_) {}
 
  private:
-  using Base::alpha_, Base::d_, Base::f_, Base::figures_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::pose_,
-      Base::system_, Base::x_;
+  using Base::alpha_, Base::closing_, Base::d_, Base::f_, Base::figures_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_,
+      Base::pose_, Base::system_, Base::x_;
 
   const char* name() const override { return "recursive-newton"; }
 
@@ -46,8 +47,19 @@ class RecursiveNewton final : public AugmentedNewton<S> {
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * (f_[i] + penalised_[i]);
   }
 
-  /// A thousandth of what the iteration leaves of the accelerations.
-  Real negligible(const std::vector<Real>& values) const override { return Real(1e-3) * Real(figures_.tolerance) * (Real(1) + largest(values)); }
+  /// A hundredth of what the iteration leaves of the accelerations.
+  Real negligible(const std::vector<Real>& values) const override { return Real(1e-2) * Real(figures_.tolerance) * (Real(1) + largest(values)); }
+
+  /// Where the kept factors leave a gap, those of a new tangent close it.
+  void project_on(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap) override {
+    Base::project_on(state, values, gap);
+    if (closing_.closed() || pose_ == state.q) return;
+    this->turn();
+    this->linearise(state, Real(0), this->step_weights());
+    pose_ = state.q;
+    this->factor();
+    Base::project_on(state, values, gap);
+  }
 
   /// Where a projection leaves most of a gap, equations nearly depend on each other; what they ask for turns quickly with the pose, their
   /// multipliers grow without limit, and with them the tangent's share of these.
@@ -59,11 +71,15 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   }
 
   bool renews_always() const override { return false; }
-  bool may_end() const override { return m_ == 0 || updates_ > 0 || figures_.multiplier_updates == 0; }
+  bool halves() const override { return true; }
+
+  /// The iterate is near enough for its Phi to be the multipliers' alone.
+  bool may_end() const override { return m_ == 0 || this->is_near(); }
 
   /// The last iteration leaves the share of Phi that its tangent's age explains: it is closed along the same Phi_q, by the accelerations.
   void settle(State<Real>& state) override {
-    for (std::size_t pass = 0; pass < Base::passes && largest(phi_) > this->rounding_like(1e-13) * (Real(1) + largest(state.q)); ++pass) {
+    const Real rounding = this->rounding_like(1e-13) * (Real(1) + largest(state.q));
+    for (std::size_t pass = 0; pass < Base::passes && largest(phi_) > rounding; ++pass) {
       for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phi_[i];
       system_.pull(pose_.data(), push_.data(), x_.data());
       this->solve();

@@ -290,8 +290,8 @@ class Stages : public Workspace<S> {
     return largest;
   }
 
-  void bring(const State<Real>& state, std::vector<Real>& values, const std::vector<Real>& gap, Real negligible) {
-    closing_.close(values, gap, alpha_, [negligible] { return negligible; }, [&](const auto& weight, auto way, auto closed) {
+  void bring(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap, Real negligible) {
+    closing_.close(values, gap, alpha_, negligible, [&](const auto& weight, auto way, auto closed) {
       this->follow_weight(pose_, state, weight, way, closed);
     });
   }
