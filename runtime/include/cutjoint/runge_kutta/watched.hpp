@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/runge_kutta/regime.hpp"
 #include "cutjoint/projection.hpp"
 #include "cutjoint/relative.hpp"
 #include "cutjoint/road.hpp"
+#include "cutjoint/stepping/regime.hpp"
 
 namespace cutjoint::runge_kutta {
 
@@ -35,6 +35,7 @@ class Watched : public Relative<M> {
     if (regime_.empty()) return;
     evaluate_switches();
     regime_.look(t);
+    regime_.pass(t);
   }
 
   /// Quaternions get their length back, loops are closed, and speeds keep them closed.
@@ -86,7 +87,7 @@ class Watched : public Relative<M> {
     regime_.adopt();
   }
 
-  Regime<Real>& regime() { return regime_; }
+  stepping::Regime<Real>& regime() { return regime_; }
   const std::vector<Switch>& switches() const { return d_.switches; }
 
  private:
@@ -107,7 +108,7 @@ class Watched : public Relative<M> {
 
   void evaluate_switches() { mechanism_.events(state_.q.data(), state_.v.data(), regime_.values()); }
 
-  Regime<Real> regime_;
+  stepping::Regime<Real> regime_;
   Projection<M> projection_;
   std::vector<Real> last_, before_last_, residual_, rate_;
   Real last_time_{0}, before_last_time_{0};

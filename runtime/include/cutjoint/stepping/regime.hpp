@@ -9,7 +9,7 @@
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/road.hpp"
 
-namespace cutjoint::runge_kutta {
+namespace cutjoint::stepping {
 
 /// The cell of each switch: between which of its levels its value stands.  Zero is the level of a condition; breaks are those of a road.
 ///
@@ -69,16 +69,20 @@ class Regime {
     crossing_ = std::numeric_limits<Real>::infinity();
   }
 
-  /// A stage of the attempt, with the present values.
+  /// Look whether the attempt leaves the regime up to t, with the present values.
   void look(Real t) {
     if (crossed()) return;
     for (std::size_t i = 0; i < cells_.size(); ++i)
       if (is_reached(i)) crossing_ = std::min(crossing_, crossing_of(i, t));
+  }
+
+  /// The present values are those of a stage at t, from which the next one is looked at.
+  void pass(Real t) {
     previous_ = values_;
     previous_time_ = t;
   }
 
-  /// Whether a stage was out of the regime.
+  /// Whether the attempt was seen out of the regime.
   bool crossed() const { return crossing_ < std::numeric_limits<Real>::infinity(); }
 
   /// About when the regime was left.
@@ -148,4 +152,4 @@ class Regime {
   Real previous_time_{0}, crossing_{0};
 };
 
-}  // namespace cutjoint::runge_kutta
+}  // namespace cutjoint::stepping
