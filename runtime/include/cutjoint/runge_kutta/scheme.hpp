@@ -37,7 +37,7 @@ class Scheme {
   }
 
   Attempt attempt(Real h, bool, long) {
-    regime().begin(t_);
+    dynamics_.begin_attempt(t_);
     formula_.attempt(t_, h, y_, end_, error_);
     return {regime().crossed() ? Real(0) : error_size()};
   }

@@ -26,7 +26,14 @@ class Watched : public Relative<M> {
   std::vector<Real> begin(const State<Real>& start) {
     std::vector<Real> y = Relative<M>::begin(start);
     adopt(start.t, y);
+    last_ = start.lambda;
     return y;
+  }
+
+  /// An attempt of a step from t begins, with the multipliers of the last step: those of an attempt that went astray may be anything.
+  void begin_attempt(Real t) {
+    regime_.begin(t);
+    if (known_ < 2) state_.lambda = last_;
   }
 
   void derive(Real t, const std::vector<Real>& y, std::vector<Real>& slope) {
@@ -93,7 +100,7 @@ class Watched : public Relative<M> {
  private:
   using Relative<M>::d_, Relative<M>::mechanism_, Relative<M>::state_;
 
-  /// Multipliers to begin with: on the line through those of the last two steps' ends.
+  /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
   void predict(Real t) {
     if (known_ < 2) return;
     const Real share = (t - last_time_) / (last_time_ - before_last_time_);

@@ -15,7 +15,8 @@ namespace cutjoint::stepping {
 ///
 /// A cell is left when the value is beyond its bounds by more than rounding; where, is then sought without regard to rounding.  A value that
 /// stands on a level when a regime begins has no cell until it is off it.  Rounding is that of the value where a step begins, which is small
-/// near a level, and a few units of the largest value seen, whose terms may cancel there.
+/// near a level, and a few units of the largest value seen, whose terms may cancel there; a step counts four times as much as the one before,
+/// since ratios such as a tyre's slip by its load are without bound for a moment.
 template <class Real>
 class Regime {
  public:
@@ -96,7 +97,7 @@ class Regime {
   /// What rounding may do to a value until the next step begins.
   void weigh(std::size_t i) {
     using std::abs;
-    largest_[i] = std::max(largest_[i], abs(values_[i]));
+    largest_[i] = std::max(largest_[i] / 4, abs(values_[i]));
     noise_[i] = std::numeric_limits<Real>::epsilon() * std::max(4096 * std::max(Real(1), abs(values_[i])), 4 * largest_[i]);
   }
 

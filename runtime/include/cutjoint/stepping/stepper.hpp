@@ -161,6 +161,7 @@ class Stepper {
 
   /// A step too short to be told from none leaves the regime.
   void pass(Real h) {
+    scheme_.regime().advance();
     scheme_.accept(h);
     if (scheme_.seek()) return change(scheme_.found());
     if (++at_once_ >= 50) give_up_switching();
