@@ -41,7 +41,7 @@ class Stages : public Workspace<S> {
         single_(system, other, {.dt = 1.0, .penalty = 0.0, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(n_, m_),
         regime_(d_.switches, roads),
         turns_(unit_turns<Real>(d_.charts)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
-        way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
+        way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
         pulls_(Table::stages + 1, push_), middle_(2, delta_), middle_pulls_(2, push_) {}
 
   std::size_t size() const { return pose_.size() + n_; }
@@ -82,13 +82,16 @@ class Stages : public Workspace<S> {
     regime_.begin(start_.t);
     try {
       for (std::size_t stage = 1; stage <= Table::stages; ++stage) {
-        const bool found = try_stage(stage, h);
-        if (leaves() || !found) return false;
+        if (!try_stage(stage, h)) {
+          strays(h);
+          return false;
+        }
+        if (leaves()) return false;
         regime_.pass(time_);
       }
     } catch (const Failure&) {  // no factors, or no finite value
       factored_ = false;
-      leaves();
+      strays(h);
       return false;
     }
     at_.lambda = lambda_;
@@ -216,12 +219,24 @@ class Stages : public Workspace<S> {
     system_.events(state.q.data(), state.v.data(), regime_.values());
   }
 
-  /// Whether the attempt leaves the regime with the stage as it is, converged or not, and shall end there.
+  /// Whether the attempt leaves the regime with the stage as it is, and shall end there.
   bool leaves() {
     if (regime_.empty()) return false;
     system_.events(at_.q.data(), at_.v.data(), regime_.values());
     regime_.look(time_);
     return regime_.crossed() && !whole_;
+  }
+
+  /// The same of a stage that is not found, or slowly: as it is, and as it was guessed, which is where the regime before would lead.
+  bool strays(Real h) {
+    if (leaves()) return true;
+    const Real w = Table::gamma.as<Real>() * h;
+    at_.vdot.swap(guess_);
+    follow(w);
+    const bool out = leaves();
+    at_.vdot.swap(guess_);
+    follow(w);
+    return out;
   }
 
   void note(Real size, std::size_t speed, Real& largest) {
@@ -262,7 +277,8 @@ class Stages : public Workspace<S> {
       guess(stage, slopes_, at_.vdot);
       guess(stage, pulls_, lambda_);
     }
-    if (!iterate(Table::gamma.as<Real>() * h)) return false;
+    guess_ = at_.vdot;
+    if (!iterate(h)) return false;
     chart_rates<Real>(d_.charts, delta_.data(), at_.v.data(), rates_[stage].data());
     slopes_[stage] = at_.vdot;
     pulls_[stage] = lambda_;
@@ -283,8 +299,9 @@ class Stages : public Workspace<S> {
 
   /// Newton's iteration for a stage; whether it converged.  The first change is judged by the share that a stage before left of one, less and less
   /// trusted (Hairer, Wanner, section IV.8).  Where it goes slowly it may have met a stiff force that begins in this step.
-  bool iterate(Real w) {
+  bool iterate(Real h) {
     using std::pow;
+    const Real w = Table::gamma.as<Real>() * h;
     const Real infinity = std::numeric_limits<Real>::infinity();
     Real last = infinity, smallest = infinity, move(0);
     bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(1.25) && w > factored_w_ * Real(0.8));
@@ -300,7 +317,7 @@ class Stages : public Workspace<S> {
       const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
       if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(0.001))) return follow(w);
       renew = iteration > 1 && share > Real(0.3);
-      if (renew && leaves()) return false;
+      if (renew && strays(h)) return false;
       slow_ = slow_ || renew;
       last = change;
     }
@@ -373,7 +390,7 @@ class Stages : public Workspace<S> {
   State<Real> row_, start_, at_, probe_;  ///< of a row, at the step's start, of a stage, and beside it
   std::vector<Real> pose_, moved_;    ///< that of the factors
   std::vector<Real> push_, way_;
-  std::vector<Real> v_hat_, delta_hat_, delta_, trial_;
+  std::vector<Real> v_hat_, delta_hat_, delta_, trial_, guess_;
   std::vector<std::vector<Real>> rates_, slopes_, pulls_;  ///< at the start and of the stages: delta', accelerations and multipliers
   std::vector<std::vector<Real>> middle_, middle_pulls_;   ///< the last two at a half and three quarters of the step before
   Tolerances<Real> tolerances_;
