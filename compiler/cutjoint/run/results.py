@@ -52,7 +52,7 @@ class Effort:
     The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured.  ``penalty`` is that of the
     augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to pivoting.
     ``rejected`` are attempts of steps that were taken again shorter, ``stiff_steps`` those whose length stability limited, ``events`` the
-    changes of formula at which steps ended, by element in ``events_by_element``: figures of explicit integrators.
+    changes of formula at which steps ended, by element in ``events_by_element``: figures of explicit integrators and of ``sdirk4``.
     """
 
     solver: str = ""

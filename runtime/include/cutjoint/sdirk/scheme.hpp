@@ -53,7 +53,7 @@ class Scheme {
 
   void accept(Real h) {
     stages_.accept(h, before_);
-    interpolant_.join(before_, present());
+    interpolant_.join(h, before_, present(), stages_.moved());
     h_last_ = h;
     trial_ = present();
   }

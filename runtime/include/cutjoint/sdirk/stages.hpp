@@ -129,6 +129,9 @@ class Stages : public Workspace<S> {
 
   const State<Real>& present() const { return start_; }
 
+  /// The displacement by the last step before its end was settled, in the chart of its start.
+  const std::vector<Real>& moved() const { return delta_; }
+
   /// Coordinates and speeds of another state, which closes the loops, become those of the present one; `restart` has to follow.
   void go_to(const State<Real>& state) {
     start_.t = state.t;
