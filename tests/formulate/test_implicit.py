@@ -8,6 +8,7 @@ tangents are compared in the directions that the equations leave free.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,11 @@ from cutjoint.analysis.closing import design_coordinates, retract
 from cutjoint.analysis.natural import call
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.records import SwitchPlace
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.pattern import dense as full
 from cutjoint.sparse.pattern import make_pattern
@@ -243,3 +246,26 @@ def test_newton_converges_quadratically() -> None:
     assert errors[0] > 1e-3
     assert len(orders) >= 2, errors
     assert min(orders) > 1.7, errors
+
+
+def test_events_are_those_of_the_recursion() -> None:
+    """The same places in the model, and the same values in any state, though found in other blocks."""
+    model = read_model(MODELS / "iltis.yaml")
+    scene = find_scene(model, "simul1s")
+    system = make_system(model, scene)
+    oracle = BlockMechanism(build_topology(model), scene, outputs=(), roads=system.roads, parameters=None)
+    rng = np.random.default_rng(1)
+    q = moved(system, design_coordinates(system.equations.start), 0.1 * rng.standard_normal(system.n))
+    v = rng.standard_normal(system.n)
+    results = oracle.results("events")
+    inputs = oracle.inputs(Instant(q=q, v=v, t=TIME_NOW), np.zeros(system.m), Numerics(penalty=1.0, damping_ratio=1.0, frequency=1.0))
+    values = interpret_blocks(results.values(), inputs, oracle.roads)
+    expected = [values[results[f"value:{i}"]].item() for i in range(len(results))]
+    found = np.ravel(system.call("events", q=q, v=v)["value"])
+
+    def named(places: Sequence[SwitchPlace], values: Sequence[float]) -> list[tuple[str, str, str, float]]:
+        return sorted((s.element, s.place, s.road, float(x)) for s, x in zip(places, values, strict=True))
+
+    one, other = named(oracle.equations.switches, expected), named(system.equations.switches, found.tolist())
+    assert [x[:3] for x in one] == [x[:3] for x in other]
+    assert [x[3] for x in one] == pytest.approx([x[3] for x in other], rel=1e-9, abs=1e-9)

@@ -11,6 +11,7 @@ import jinja2
 from cutjoint.emit.names import road_names
 from cutjoint.emit.view import FunctionView, Viewer, on_one_line
 from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.locations import templates_folder
 from cutjoint.program.blocks import BindingTime
@@ -114,7 +115,7 @@ def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[
     assert isinstance(equations, RecursiveEquations)
     lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
     files["description.cpp"] = page.render(
-        "description.cpp.jinja", charts=equations.charts, cuts=[c.first for c in equations.closures], switches=_switches(equations),
+        "description.cpp.jinja", charts=equations.charts, cuts=[c.first for c in equations.closures], switches=switches_of(equations),
         **description(equations, lists),
     )  # fmt: skip
     return files
@@ -142,7 +143,7 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
     }
 
 
-def _switches(equations: RecursiveEquations) -> list[dict[str, object]]:
+def switches_of(equations: RecursiveEquations | ImplicitEquations) -> list[dict[str, object]]:
     """What the description says of the switches."""
     return [
         {"element": s.element, "place": _quotable(s.place), "road": equations.roads.index(s.road) if s.road else -1,

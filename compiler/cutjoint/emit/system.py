@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
-from cutjoint.emit.source import Page, Source, description, mechanism_files, members, project_file
+from cutjoint.emit.source import Page, Source, description, mechanism_files, members, project_file, switches_of
 from cutjoint.emit.view import Viewer
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import SystemEquations
@@ -22,6 +22,7 @@ _ABOUT = {
     "stretch": "Phi_q x.",
     "report": "The reported columns.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
+    "events": "The values of the switches, at whose changes of sign formulas change.",
 }
 
 
@@ -70,8 +71,9 @@ def _system_files(page: Page, program: Program, equations: SystemEquations, plan
 def _relative(equations: SystemEquations) -> dict[str, object]:
     """What only systems in relative coordinates say of themselves."""
     if not isinstance(equations, ImplicitEquations):
-        return {"charts": (), "speed_lists": []}
-    return {"charts": equations.start.charts, "speed_lists": [{"field": "speeds", "names": equations.start.speed_names}]}
+        return {"charts": (), "speed_lists": [], "switches": ()}
+    speeds = {"field": "speeds", "names": equations.start.speed_names}
+    return {"charts": equations.start.charts, "speed_lists": [speeds], "switches": switches_of(equations)}
 
 
 def _pattern(pattern: Pattern, names: tuple[str, ...]) -> dict[str, object]:

@@ -159,18 +159,19 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
 
 
 def _effort_facts(effort: Effort) -> list[tuple[str, str]]:
-    """What a Lagrangian method or an explicit integrator reports besides."""
+    """What a Lagrangian method or an integrator with steps of its own reports besides."""
     if not effort.solver:
-        return _explicit_facts(effort)
+        return _stepping_facts(effort)
     fallbacks = f", {effort.pivoting_fallbacks} with pivoting after all" if effort.pivoting_fallbacks else ""
     r = effort.residuals
     facts = [("solver", f"{effort.solver}, {effort.factorisations} factorisations{fallbacks}")]
     facts += [("penalty", f"{effort.penalty:.3g}")] if effort.penalty == effort.penalty else []
     facts += [("taken in parts", f"{effort.substeps} parts of steps")] if effort.substeps else []
-    return [*facts, ("largest residuals", f"Phi {r.position:.1e}, Phid {r.velocity:.1e}, Phidd {r.acceleration:.1e}")]
+    facts.append(("largest residuals", f"Phi {r.position:.1e}, Phid {r.velocity:.1e}, Phidd {r.acceleration:.1e}"))
+    return [*facts, *_stepping_facts(effort)]
 
 
-def _explicit_facts(effort: Effort) -> list[tuple[str, str]]:
+def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:
     facts = []
     if effort.rejected:
         facts.append(("taken again", f"{effort.rejected} steps"))

@@ -53,7 +53,7 @@ class Effort:
     augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to pivoting, ``substeps``
     the parts that steps of recursive-newton were taken in where the iteration did not reach their end at once.
     ``rejected`` are attempts of steps that were taken again shorter, ``stiff_steps`` those whose length stability limited, ``events`` the
-    changes of formula at which steps ended, by element in ``events_by_element``: figures of explicit integrators.
+    changes of formula at which steps ended, by element in ``events_by_element``: figures of explicit integrators and of ``sdirk4``.
     """
 
     solver: str = ""

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from cutjoint.formulate.correspondence import Correspondence
+from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, pulls, weights
 from cutjoint.formulate.implicit.inertia import Composite, composites, inertial_tangent
@@ -34,6 +35,7 @@ from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_fu
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.switches import find_switches
 
 
 def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> ImplicitEquations:
@@ -57,17 +59,20 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         Zdd=given_accelerations(k), correspondence=Correspondence(), M=masses, Q=weights_of_masses,
     )  # fmt: skip
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
+    balance = system_of.balance()
+    switches = find_switches(b, balance.values())
     functions = system_functions(
-        place=_place(b, start), balance=system_of.balance(), tangent=system_of.tangent(), close=system_of.closure(), pull=system_of.pull(),
+        place=_place(b, start), balance=balance, tangent=system_of.tangent(), close=system_of.closure(), pull=system_of.pull(),
         stretch=system_of.stretch(), report=report_columns(b, reporter.quantity, outputs),
     )  # fmt: skip
     return ImplicitEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
-        functions=(*functions, *guard_function(margins)), method="recursive-newton",
-        slots={**_slots(start), **column_slots(outputs), **margin_slots(model, scene)}, start=start,
+        functions=(*functions, *guard_function(margins), *events_function(switches)), method="recursive-newton",
+        slots={**_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches)}, start=start,
         correspondence=system_of.correspondence, load_arguments=LOAD_ARGUMENTS,
+        switches=describe_switches(b, switches),
     )  # fmt: skip
 
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cutjoint.formulate.records import SystemEquations
+from cutjoint.formulate.records import SwitchPlace, SystemEquations
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImplicitEquations(SystemEquations):
     """The index-3 formulation in relative coordinates: those of ``start``, with its charts and cut joints.
 
+    ``switches`` are the values of ``events``, in an order of their own.
+
     Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``turn:joint`` (of a ball), ``lambda:joint``, ``w:joint``, ``penalty``,
     ``weights``.
     """
+
+    switches: tuple[SwitchPlace, ...]
 
     @property
     def unknowns(self) -> int:

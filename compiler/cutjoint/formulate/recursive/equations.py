@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
     chart_slots,
@@ -14,7 +13,7 @@ from cutjoint.formulate.inputs import (
     open_parameters,
     report_columns,
 )
-from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot, SwitchPlace
+from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import LoopClosure, corrections, derive_loops
@@ -24,7 +23,7 @@ from cutjoint.formulate.recursive.solution import refine, respond, solve
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Builder
-from cutjoint.program.switches import Switch, find_switches
+from cutjoint.program.switches import find_switches
 from cutjoint.topology.records import Topology
 
 _STATE = ("const Real* q", "const Real* v")
@@ -77,7 +76,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
             f"dz:{c.joint}": step[c.joint] for c in charts
         }),
         *guard_function(margins),
-        *_events(switches),
+        *events_function(switches),
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
@@ -85,30 +84,10 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
             **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),
-            **margin_slots(model, scene),
-            **{f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(switches))},
+            **margin_slots(model, scene), **value_slots(switches),
         },
-        switches=_described(b, switches),
+        switches=describe_switches(b, switches),
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
-    )  # fmt: skip
-
-
-def _events(switches: Sequence[Switch]) -> tuple[Function, ...]:
-    """The function ``events``: q, v -> the values of the switches; none if there are none."""
-    arguments = (*_STATE, "Real* value")
-    results = {f"value:{i}": switch.value for i, switch in enumerate(switches)}
-    return (Function(name="events", arguments=arguments, results=results),) if switches else ()
-
-
-def _described(b: Builder, switches: Sequence[Switch]) -> tuple[SwitchPlace, ...]:
-    numbers = {switch.value: i for i, switch in enumerate(switches) if not switch.road}
-    sections = [b.sections[switch.section] for switch in switches]
-    return tuple(
-        SwitchPlace(
-            element=section.element or section.stage, place=section.source, road=switch.road,
-            across=-1 if switch.across is None else numbers.get(switch.across, -1),
-        )
-        for switch, section in zip(switches, sections, strict=True)
     )  # fmt: skip
 
 

@@ -33,6 +33,7 @@ struct SystemDescription {
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
   std::vector<Guard> guards{};                ///< forces that must not act
+  std::vector<Switch> switches{};             ///< where formulas change, of relative coordinates
   Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
   int factors;                                ///< length of the array that `factor` fills
 
@@ -75,7 +76,7 @@ class Road;
 /// - `linearise` is the same and the values of the tangent's entries,
 /// - `close` is Phi, Phid = Phi_q v + Phi_t and Phidd = Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t),
 /// - `pull` is Phi_q^T w, `stretch` Phi_q x,
-/// - `report` is the columns, `guard` the margins as in `Mechanism`,
+/// - `report` is the columns, `guard` the margins as in `Mechanism`, `events` the values of the switches,
 /// - `factor` is the emitted factorisation with its static pivot order: L D L^T (augmented) or L U (classical); it returns -1, or the row
 ///   of the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
 /// - `solve` replaces the right-hand side x by the solution.
@@ -97,7 +98,8 @@ class AnySystem {
   virtual void pull(const Real* q, const Real* w, Real* force) const = 0;
   virtual void stretch(const Real* q, const Real* x, Real* change) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
-  virtual void guard(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with guards have it
+  virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
+  virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with switches have it
   virtual int factor(const Real* tangent, Real* factors) const = 0;
   virtual void solve(const Real* factors, Real* x) const = 0;
 };

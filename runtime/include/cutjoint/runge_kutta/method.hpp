@@ -8,19 +8,20 @@
 #include <string_view>
 #include <vector>
 
-#include "cutjoint/runge_kutta/stepper.hpp"
+#include "cutjoint/runge_kutta/scheme.hpp"
 #include "cutjoint/runge_kutta/tables.hpp"
 #include "cutjoint/runge_kutta/watched.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/row_by_row.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/stepping/stepper.hpp"
 
 namespace cutjoint::runge_kutta {
 
 /// A mechanism in relative coordinates with an explicit Runge-Kutta method.
 template <Mechanism M, class Table>
-class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M> {
-  using Base = RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M>;
+class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watched<M>, Table>>, M> {
+  using Base = RowByRow<Watched<M>, stepping::Stepper<Scheme<Watched<M>, Table>>, M>;
 
  public:
   using Real = typename M::real_type;
@@ -38,7 +39,7 @@ class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void prepare() {
-    const Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
+    const stepping::Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
     const double row = static_cast<double>(this->figure("dt"));
     Base::prepare(tolerances, this->origin() + Real(std::ceil(static_cast<double>(end_) / row - 1e-9)) * this->figure("dt"));
   }
@@ -60,18 +61,8 @@ class ExplicitMethod : public RowByRow<Watched<M>, Stepper<Watched<M>, Table>, M
     Base::summarise(summary);
     if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
     if (!this->stepper()) return;
-    const Counts& counts = this->stepper()->counts();
-    summary["steps"] = counts.steps;
-    summary["rejected"] = counts.rejected;
-    summary["stiff_steps"] = counts.stiff;
-    summary["events"] = counts.events;
-    Json by_element = Json::object();
-    for (std::size_t i = 0; i < counts.by_switch.size(); ++i)
-      if (const long n = counts.by_switch[i]; n > 0) {
-        Json& known = by_element[std::string(dynamics_.switches()[i].element)];
-        known = known.is_null() ? n : known.get<long>() + n;
-      }
-    summary["events_by_element"] = by_element;
+    this->stepper()->summarise(summary);
+    summary["stiff_steps"] = this->stepper()->scheme().stiff();
   }
 
  private:

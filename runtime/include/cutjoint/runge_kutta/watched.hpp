@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/runge_kutta/regime.hpp"
 #include "cutjoint/projection.hpp"
 #include "cutjoint/relative.hpp"
 #include "cutjoint/road.hpp"
+#include "cutjoint/stepping/regime.hpp"
 
 namespace cutjoint::runge_kutta {
 
@@ -26,7 +26,14 @@ class Watched : public Relative<M> {
   std::vector<Real> begin(const State<Real>& start) {
     std::vector<Real> y = Relative<M>::begin(start);
     adopt(start.t, y);
+    last_ = start.lambda;
     return y;
+  }
+
+  /// An attempt of a step from t begins, with the multipliers of the last step: those of an attempt that went astray may be anything.
+  void begin_attempt(Real t) {
+    regime_.begin(t);
+    if (known_ < 2) state_.lambda = last_;
   }
 
   void derive(Real t, const std::vector<Real>& y, std::vector<Real>& slope) {
@@ -35,6 +42,7 @@ class Watched : public Relative<M> {
     if (regime_.empty()) return;
     evaluate_switches();
     regime_.look(t);
+    regime_.pass(t);
   }
 
   /// Quaternions get their length back, loops are closed, and speeds keep them closed.
@@ -86,13 +94,13 @@ class Watched : public Relative<M> {
     regime_.adopt();
   }
 
-  Regime<Real>& regime() { return regime_; }
+  stepping::Regime<Real>& regime() { return regime_; }
   const std::vector<Switch>& switches() const { return d_.switches; }
 
  private:
   using Relative<M>::d_, Relative<M>::mechanism_, Relative<M>::state_;
 
-  /// Multipliers to begin with: on the line through those of the last two steps' ends.
+  /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
   void predict(Real t) {
     if (known_ < 2) return;
     const Real share = (t - last_time_) / (last_time_ - before_last_time_);
@@ -107,7 +115,7 @@ class Watched : public Relative<M> {
 
   void evaluate_switches() { mechanism_.events(state_.q.data(), state_.v.data(), regime_.values()); }
 
-  Regime<Real> regime_;
+  stepping::Regime<Real> regime_;
   Projection<M> projection_;
   std::vector<Real> last_, before_last_, residual_, rate_;
   Real last_time_{0}, before_last_time_{0};

@@ -13,7 +13,8 @@
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/row_by_row.hpp"
 #include "cutjoint/run_file.hpp"
-#include "cutjoint/sdirk/stepper.hpp"
+#include "cutjoint/sdirk/scheme.hpp"
+#include "cutjoint/stepping/stepper.hpp"
 
 namespace cutjoint::sdirk {
 
@@ -24,7 +25,7 @@ struct Parts {
 
   Parts(S& system, const Json& file)
       : inputs(system.description(), file), solver_name(file.value("solver", "emitted")), solver(choose_solver(system, solver_name)),
-        other(choose_solver(system, solver_name)), stages(system, *solver, *other) {
+        other(choose_solver(system, solver_name)), stages(system, *solver, *other, inputs.roads()) {
     inputs.load_system(system);
   }
 
@@ -36,8 +37,8 @@ struct Parts {
 
 /// A system in relative coordinates with steps of its own length, or with equal ones of "sdirk4-fixed".
 template <class S>
-class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, Stepper<S>, S> {
-  using Base = RowByRow<Stages<S>, Stepper<S>, S>;
+class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::Stepper<Scheme<S>>, S> {
+  using Base = RowByRow<Stages<S>, stepping::Stepper<Scheme<S>>, S>;
 
  public:
   using Real = typename S::real_type;
@@ -58,7 +59,7 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, Stepper<S>, 
 
   /// The steps that a row took, and its residuals.
   const std::vector<double>& measure_step() {
-    const Residuals& row = this->stepper()->residuals();
+    const Residuals& row = this->stepper()->scheme().residuals();
     const long steps = this->stepper()->steps();
     measured_ = {static_cast<double>(steps - steps_), row.position, row.velocity};
     steps_ = steps;
@@ -67,7 +68,7 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, Stepper<S>, 
 
   void step(long number) {
     Base::step(number);
-    const Residuals& row = this->stepper()->residuals();
+    const Residuals& row = this->stepper()->scheme().residuals();
     worst_.position = std::max(worst_.position, row.position);
     worst_.velocity = std::max(worst_.velocity, row.velocity);
   }
@@ -78,9 +79,7 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, Stepper<S>, 
     summary["iterations"] = this->stages.iterations();
     summary["factorisations"] = this->stages.factorisations();
     summary["residuals"] = Json{{"position", number_or_null(worst_.position)}, {"velocity", number_or_null(worst_.velocity)}};
-    if (!this->stepper()) return;
-    summary["steps"] = this->stepper()->steps();
-    summary["rejected"] = this->stepper()->rejected();
+    if (this->stepper()) this->stepper()->summarise(summary);
   }
 
  private:

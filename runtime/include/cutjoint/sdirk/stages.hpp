@@ -11,12 +11,14 @@
 
 #include "cutjoint/lagrangian/closing.hpp"
 #include "cutjoint/lagrangian/recursive_newton.hpp"
-#include "cutjoint/runge_kutta/step_control.hpp"
+#include "cutjoint/road.hpp"
 #include "cutjoint/sdirk/table.hpp"
+#include "cutjoint/stepping/regime.hpp"
+#include "cutjoint/stepping/step_control.hpp"
 
 namespace cutjoint::sdirk {
 
-using runge_kutta::Tolerances;
+using stepping::Tolerances;
 
 /// The unknown of a stage is its acceleration, from which follow, with w = h gamma and the sums hat over the stages before,
 ///
@@ -34,11 +36,12 @@ class Stages : public Workspace<S> {
   using typename Workspace<S>::Real;
 
   /// `other` solves for the accelerations of single states.
-  Stages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other)
+  Stages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other, const std::vector<Road<Real>>& roads)
       : Workspace<S>(system, solver),
         single_(system, other, {.dt = 1.0, .penalty = 0.0, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(n_, m_),
+        regime_(d_.switches, roads),
         turns_(unit_turns<Real>(d_.charts)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
-        way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
+        way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
         pulls_(Table::stages + 1, push_), middle_(2, delta_), middle_pulls_(2, push_) {}
 
   std::size_t size() const { return pose_.size() + n_; }
@@ -53,6 +56,7 @@ class Stages : public Workspace<S> {
     alpha_ = single_.step_weights().constraint;
     last_h_ = Real(0);
     keep_start();
+    adopt();
     std::vector<Real> y(start_.q);
     y.insert(y.end(), start_.v.begin(), start_.v.end());
     return y;
@@ -71,14 +75,23 @@ class Stages : public Workspace<S> {
   /// What the error of a step may be; Newton's iteration ends where it leaves a hundredth of that.
   void set_tolerances(const Tolerances<Real>& tolerances) { tolerances_ = tolerances; }
 
-  /// Try a step of length h from the present state; whether its stages were found.
-  bool attempt(Real h, long number) {
+  /// Try a step of length h from the present state; whether its stages were found.  Unless it shall be `whole`, it ends where it leaves the regime.
+  bool attempt(Real h, bool whole, long number) {
     this->number_ = number;
+    whole_ = whole;
+    regime_.begin(start_.t);
     try {
-      for (std::size_t stage = 1; stage <= Table::stages; ++stage)
-        if (!try_stage(stage, h)) return false;
+      for (std::size_t stage = 1; stage <= Table::stages; ++stage) {
+        if (!try_stage(stage, h)) {
+          strays(h);
+          return false;
+        }
+        if (leaves()) return false;
+        regime_.pass(time_);
+      }
     } catch (const Failure&) {  // no factors, or no finite value
       factored_ = false;
+      strays(h);
       return false;
     }
     at_.lambda = lambda_;
@@ -116,6 +129,49 @@ class Stages : public Workspace<S> {
 
   const State<Real>& present() const { return start_; }
 
+  /// The displacement by the last step before its end was settled, in the chart of its start.
+  const std::vector<Real>& moved() const { return delta_; }
+
+  /// Coordinates and speeds of another state, which closes the loops, become those of the present one; `restart` has to follow.
+  void go_to(const State<Real>& state) {
+    start_.t = state.t;
+    start_.q = state.q;
+    start_.v = state.v;
+  }
+
+  /// Accelerations and multipliers of the present state, which forces that jump change; factors and what stages are guessed by are forgotten.
+  void restart() {
+    const long evaluations = single_.evaluations(), factorisations = single_.factorisations();
+    single_.begin(start_, Real(1));
+    evaluations_ += single_.evaluations() - evaluations;
+    factorisations_ += single_.factorisations() - factorisations;
+    last_h_ = Real(0);
+    factored_ = slow_ = false;
+    keep_start();
+  }
+
+  /// Go over to the regime of the present state.
+  void adopt() {
+    if (regime_.empty()) return;
+    switch_at(start_);
+    regime_.adopt();
+  }
+
+  /// Seek the switches that a state has out of the regime; whether there are any.
+  bool seek(const State<Real>& state) {
+    switch_at(state);
+    return regime_.seek();
+  }
+
+  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  std::size_t found(const State<Real>& state) {
+    switch_at(state);
+    return regime_.found();
+  }
+
+  stepping::Regime<Real>& regime() { return regime_; }
+  const std::vector<Switch>& switches() const { return d_.switches; }
+
   /// Close the loops of a state, positions first, then speeds.  Returns what is left.
   Residuals settle(State<Real>& state) {
     if (m_ == 0) return {};
@@ -137,6 +193,10 @@ class Stages : public Workspace<S> {
 
   long iterations() const { return iterations_; }
 
+  // With what restarts take.
+  long evaluations() const { return Workspace<S>::evaluations() + evaluations_; }
+  long factorisations() const { return Workspace<S>::factorisations() + factorisations_; }
+
   /// The coordinate of the last attempt's largest error or change.
   std::string worst() const { return std::string(d_.unknowns()[worst_]); }
 
@@ -155,6 +215,31 @@ class Stages : public Workspace<S> {
   void keep_start() {
     slopes_[0] = start_.vdot;
     pulls_[0] = start_.lambda;
+  }
+
+  void switch_at(const State<Real>& state) {
+    system_.begin_step(state.t, Real(1));
+    system_.events(state.q.data(), state.v.data(), regime_.values());
+  }
+
+  /// Whether the attempt leaves the regime with the stage as it is, and shall end there.
+  bool leaves() {
+    if (regime_.empty()) return false;
+    system_.events(at_.q.data(), at_.v.data(), regime_.values());
+    regime_.look(time_);
+    return regime_.crossed() && !whole_;
+  }
+
+  /// The same of a stage that is not found, or slowly: as it is, and as it was guessed, which is where the regime before would lead.
+  bool strays(Real h) {
+    if (leaves()) return true;
+    const Real w = Table::gamma.as<Real>() * h;
+    at_.vdot.swap(guess_);
+    follow(w);
+    const bool out = leaves();
+    at_.vdot.swap(guess_);
+    follow(w);
+    return out;
   }
 
   void note(Real size, std::size_t speed, Real& largest) {
@@ -195,7 +280,8 @@ class Stages : public Workspace<S> {
       guess(stage, slopes_, at_.vdot);
       guess(stage, pulls_, lambda_);
     }
-    if (!iterate(Table::gamma.as<Real>() * h)) return false;
+    guess_ = at_.vdot;
+    if (!iterate(h)) return false;
     chart_rates<Real>(d_.charts, delta_.data(), at_.v.data(), rates_[stage].data());
     slopes_[stage] = at_.vdot;
     pulls_[stage] = lambda_;
@@ -215,9 +301,10 @@ class Stages : public Workspace<S> {
   }
 
   /// Newton's iteration for a stage; whether it converged.  The first change is judged by the share that a stage before left of one, less and less
-  /// trusted (Hairer, Wanner, section IV.8).
-  bool iterate(Real w) {
+  /// trusted (Hairer, Wanner, section IV.8).  Where it goes slowly it may have met a stiff force that begins in this step.
+  bool iterate(Real h) {
     using std::pow;
+    const Real w = Table::gamma.as<Real>() * h;
     const Real infinity = std::numeric_limits<Real>::infinity();
     Real last = infinity, smallest = infinity, move(0);
     bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(1.25) && w > factored_w_ * Real(0.8));
@@ -233,6 +320,7 @@ class Stages : public Workspace<S> {
       const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
       if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(0.001))) return follow(w);
       renew = iteration > 1 && share > Real(0.3);
+      if (renew && strays(h)) return false;
       slow_ = slow_ || renew;
       last = change;
     }
@@ -300,18 +388,19 @@ class Stages : public Workspace<S> {
 
   RecursiveNewton<S> single_;
   Closing<Real> closing_;
+  stepping::Regime<Real> regime_;
   std::vector<Real> turns_;
   State<Real> row_, start_, at_, probe_;  ///< of a row, at the step's start, of a stage, and beside it
   std::vector<Real> pose_, moved_;    ///< that of the factors
   std::vector<Real> push_, way_;
-  std::vector<Real> v_hat_, delta_hat_, delta_, trial_;
+  std::vector<Real> v_hat_, delta_hat_, delta_, trial_, guess_;
   std::vector<std::vector<Real>> rates_, slopes_, pulls_;  ///< at the start and of the stages: delta', accelerations and multipliers
   std::vector<std::vector<Real>> middle_, middle_pulls_;   ///< the last two at a half and three quarters of the step before
   Tolerances<Real> tolerances_;
   Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5};  ///< the last: of a change by the iteration before
-  bool factored_ = false, slow_ = false;
+  bool factored_ = false, slow_ = false, whole_ = false;
   std::size_t worst_ = 0;
-  long iterations_ = 0;
+  long iterations_ = 0, evaluations_ = 0, factorisations_ = 0;
 };
 
 }  // namespace cutjoint::sdirk

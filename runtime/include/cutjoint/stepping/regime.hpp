@@ -9,13 +9,14 @@
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/road.hpp"
 
-namespace cutjoint::runge_kutta {
+namespace cutjoint::stepping {
 
 /// The cell of each switch: between which of its levels its value stands.  Zero is the level of a condition; breaks are those of a road.
 ///
 /// A cell is left when the value is beyond its bounds by more than rounding; where, is then sought without regard to rounding.  A value that
 /// stands on a level when a regime begins has no cell until it is off it.  Rounding is that of the value where a step begins, which is small
-/// near a level, and a few units of the largest value seen, whose terms may cancel there.
+/// near a level, and a few units of the largest value seen, whose terms may cancel there; a step counts four times as much as the one before,
+/// since ratios such as a tyre's slip by its load are without bound for a moment.
 template <class Real>
 class Regime {
  public:
@@ -69,16 +70,20 @@ class Regime {
     crossing_ = std::numeric_limits<Real>::infinity();
   }
 
-  /// A stage of the attempt, with the present values.
+  /// Look whether the attempt leaves the regime up to t, with the present values.
   void look(Real t) {
     if (crossed()) return;
     for (std::size_t i = 0; i < cells_.size(); ++i)
       if (is_reached(i)) crossing_ = std::min(crossing_, crossing_of(i, t));
+  }
+
+  /// The present values are those of a stage at t, from which the next one is looked at.
+  void pass(Real t) {
     previous_ = values_;
     previous_time_ = t;
   }
 
-  /// Whether a stage was out of the regime.
+  /// Whether the attempt was seen out of the regime.
   bool crossed() const { return crossing_ < std::numeric_limits<Real>::infinity(); }
 
   /// About when the regime was left.
@@ -92,7 +97,7 @@ class Regime {
   /// What rounding may do to a value until the next step begins.
   void weigh(std::size_t i) {
     using std::abs;
-    largest_[i] = std::max(largest_[i], abs(values_[i]));
+    largest_[i] = std::max(largest_[i] / 4, abs(values_[i]));
     noise_[i] = std::numeric_limits<Real>::epsilon() * std::max(4096 * std::max(Real(1), abs(values_[i])), 4 * largest_[i]);
   }
 
@@ -148,4 +153,4 @@ class Regime {
   Real previous_time_{0}, crossing_{0};
 };
 
-}  // namespace cutjoint::runge_kutta
+}  // namespace cutjoint::stepping

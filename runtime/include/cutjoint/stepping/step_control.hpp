@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace cutjoint::runge_kutta {
+namespace cutjoint::stepping {
 
 /// What an error may be: `absolute` and a share `relative` of the value itself.
 template <class Real>
@@ -51,4 +51,4 @@ class StepControl {
   bool rejected_ = false;
 };
 
-}  // namespace cutjoint::runge_kutta
+}  // namespace cutjoint::stepping

@@ -1,0 +1,150 @@
+// An explicit Runge-Kutta method as a scheme of steps.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "cutjoint/runge_kutta/formula.hpp"
+#include "cutjoint/state.hpp"
+#include "cutjoint/stepping/stepper.hpp"
+
+namespace cutjoint::runge_kutta {
+
+/// The scheme of stepping/stepper.hpp for y' = f(t, y); a table without an estimate takes one step a row.
+template <class Dynamics, class Table>
+class Scheme {
+ public:
+  using Real = typename Dynamics::Real;
+  using Attempt = stepping::Attempt<Real>;
+
+  static constexpr int order = Table::order;
+
+  Scheme(Dynamics& dynamics, const stepping::Tolerances<Real>& tolerances)
+      : dynamics_(dynamics), formula_(dynamics), tolerances_(tolerances), y_(dynamics.size()), end_(y_), error_(y_), trial_(y_) {}
+
+  static constexpr bool adaptive() { return Table::adaptive; }
+  Real time() const { return t_; }
+  auto& regime() { return dynamics_.regime(); }
+  const std::vector<Switch>& switches() const { return dynamics_.switches(); }
+
+  Real begin(Real t, const std::vector<Real>& y, Real left) {
+    t_ = t;
+    y_ = y;
+    return adaptive() ? first_length(left) : left;
+  }
+
+  Attempt attempt(Real h, bool, long) {
+    dynamics_.begin_attempt(t_);
+    formula_.attempt(t_, h, y_, end_, error_);
+    return {regime().crossed() ? Real(0) : error_size()};
+  }
+
+  void advance(Real h) {
+    if constexpr (adaptive()) stiff_ += formula_.stiffness(h, end_) > Real(3);
+    dynamics_.advance(t_ + h);
+  }
+
+  void accept(Real h) {
+    formula_.accept(h, y_, end_);
+    before_ = t_;
+    h_last_ = h;
+    trial_ = end_;
+    trial_time_ = t_ + h;
+    finish();
+  }
+
+  Real follow(Real s) {
+    formula_.interpolate(s, trial_);
+    return trial_time_ = before_ + s * h_last_;
+  }
+
+  void follow_to(Real t) {
+    follow((t - before_) / h_last_);
+    trial_time_ = t;
+  }
+
+  bool seek() { return dynamics_.seek(trial_time_, trial_); }
+  std::size_t found() { return dynamics_.found(trial_time_, trial_); }
+
+  void finish() {
+    t_ = trial_time_;
+    dynamics_.settle(t_, trial_);
+    y_ = trial_;
+  }
+
+  void restart() { formula_.restart(); }
+
+  void adopt() {
+    dynamics_.adopt(t_, y_);
+    restart();
+  }
+
+  void read(Real t, bool lies_between, std::vector<Real>& y) {
+    y = y_;
+    if (!lies_between) return;
+    formula_.interpolate((t - before_) / h_last_, y);
+    dynamics_.settle(t, y);
+  }
+
+  Real length(Real, Real allowed) const { return allowed; }
+
+  /// Steps whose length stability limited, not accuracy.
+  long stiff() const { return stiff_; }
+
+  [[noreturn]] void give_up(const Attempt& attempt, const stepping::Counts& counts, long number) const {
+    const bool stiff = stiff_ > counts.steps / 2;
+    const char* what = adaptive() ? "no step is small enough for the tolerance" : "the accelerations have no finite value";
+    const char* advice = !adaptive() ? "take a smaller dt, or a stable method: the integrator trapezoidal, or the method augmented"
+                         : stiff     ? "the problem is stiff: take the integrator trapezoidal, or the method augmented"
+                                     : "allow a larger tolerance, a smaller penalty, or take a longer precision";
+    throw Failure(what, static_cast<double>(t_), number, dynamics_.name(worst_), static_cast<double>(attempt.size), advice);
+  }
+
+ private:
+  /// The largest error by its allowed size; infinite where one is no number.
+  Real error_size() {
+    using std::abs;
+    Real largest(0);
+    for (std::size_t i = 0; i < y_.size(); ++i) {
+      const Real size = (abs(error_[i]) + Real(0) * end_[i]) / tolerances_.of(std::max(abs(y_[i]), abs(end_[i])));
+      if (size <= largest) continue;
+      largest = size;
+      worst_ = i;
+      if (!(size == size)) return std::numeric_limits<Real>::infinity();
+    }
+    return largest;
+  }
+
+  /// A first step (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4).
+  Real first_length(Real left) {
+    using std::abs, std::pow;
+    auto largest = [this](const std::vector<Real>& values) {
+      Real result(0);
+      for (std::size_t i = 0; i < values.size(); ++i) result = std::max(result, abs(values[i]) / tolerances_.of(y_[i]));
+      return result;
+    };
+    dynamics_.derive(t_, y_, end_);
+    const Real value = largest(y_), slope = largest(end_);
+    const Real short_(1e-5), guess = value < short_ || slope < short_ ? Real(1e-6) : Real(0.01) * value / slope;
+    const Real probe = std::min(guess, left);
+    for (std::size_t i = 0; i < y_.size(); ++i) trial_[i] = y_[i] + probe * end_[i];
+    dynamics_.derive(t_ + probe, trial_, error_);
+    for (std::size_t i = 0; i < y_.size(); ++i) error_[i] -= end_[i];
+    const Real bend = std::max(slope, largest(error_) / probe);
+    const Real by_bend = bend <= Real(1e-15) ? std::max(Real(1e-6), probe * Real(1e-3)) : pow(Real(0.01) / bend, Real(1) / Real(Table::order));
+    return std::min(Real(100) * probe, by_bend);
+  }
+
+  Dynamics& dynamics_;
+  Formula<Dynamics, Table> formula_;
+  stepping::Tolerances<Real> tolerances_;
+  Real t_{0}, before_{0}, h_last_{1}, trial_time_{0};
+  std::vector<Real> y_, end_, error_, trial_;
+  std::size_t worst_ = 0;
+  long stiff_ = 0;
+};
+
+}  // namespace cutjoint::runge_kutta

@@ -1,0 +1,128 @@
+// The diagonally implicit method as a scheme of steps.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "cutjoint/sdirk/interpolant.hpp"
+#include "cutjoint/sdirk/stages.hpp"
+#include "cutjoint/stepping/stepper.hpp"
+
+namespace cutjoint::sdirk {
+
+/// The scheme of stepping/stepper.hpp; steps are as long as the tolerance allows, or one a row.
+template <class S>
+class Scheme {
+ public:
+  using Real = typename S::real_type;
+  using Attempt = stepping::Attempt<Real>;
+
+  static constexpr int order = Table::order;
+
+  Scheme(Stages<S>& stages, const Tolerances<Real>& tolerances, bool adaptive)
+      : stages_(stages), interpolant_(stages.charts(), stages.present()), before_(stages.present()), trial_(before_), between_(stages.size()),
+        tolerances_(tolerances), adaptive_(adaptive) {
+    stages_.set_tolerances(tolerances);
+  }
+
+  bool adaptive() const { return adaptive_; }
+  Real time() const { return present().t; }
+  auto& regime() { return stages_.regime(); }
+  const std::vector<Switch>& switches() const { return stages_.switches(); }
+
+  /// Short enough for the accelerations to change no speed by more than the root of what is allowed.
+  Real begin(Real, const std::vector<Real>&, Real left) const {
+    using std::abs, std::pow;
+    Real h = left;
+    for (std::size_t i = 0; i < present().v.size(); ++i) {
+      const Real size = Real(1) + abs(present().v[i]), allowed = tolerances_.of(abs(present().v[i])) / size;
+      h = std::min(h, pow(allowed, Real(0.25)) * size / (Real(1) + abs(present().vdot[i])));
+    }
+    return h;
+  }
+
+  Attempt attempt(Real h, bool whole, long number) {
+    const bool found = stages_.attempt(h, whole, number);
+    return {!found ? std::numeric_limits<Real>::infinity() : adaptive_ ? stages_.error(h) : Real(0), found};
+  }
+
+  void advance(Real) { regime().advance(); }
+
+  void accept(Real h) {
+    stages_.accept(h, before_);
+    interpolant_.join(h, before_, present(), stages_.moved());
+    h_last_ = h;
+    trial_ = present();
+  }
+
+  Real follow(Real s) {
+    put(s, trial_);
+    return trial_.t = before_.t + s * h_last_;
+  }
+
+  void follow_to(Real t) {
+    put((t - before_.t) / h_last_, trial_);
+    trial_.t = t;
+  }
+
+  bool seek() { return stages_.seek(trial_); }
+  std::size_t found() { return stages_.found(trial_); }
+
+  void finish() {
+    stages_.settle(trial_);
+    stages_.go_to(trial_);
+  }
+
+  void restart() { stages_.restart(); }
+
+  void adopt() {
+    stages_.adopt();
+    stages_.restart();
+  }
+
+  void read(Real t, bool lies_between, std::vector<Real>& y) {
+    trial_ = present();
+    if (lies_between) follow_to(t);
+    residuals_ = stages_.settle(trial_);
+    std::copy(trial_.v.begin(), trial_.v.end(), std::copy(trial_.q.begin(), trial_.q.end(), y.begin()));
+  }
+
+  /// A step that would be only a little longer keeps its length, since that keeps its factors.
+  Real length(Real last, Real allowed) const { return allowed >= last && allowed <= Real(1.2) * last ? last : allowed; }
+
+  const Residuals& residuals() const { return residuals_; }  ///< of the last row
+
+  [[noreturn]] void give_up(const Attempt& attempt, const stepping::Counts&, long number) const {
+    const char* what = attempt.found ? "no step is small enough for the tolerance"
+                       : adaptive_   ? "Newton's iteration converges with no step, however small"
+                                     : "Newton's iteration did not converge in a stage";
+    const char* advice = adaptive_ ? "allow a larger tolerance; look for a force without bound, or for a singular pose"
+                                   : "take a smaller dt, or the integrator sdirk4, which chooses its steps";
+    throw Failure(what, static_cast<double>(time()), number, stages_.worst(), static_cast<double>(attempt.size), advice);
+  }
+
+ private:
+  const State<Real>& present() const { return stages_.present(); }
+
+  /// Coordinates and speeds at the share s of the last step.
+  void put(Real s, State<Real>& state) {
+    interpolant_.at(s, between_);
+    const auto middle = between_.begin() + static_cast<std::ptrdiff_t>(state.q.size());
+    std::copy(between_.begin(), middle, state.q.begin());
+    std::copy(middle, between_.end(), state.v.begin());
+  }
+
+  Stages<S>& stages_;
+  Interpolant<Real> interpolant_;
+  State<Real> before_, trial_;
+  std::vector<Real> between_;
+  Tolerances<Real> tolerances_;
+  Residuals residuals_;
+  Real h_last_{1};
+  bool adaptive_;
+};
+
+}  // namespace cutjoint::sdirk

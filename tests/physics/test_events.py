@@ -1,0 +1,140 @@
+"""Integrators that locate events: their order across changes of formula, against exact motions and against SciPy's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cutjoint.pipeline import Artifact, compile_model
+from tests.mechanisms.bouncing import GRAVITY, MASS, bouncing_text, exact_bounces
+from tests.mechanisms.switching import PULSES, TABLE, WHEEL, pulsed, swing_over_knots, wheel_heights
+from tests.physics.simulation import completed, simulate
+
+#: Integrators with steps of equal length, as long as the tolerance allows, and the method that has both.
+EQUAL = {"rk4": "recursive", "sdirk4-fixed": "recursive-newton"}
+ADAPTIVE = {"dormand-prince": "recursive", "sdirk4": "recursive-newton"}
+
+#: What the iteration of an implicit stage may leave beside the errors that are looked at.
+TIGHT: dict[str, dict[str, float]] = {"rk4": {}, "sdirk4-fixed": {"tolerance": 1e-12}}
+
+
+def compiled(folder: Path, text: str, method: str) -> Artifact:
+    path = folder / "model.yaml"
+    path.write_text(text, encoding="utf-8")
+    return compile_model(path, method=method)
+
+
+def errors_of(error: Callable[..., float], integrator: str, steps: Sequence[float]) -> list[float]:
+    return [error(integrator=integrator, dt=dt, **TIGHT[integrator]) for dt in steps]
+
+
+def check_orders(errors: Sequence[float], integrator: str) -> None:
+    """What each halving of the step shows; with rk4 it depends more on where in their steps the events lie."""
+    orders = [float(np.log2(a / b)) for a, b in pairwise(errors)]
+    least, most = {"rk4": (3.5, 5.3), "sdirk4-fixed": (3.8, 4.6)}[integrator]
+    assert min(orders) > least, (orders, errors)
+    assert max(orders) < most, (orders, errors)
+
+
+def check_proportional(error: Callable[..., float], integrator: str, tolerances: Sequence[float], within: float) -> None:
+    """Errors over tolerance stay within a factor, over decades of tolerance: the sign of an order that is kept everywhere."""
+    ratios = [error(integrator=integrator, tolerance=tolerance) / tolerance for tolerance in tolerances]
+    assert max(ratios) < within * min(ratios), ratios
+
+
+def bouncing_error(folder: Path, damping: float, method: str) -> Callable[..., float]:
+    """Errors of the heights; events are as many as the motion has."""
+    artifact = compiled(folder, bouncing_text(damping, 0.5), method)
+
+    def error(**how: Any) -> float:
+        run = completed(simulate(artifact, **how))
+        heights, switched = exact_bounces(run.t, damping, 0.5)
+        assert run.effort.events == switched == sum(run.effort.events_by_element.values()) == run.effort.events_by_element["floor"]
+        return float(np.abs(run["mass.z"] - heights).max())
+
+    return error
+
+
+@pytest.mark.parametrize("damping", [0.0, 10.0])
+@pytest.mark.parametrize("integrator", EQUAL)
+def test_order_across_contacts_that_are_made_and_lost(integrator: str, damping: float, tmp_path: Path) -> None:
+    """With damping the force jumps when the stop is met.  Steps that ignored events would be of order 2 without damping and 1 with it."""
+    steps = {"rk4": (5e-3, 2.5e-3, 1.25e-3, 6.25e-4), "sdirk4-fixed": (2.5e-3, 1.25e-3, 6.25e-4)}[integrator]
+    check_orders(errors_of(bouncing_error(tmp_path, damping, EQUAL[integrator]), integrator, steps), integrator)
+
+
+@pytest.mark.parametrize("damping", [0.0, 10.0])
+@pytest.mark.parametrize("integrator", ADAPTIVE)
+def test_errors_follow_the_tolerance_across_contacts(integrator: str, damping: float, tmp_path: Path) -> None:
+    tolerances = {"dormand-prince": (1e-6, 1e-8, 1e-10, 1e-12), "sdirk4": (1e-4, 1e-6, 1e-8, 1e-10)}[integrator]
+    check_proportional(bouncing_error(tmp_path, damping, ADAPTIVE[integrator]), integrator, tolerances, 4.0)
+
+
+@pytest.mark.parametrize("integrator", [*EQUAL, *ADAPTIVE])
+def test_order_across_the_knots_of_a_table(integrator: str, tmp_path: Path) -> None:
+    """The monotone cubic of a table has jumps in its second derivative."""
+    artifact = compiled(tmp_path, TABLE, {**EQUAL, **ADAPTIVE}[integrator])
+    places = swing_over_knots(np.arange(31) * 0.1)
+
+    def error(**how: Any) -> float:
+        return float(np.abs(completed(simulate(artifact, **how))["mass.x"] - places).max())
+
+    if integrator == "rk4":
+        check_orders(errors_of(error, integrator, (1e-2, 5e-3, 2.5e-3)), integrator)
+    elif integrator == "sdirk4-fixed":  # where in their steps 25 knots lie, moves the errors by a third: the order over four halvings
+        first, last = errors_of(error, integrator, (5e-3, 5e-3 / 16))
+        assert np.log2(first / last) / 4 == pytest.approx(4, abs=0.2)
+    else:
+        check_proportional(error, integrator, (1e-7, 1e-8, 1e-9, 1e-10), 6.0)
+
+
+@pytest.mark.parametrize("integrator", [*EQUAL, *ADAPTIVE])
+def test_order_across_breaks_of_the_road(integrator: str, tmp_path: Path) -> None:
+    artifact = compiled(tmp_path, WHEEL, {**EQUAL, **ADAPTIVE}[integrator])
+    heights = wheel_heights(np.arange(21) * 0.05)
+
+    def error(**how: Any) -> float:
+        run = completed(simulate(artifact, **how))
+        assert run.effort.events_by_element["tyre"] >= 4
+        assert run["tyre.Fz"].min() > 0
+        return float(np.abs(run["hub.z"] - heights).max())
+
+    if integrator in EQUAL:
+        check_orders(errors_of(error, integrator, (1e-2, 5e-3, 2.5e-3)), integrator)
+    else:
+        check_proportional(error, integrator, (1e-5, 1e-7, 1e-9), 6.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "how"),
+    [
+        ("recursive", {"integrator": "rk4", "dt": 0.1}), ("recursive", {"integrator": "dormand-prince"}),
+        ("recursive-newton", {"integrator": "sdirk4-fixed", "dt": 0.1, "tolerance": 1e-10}), ("recursive-newton", {"integrator": "sdirk4"}),
+    ],
+    ids=lambda x: x if isinstance(x, str) else x["integrator"],
+)  # fmt: skip
+def test_steps_end_where_a_function_of_time_jumps(method: str, how: dict[str, Any], tmp_path: Path) -> None:
+    """Piecewise parabolas, which the methods have exactly: what is left is where the jumps are."""
+    run = completed(simulate(compiled(tmp_path, PULSES, method), **how))
+    places, speeds = pulsed(run.t)
+    assert run.effort.events == 2
+    assert run["mass.vx"] == pytest.approx(speeds, abs=1e-12)
+    assert run["mass.x"] == pytest.approx(places, abs=1e-12)
+
+
+@pytest.mark.parametrize("integrator", ["sdirk4", "sdirk4-fixed"])
+def test_a_stiff_contact_within_a_step(integrator: str, tmp_path: Path) -> None:
+    """A mass falls on a stop and comes to rest there: the damper takes its speed in a ten-thousandth of 10 ms, the spring takes 10 ms."""
+    stiffness, damping = 1e8, 1e6
+    text = bouncing_text(damping, 0.5).replace("stiffness: 2000.0", f"stiffness: {stiffness:.1e}")
+    run = completed(simulate(compiled(tmp_path, text, "recursive-newton"), integrator=integrator, dt=0.01, tolerance=1e-6))
+    falls = np.sqrt(2 * 0.5 / GRAVITY)
+    flight = run.t < falls
+    assert run["mass.z"][flight] == pytest.approx(0.5 - GRAVITY * run.t[flight] ** 2 / 2, abs=1e-6)
+    assert run["mass.z"][-1] == pytest.approx(-MASS * GRAVITY / stiffness, abs=1e-6)
+    assert np.abs(run["mass.z"][~flight]).max() < 1e-4
