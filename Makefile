@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz bench batch chain realtime newton methods report choice flags verification lint setup clean
+.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -28,6 +28,17 @@ flags: setup
 
 batch: setup
 	$(BIN)/python -m benchmarks.batch
+
+# Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.
+figures: setup
+	mkdir -p results/figures
+	set -e; for each in bench methods newton batch chain instructions realtime flags choice verification; do \
+	  $(MAKE) --no-print-directory $$each > results/figures/$$each.txt; done
+	$(MAKE) --no-print-directory report
+	$(BIN)/python docs/pictures/simul1.py
+
+instructions: setup
+	$(BIN)/python -m benchmarks.instructions
 
 chain: setup
 	$(BIN)/python -m benchmarks.chain

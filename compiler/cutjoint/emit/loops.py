@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cutjoint.emit.names import common_name, unique
+from cutjoint.emit.names import common_name, identifier, unique
 from cutjoint.emit.printer import Printer, kept_type, lanes_type
 from cutjoint.program.loops import Input, Kept, Loop, Rolled, Step, Table
 from cutjoint.program.scalars import Graph
@@ -39,7 +39,7 @@ class Written:
 def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str], taken: set[str], conditions: str) -> Written:
     """Name what the loops of a function keep.
 
-    ``names`` are those of its scalars, ``prefixes`` begin names of a section's others, ``taken`` are in use.
+    ``names`` are those of its scalars, ``prefixes`` begin names of a section's others; ``taken`` are in use, new ones are put in.
     """
     declared: list[str] = []
     known: dict[int, str] = {}
@@ -82,7 +82,7 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
                 kind = lanes_type(loop.lanes)
                 known[n] = f"strided<{kind}, {step.stride}>(&{known[n]})"
                 if uses[n] > 1:
-                    name = unique(f"{array}_k", taken)
+                    name = unique(f"{identifier(array)}_k", taken)
                     front_lines.append(f"  const {kind} {name} = {known[n]};")
                     known[n] = name
         tables.append(tuple(own))
@@ -120,11 +120,9 @@ def index(step: Step) -> str:
 
 
 def _table(name: str, nodes: Sequence[int], printer: Printer) -> str:
-    values = [printer.graph.value(n) for n in nodes]
-    if all(v is not None for v in values):
-        return f"static constexpr double {name}[] = {{{', '.join(map(repr, values))}}};"
+    storage = "static const" if all(printer.graph.value(n) is not None for n in nodes) else "const"
     kind = kept_type(printer.graph.nodes[nodes[0]], printer.conditions)
-    return f"const {kind} {name}[] = {{{', '.join(printer.text(n) for n in nodes)}}};"
+    return f"{storage} {kind} {name}[] = {{{', '.join(printer.text(n) for n in nodes)}}};"
 
 
 def read_by_loops(rolled: Rolled) -> list[int]:

@@ -66,3 +66,8 @@ def road_names(roads: Sequence[str]) -> dict[str, str]:
     """An identifier for each tyre's road; instances may make two names alike."""
     taken: set[str] = set()
     return {road: unique(f"road_{road.replace('.', '_')}", taken) for road in roads}
+
+
+def identifier(text: str) -> str:
+    """Text as part of a C++ name."""
+    return re.sub(r"\W", "_", text)

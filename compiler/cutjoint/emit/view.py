@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -10,7 +9,7 @@ from textwrap import wrap
 from types import MappingProxyType
 
 from cutjoint.emit.loops import Written, index, read_by_loops, write_loops
-from cutjoint.emit.names import common_name, name_scalars, road_names, unique
+from cutjoint.emit.names import common_name, identifier, name_scalars, road_names, unique
 from cutjoint.emit.printer import Printer, Statement, kept_type, lanes_type
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import BindingTime, Section
@@ -95,7 +94,7 @@ class Viewer:
             if node.op == "symbol" and isinstance(node.data, tuple) and node.data[0] in slots:
                 symbol, index = node.data
                 slot, element = slots[symbol], symbol.partition(":")[2]
-                names[n] = unique(_identifier(f"{slot.array}_{element}_{slot.names[index]}"), taken)
+                names[n] = unique(identifier(f"{slot.array}_{element}_{slot.names[index]}"), taken)
         return names
 
     def _input(self, symbol: str, index: int) -> str:
@@ -161,7 +160,7 @@ class Viewer:
         extra: tuple[str, ...],
     ) -> FunctionView:  # fmt: skip
         kept = [n for n in self._kept if self._program.graph.nodes[n].binding is binding]
-        printer = self._printer(known, self._program.graph, self._program.sections, self._names)
+        printer = self._printer(known, self._program.graph, self._program.sections, self._names, self._taken())
         sections = self._sections(printer.statements(nodes, printer.count_uses(nodes, kept)), self._program.sections)
         results = [f"{self._member(n)} = {printer.text(n)};" for n in kept]
         return self._view(name, arguments, _in_stretches(sections), [*results, *extra], ())
@@ -169,10 +168,10 @@ class Viewer:
     def function(self, name: str) -> FunctionView:
         """One of the functions that a step calls."""
         function, rolled = self._program.function(name), self._rolled[name]
-        taken = set(self._names.values()) | set(self._locals.values())
+        taken = self._taken()
         loops = write_loops(rolled, self._names, [_prefix(s) for s in rolled.sections], taken, self._conditions)
         known = {**self._inputs, **self._locals, **self._known(BindingTime.STEP), **loops.known}
-        printer = self._printer(known, rolled.graph, rolled.sections, {**self._names, **loops.names}, loops.elements)
+        printer = self._printer(known, rolled.graph, rolled.sections, {**self._names, **loops.names}, taken, loops.elements)
         sections: list[SectionView] = []
         single = [n for part in rolled.parts if not isinstance(part, int) for n in part]
         read = read_by_loops(rolled)
@@ -194,7 +193,8 @@ class Viewer:
     def _loop(self, i: int, rolled: Rolled, loops: Written, printer: Printer) -> list[SectionView]:
         """The sections of a loop's body; none where it only stores results."""
         loop = rolled.loops[i]
-        uses = printer.count_uses(loop.body, [])
+        nodes = rolled.graph.nodes
+        uses = printer.count_uses([*loop.body, *{a for n in loop.body for a in nodes[n].args if nodes[a].op == "neg"}], [])
         views = self._sections(printer.statements(loop.body, uses), rolled.sections)
         views = [replace(v, indent="  ") for v in views]
         if views:
@@ -203,15 +203,18 @@ class Viewer:
         return views
 
     def _printer(
-        self, known: Mapping[int, str], graph: Graph, sections: Sequence[Section], names: Mapping[int, str],
+        self, known: Mapping[int, str], graph: Graph, sections: Sequence[Section], names: Mapping[int, str], taken: set[str],
         elements: Mapping[int, str] = MappingProxyType({}),
     ) -> Printer:  # fmt: skip
         prefixes = [_prefix(s) for s in sections]
-        taken = frozenset(names.values()) | frozenset(self._locals.values())
         return Printer(
-            graph=graph, names=names, known=known, prefixes=prefixes, taken=taken, roads=self._roads,
+            graph=graph, names=names, known=known, prefixes=prefixes, taken=frozenset(taken), roads=self._roads,
             conditions=self._conditions, elements=elements,
         )  # fmt: skip
+
+    def _taken(self) -> set[str]:
+        """The names that a function may not give again."""
+        return set(self._names.values()) | set(self._locals.values())
 
     def _place(self, symbol: str, index: int) -> tuple[str, int]:
         """Array and element of an input or a result."""
@@ -284,12 +287,7 @@ def _wrapped(statement: Statement) -> Statement:
 def _prefix(section: Section) -> str:
     """What names begin with that a section has no better ones for."""
     first, _, last = section.element.partition(TO)
-    return _identifier((common_name(first, last) if last else first) or section.stage)
-
-
-def _identifier(text: str) -> str:
-    """Text as part of a C++ name."""
-    return re.sub(r"\W", "_", text)
+    return identifier((common_name(first, last) if last else first) or section.stage)
 
 
 def _mentions(text: str, name: str) -> bool:

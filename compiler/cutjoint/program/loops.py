@@ -377,11 +377,12 @@ class _Rolling:
 
     def _lanes(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]]) -> int:
         """How many iterations of a run are computed side by side: none where they read each other's values, have lanes of their own, or
-        keep conditions."""
+        keep conditions or read kept ones."""
         alone = not any(isinstance(g, Kept) and g.loop == i for g in run.given.values())
         nodes = [self._nodes[n] for n in run.iterations[0] if n >= 0]
         plain = not any(x.lanes or x.op in ("lane", "lane_sum") or x.op.startswith("road_") for x in nodes)
-        real = not any(self._nodes[run.iterations[0][j]].op in _CONDITIONS for loop, j in wanted if loop == i)
+        shared = [run.iterations[0][j] for loop, j in wanted if loop == i] + [column[0] for column in run.given]
+        real = not any(self._nodes[n].op in _CONDITIONS for n in shared)
         return LANES if self._program.lanes and nodes and alone and plain and real else 0
 
     def _argument(
@@ -391,8 +392,7 @@ class _Rolling:
         if column in run.given:
             if column not in given:
                 like = self._nodes[column[0]]
-                leaf = replace(like, op="symbol", args=(), data=None, binding=BindingTime.ITERATION, lanes=lanes or like.lanes)
-                given[column] = _append(graph, leaf)
+                given[column] = _append(graph, replace(like, args=(), binding=BindingTime.ITERATION, lanes=lanes or like.lanes))
             return given[column]
         return column[0] if len(set(column)) == 1 else body[self._where[column[0]][1]]
 
