@@ -1,4 +1,4 @@
-"""Where the tests find models and data; generated code is compiled fast rather than made fast."""
+"""Where the tests find models and data; generated code is compiled fast rather than made fast, and without warnings."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ MODELS = ROOT / "models"
 DATA = ROOT / "tests" / "data"
 
 os.environ.setdefault("CUTJOINT_FLAGS", "-O1")
+os.environ.setdefault("CUTJOINT_STRICT", "1")
 
 
 def with_heavy(cases: Iterable[Any], *heavy: Any) -> list[Any]:

@@ -246,7 +246,8 @@ def test_another_text_of_the_model_is_prepared_anew(old: str, new: str, model: P
     "asked",
     [
         {"scene": "moved"}, {"method": "augmented"}, {"closure": "proximal"}, {"implementation": "generic"}, {"solver": "klu"},
-        {"integrator": "rk4"}, {"precision": "single"}, {"dt": 0.005}, {"end": 1.0}, {"tolerance": 1e-3}, {"iterations": 3},
+        {"integrator": "rk4"}, {"events": "located"}, {"precision": "single"}, {"dt": 0.005}, {"end": 1.0}, {"tolerance": 1e-3},
+        {"iterations": 3},
     ],
     ids=lambda asked: next(iter(asked)),
 )  # fmt: skip

@@ -40,13 +40,15 @@ def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
-        RunError: the scene has a closure or an integrator that batches do not have.
+        RunError: the scene has a closure, an integrator or events that batches do not have.
         ToolchainError: the C++ side failed.
     """
     if scene.numerics.closure != "penalty":
         raise RunError(f"{scene.span}: scene '{scene.name}': batches have closure: penalty only; use --closure penalty")
     if scene.numerics.integrator in EXPLICIT:
         raise RunError(f"{scene.span}: scene '{scene.name}': batches have integrator: trapezoidal only; use --integrator trapezoidal")
+    if scene.numerics.events == "located":
+        raise RunError(f"{scene.span}: scene '{scene.name}': batches have events: crossed only; use --events crossed")
     begin = perf_counter()
     equations = only_starting(derive(model, scene, scene.outputs))
     source = emit(schedule_recursive(equations, lanes=False), equations, batch=True)

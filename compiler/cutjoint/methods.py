@@ -29,6 +29,12 @@ IMPLICIT = ("sdirk4", "sdirk4-fixed", "generalised-alpha")
 #: Those of both that take steps as long as the tolerance allows.
 ADAPTIVE = ("dormand-prince", "sdirk4")
 
+#: What becomes of events, where forces, guides or drives change their formulas: steps end there, or go over them.
+EVENTS = ("located", "crossed")
+
+#: The integrators whose steps end at events unless they are asked to go over them; those of the others, but for the reference, do if asked.
+LOCATING = ("rk4", "dormand-prince", "sdirk4", "sdirk4-fixed")
+
 #: The trapezoidal rule of the methods, explicit and implicit methods, and accurate solutions to measure them by: extrapolation in
 #: relative coordinates (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
 INTEGRATORS = ("trapezoidal", *EXPLICIT, *IMPLICIT, "reference")

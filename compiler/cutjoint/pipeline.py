@@ -21,7 +21,7 @@ from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import EXPLICIT, IMPLICIT, INTEGRATORS, ITERATIONS, METHODS, TWINS
+from cutjoint.methods import EVENTS, EXPLICIT, IMPLICIT, INTEGRATORS, ITERATIONS, LOCATING, METHODS, TWINS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, RodForce, Scene
 from cutjoint.prepared import Compilation
@@ -200,30 +200,34 @@ def compile_scene(
 def simulate(
     artifact: Artifact, *, out: Path | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
     tolerance: float | None = None, parameters: Mapping[str, float] | None = None, solver: str = "emitted",
-    integrator: str | None = None, iterations: int | None = None, steps: Path | None = None, tangents: Path | None = None,
-    progress: Progress | None = None,
+    integrator: str | None = None, events: str | None = None, iterations: int | None = None, steps: Path | None = None,
+    tangents: Path | None = None, progress: Progress | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; ``out`` receives the table and, beside it, a JSON file with the units.
 
     ``dt``, ``penalty`` and ``tolerance`` are instead of the scene's for the method.  ``solver`` is one of SOLVERS, ``integrator`` one of
-    INTEGRATORS, by default the scene's, ``iterations`` how many each step of the recursive method has then, ``steps`` a CSV file that
-    receives iterations and residuals of each step, ``tangents`` a file that receives a line of JSON for each row, the Jacobians of the
-    recursive method's accelerations.  A run that fails numerically is returned as far as it came, with its failure.
+    INTEGRATORS, by default the scene's, ``events`` one of EVENTS, by default the scene's, else what is usual with the integrator,
+    ``iterations`` how many each step of the recursive method has then, ``steps`` a CSV file that receives iterations and residuals of each
+    step, ``tangents`` a file that receives a line of JSON for each row, the Jacobians of the recursive method's accelerations.  A run that
+    fails numerically is returned as far as it came, with its failure.
 
     Raises:
         RunError: a parameter that cannot be set.
         SimulatorError: the simulator could not begin.
     """
+    if tangents is not None and (integrator != "trapezoidal" or events != "crossed"):
+        raise RunError("tangents are those of the trapezoidal rule over events: pass integrator=\"trapezoidal\", events=\"crossed\"")
     ready = make_ready(
         artifact, dt=dt, end=end, penalty=penalty, tolerance=tolerance, parameters=parameters, solver=solver, integrator=integrator,
-        iterations=iterations,
+        events=events, iterations=iterations,
     )  # fmt: skip
     return start(ready, out=out, steps=steps, tangents=tangents, progress=progress)
 
 
 def make_ready(
     artifact: Artifact, *, dt: float | None = None, end: float | None = None, penalty: float | None = None, tolerance: float | None = None,
-    parameters: Mapping[str, float] | None = None, solver: str = "emitted", integrator: str | None = None, iterations: int | None = None,
+    parameters: Mapping[str, float] | None = None, solver: str = "emitted", integrator: str | None = None, events: str | None = None,
+    iterations: int | None = None,
 ) -> ReadyRun:  # fmt: skip
     """The run of a compiled model that these figures ask for, as in `simulate`, ready to be started.
 
@@ -233,12 +237,13 @@ def make_ready(
     changes = {name: value for name, value in (("dt", dt), ("penalty", penalty), ("tolerance", tolerance)) if value is not None}
     scene = with_figures(artifact.scene, artifact.method, changes)
     integrator = _checked_integrator(artifact, integrator)
+    located = ends_at_events(artifact, integrator, events)
     if iterations is not None:
-        require_fixed_cost(artifact, integrator)
+        require_fixed_cost(artifact, integrator, events=located)
     run_file = make_run_file(
         artifact.topology.model, replace(scene, end=scene.end if end is None else end), parameters or {}, task="simulate",
         method=artifact.method, solver=_solver(artifact, solver) if integrator in ("trapezoidal", *IMPLICIT) else "",
-        integrator=integrator, fixed_cost=iterations,
+        integrator=integrator, events=located, fixed_cost=iterations,
     )  # fmt: skip
     return ReadyRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
@@ -269,7 +274,26 @@ def _checked_integrator(artifact: Artifact, asked: str | None) -> str:
     return integrator
 
 
-def require_fixed_cost(artifact: Artifact, integrator: str = "trapezoidal") -> None:
+def ends_at_events(artifact: Artifact, integrator: str, asked: str | None = None) -> bool | None:
+    """Whether the steps of a run end at events; None of what does not have that, for which a scene's ``events`` are not meant.
+
+    Raises:
+        RunError: what is asked for is none of EVENTS, or located events of what does not have them.
+    """
+    if asked is not None and asked not in EVENTS:
+        raise RunError(f"no events '{asked}'; there is {', '.join(EVENTS)}")
+    has = artifact.method in ("recursive", "recursive-newton") and artifact.implementation == "generated"
+    if asked == "located" and not has:
+        raise RunError("events are located by generated code of the methods recursive and recursive-newton")
+    if asked == "located" and integrator == "reference":
+        raise RunError("the reference integrator takes steps over events: use events: crossed")
+    if not has or integrator == "reference":
+        return None
+    events = artifact.scene.numerics.events if asked is None else asked
+    return integrator in LOCATING if events is None else events == "located"
+
+
+def require_fixed_cost(artifact: Artifact, integrator: str = "trapezoidal", *, events: bool | None = None) -> None:
     """Check that steps can have a fixed number of iterations.
 
     Raises:
@@ -277,6 +301,8 @@ def require_fixed_cost(artifact: Artifact, integrator: str = "trapezoidal") -> N
     """
     if artifact.method != "recursive" or integrator != "trapezoidal" or artifact.scene.numerics.closure != "penalty":
         raise RunError("a fixed number of iterations needs the method recursive with the trapezoidal rule and closure: penalty")
+    if events:
+        raise RunError("a fixed number of iterations needs events: crossed: a step that ends at an event is taken in parts")
 
 
 def _solver(artifact: Artifact, solver: str) -> str:

@@ -38,6 +38,7 @@ class Request:
     implementation: str = "generated"
     solver: str = "emitted"
     integrator: str | None = None
+    events: str | None = None
     precision: str = "double"
     dt: float | None = None
     end: float | None = None

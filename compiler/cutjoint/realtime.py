@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.pipeline import Artifact, require_fixed_cost
+from cutjoint.pipeline import Artifact, ends_at_events, require_fixed_cost
 from cutjoint.run.results import FailureReport, read_table
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.scenes import with_figures
@@ -55,8 +55,9 @@ def run_in_real_time(
     """
     if artifact.implementation != "generated":
         raise RunError("runs against the wall clock take generated code")
+    events = ends_at_events(artifact, "trapezoidal")
     if iterations is not None:
-        require_fixed_cost(artifact)
+        require_fixed_cost(artifact, events=events)
     scene = with_figures(artifact.scene, artifact.method, {} if dt is None else {"dt": dt})
     scene = replace(scene, end=scene.end if end is None else end)
     if out is not None:
@@ -65,7 +66,7 @@ def run_in_real_time(
         table = Path(folder) / "times.csv" if out is None else out
         run_file = make_run_file(
             artifact.topology.model, scene, parameters or {}, task="realtime", method=artifact.method, out=str(table.resolve()),
-            fixed_cost=iterations,
+            events=events, fixed_cost=iterations,
         )  # fmt: skip
         failure = failure_of(call_simulator(artifact.binary.path, run_file))
         _, columns = read_table(table)

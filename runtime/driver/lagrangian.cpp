@@ -5,6 +5,8 @@
 #include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/sdirk/method.hpp"
+#include "cutjoint/stepping/newton_rule.hpp"
+#include "cutjoint/stepping/parted.hpp"
 
 extern template class cutjoint::Newton<cutjoint::AnySystem<cutjoint::Precision>>;  // newton.cpp
 extern template class cutjoint::AugmentedNewton<cutjoint::AnySystem<cutjoint::Precision>>;
@@ -18,6 +20,10 @@ int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySy
     }
     if (file.value("integrator", "").starts_with("sdirk4")) {
       sdirk::ImplicitMethod<AnySystem<Precision>> method(system, file);
+      return Run(start, method, file).perform();
+    }
+    if (stepping::locates_events(file)) {
+      stepping::PartedSteps<AnySystem<Precision>, stepping::NewtonRule<AnySystem<Precision>>> method(system, file);
       return Run(start, method, file).perform();
     }
     LagrangianMethod<AnySystem<Precision>> method(system, file);

@@ -6,6 +6,10 @@
 #include "cutjoint/recursive.hpp"
 #include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
+#include "cutjoint/stepping/parted.hpp"
+#include "cutjoint/stepping/trapezoidal_rule.hpp"
+
+extern template class cutjoint::Trapezoidal<cutjoint::AnyMechanism<cutjoint::Precision>>;  // trapezoidal.cpp
 
 int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism) {
   return run_program(argc, argv, "simulator", [&](const Json& file) {
@@ -20,6 +24,10 @@ int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMe
     }
     if (integrator == "dormand-prince") {
       runge_kutta::ExplicitMethod<AnyMechanism<Precision>, runge_kutta::DormandPrinceTable> method(mechanism, file);
+      return Run(start, method, file).perform();
+    }
+    if (stepping::locates_events(file)) {
+      stepping::PartedSteps<AnyMechanism<Precision>, stepping::TrapezoidalRule<AnyMechanism<Precision>>> method(mechanism, file);
       return Run(start, method, file).perform();
     }
     Recursive<AnyMechanism<Precision>> method(mechanism, file);

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
 from cutjoint.cli import main
-from cutjoint.methods import METHODS, TWINS
+from cutjoint.methods import EXPLICIT, IMPLICIT, METHODS, TWINS
 from cutjoint.report.bench.page import describe
 from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.run.results import FailureReport, Trajectory
@@ -162,8 +162,21 @@ def test_a_store_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
 def test_every_method_is_a_contender() -> None:
     assert [c.name for c in choose(["generated"])] == list(METHODS)
     assert {f"{m}/generic" for m in TWINS} < set(CONTENDERS)
+    others = [*(f"recursive/{i}" for i in EXPLICIT), *(f"recursive-newton/{i}" for i in IMPLICIT)]
+    assert [c.name for c in choose(["integrators"])] == [*others, "recursive/events", "recursive-newton/events"]
     with pytest.raises(RunError, match="no contender 'gauss'; there is recursive, augmented, classical"):
         choose(["gauss"])
+
+
+def test_contenders_have_the_events_of_their_names_whatever_the_scene_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = make_case(MODELS / "pendulum.yaml", end=0.1)
+    asked: list[object] = []
+    monkeypatch.setattr("cutjoint.bench.own.simulate", lambda *_, **how: asked.append((how["integrator"], how["events"])))
+    for events in ("located", "crossed"):
+        scene = replace(case.scene, numerics=replace(case.scene.numerics, events=events))
+        for name in ("recursive", "recursive/events", "recursive/rk4"):
+            CONTENDERS[name].prepare(replace(case, scene=scene))(0.01)
+    assert asked == 2 * [("trapezoidal", "crossed"), ("trapezoidal", "located"), ("rk4", "located")]
 
 
 def test_a_bench_and_its_page(tmp_path: Path) -> None:

@@ -204,6 +204,11 @@ def test_the_penalty_follows_the_closure(figures: str, closure: str, penalty: fl
     assert (numerics.closure, numerics.penalty) == (closure, penalty)
 
 
+@pytest.mark.parametrize(("figures", "events"), [("dt: 2 ms", None), ("events: located", "located"), ("events: crossed", "crossed")])
+def test_scenes_say_what_becomes_of_events(figures: str, events: str | None) -> None:
+    assert read("end: 2", f"end: 2, numerics: {{{figures}}}").scenes["fall"].numerics.events == events
+
+
 def test_roads_have_two_tracks() -> None:
     road = "{contact: disc, start: 1, left: [{step: -10 cm}, {flat: 2}], right: [{ramp: 3, rise: 1}]}"
     read_road = read("end: 2", f"end: 2, road: {road}").scenes["fall"].road

@@ -266,6 +266,7 @@ SCENES = [
         "end: 1, numerics: {multiplier_updates: §-1}",
         "@: scene 'fall': multiplier_updates must not be negative",
     ),
+    ("end: 1, numerics: {events: §sometimes}", "@: scene 'fall': numerics.events: must be 'located' or 'crossed', not 'sometimes'"),
     ("end: 1, numerics: {iterations: §0}", "@: scene 'fall': iterations must be greater than zero"),
     (
         "end: 1, rates: {§hing.angle_rate: 1}",

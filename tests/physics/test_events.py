@@ -10,14 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import Artifact, compile_model, compile_scene
+from cutjoint.run.scenes import find_scene, with_closure
 from tests.mechanisms.bouncing import GRAVITY, MASS, bouncing_text, exact_bounces
+from tests.mechanisms.swaying import swaying_text
 from tests.mechanisms.switching import PULSES, TABLE, WHEEL, pulsed, swing_over_knots, wheel_heights
 from tests.physics.simulation import completed, simulate
 
 #: Integrators with steps of equal length, as long as the tolerance allows, and the method that has both.
 EQUAL = {"rk4": "recursive", "sdirk4-fixed": "recursive-newton"}
 ADAPTIVE = {"dormand-prince": "recursive", "sdirk4": "recursive-newton"}
+
+#: Rules of order 2, whose steps end at events if that is asked for.
+RULES = (("trapezoidal", "recursive"), ("trapezoidal", "recursive-newton"), ("generalised-alpha", "recursive-newton"))
 
 #: What the iteration of an implicit stage may leave beside the errors that are looked at.
 TIGHT: dict[str, dict[str, float]] = {"rk4": {}, "sdirk4-fixed": {"tolerance": 1e-12}}
@@ -48,13 +54,14 @@ def check_proportional(error: Callable[..., float], integrator: str, tolerances:
 
 
 def bouncing_error(folder: Path, damping: float, method: str) -> Callable[..., float]:
-    """Errors of the heights; events are as many as the motion has."""
+    """Errors of the heights; events are as many as the motion has, or none where steps go over them."""
     artifact = compiled(folder, bouncing_text(damping, 0.5), method)
 
     def error(**how: Any) -> float:
         run = completed(simulate(artifact, **how))
         heights, switched = exact_bounces(run.t, damping, 0.5)
-        assert run.effort.events == switched == sum(run.effort.events_by_element.values()) == run.effort.events_by_element["floor"]
+        told = {} if how.get("events") == "crossed" else {"floor": switched}
+        assert (run.effort.events, run.effort.events_by_element) == (sum(told.values()), told)
         return float(np.abs(run["mass.z"] - heights).max())
 
     return error
@@ -73,6 +80,70 @@ def test_order_across_contacts_that_are_made_and_lost(integrator: str, damping: 
 def test_errors_follow_the_tolerance_across_contacts(integrator: str, damping: float, tmp_path: Path) -> None:
     tolerances = {"dormand-prince": (1e-6, 1e-8, 1e-10, 1e-12), "sdirk4": (1e-4, 1e-6, 1e-8, 1e-10)}[integrator]
     check_proportional(bouncing_error(tmp_path, damping, ADAPTIVE[integrator]), integrator, tolerances, 4.0)
+
+
+@pytest.mark.parametrize("damping", [0.0, 10.0])
+@pytest.mark.parametrize(("integrator", "method"), RULES)
+def test_order_of_rules_across_contacts(integrator: str, method: str, damping: float, tmp_path: Path) -> None:
+    error = bouncing_error(tmp_path, damping, method)
+    check_order_2([error(integrator=integrator, events="located", tolerance=1e-12, dt=dt) for dt in (2.5e-3, 1.25e-3, 6.25e-4)])
+
+
+@pytest.mark.parametrize(("integrator", "method"), RULES)
+def test_order_of_rules_across_breaks_of_the_road(integrator: str, method: str, tmp_path: Path) -> None:
+    artifact = compiled(tmp_path, WHEEL, method)
+    heights = wheel_heights(np.arange(21) * 0.05)
+
+    def error(dt: float) -> float:
+        run = completed(simulate(artifact, integrator=integrator, events="located", tolerance=1e-12, dt=dt))
+        assert run.effort.events_by_element["tyre"] >= 4
+        return float(np.abs(run["hub.z"] - heights).max())
+
+    check_order_2([error(dt) for dt in (2.5e-3, 1.25e-3, 6.25e-4)])
+
+
+@pytest.mark.parametrize(
+    ("integrator", "method", "closure"), [*((*rule, "penalty") for rule in RULES), ("trapezoidal", "recursive", "proximal")],
+)  # fmt: skip
+def test_order_of_rules_with_loops(integrator: str, method: str, closure: str, tmp_path: Path) -> None:
+    """Against the explicit method of order 5; stabilised loops stay as open as the step leaves them, all others are closed."""
+    truth = completed(simulate(compiled(tmp_path, swaying_text(), "recursive"), integrator="dormand-prince", tolerance=1e-11))
+    model = read_model_text(swaying_text(), "swaying.yaml")
+    artifact = compile_scene(model, with_closure(find_scene(model, None), closure), method=method)
+
+    def error(dt: float) -> float:
+        run = completed(simulate(artifact, integrator=integrator, events="located", tolerance=1e-9, dt=dt, steps=tmp_path / "steps.csv"))
+        assert run.effort.events == truth.effort.events >= 2
+        if closure == "proximal" or method == "recursive-newton":
+            assert run.effort.residuals.position < 1e-10
+        return float(np.abs(run["tip.x"] - truth["tip.x"]).max())
+
+    check_order_2([error(dt) for dt in (2e-3, 1e-3, 5e-4)])
+
+
+def test_factors_are_kept_where_no_event_is(tmp_path: Path) -> None:
+    """The length of a row, a difference of times, has their rounding."""
+    text = swaying_text().replace("at: -0.1", "at: -10")
+    artifact = compiled(tmp_path, text, "recursive-newton")
+    crossed, located = (completed(simulate(artifact, dt=1e-3, events=events)) for events in ("crossed", "located"))
+    assert located.effort.events == 0
+    assert located.effort.factorisations <= crossed.effort.factorisations + 2
+
+
+def check_order_2(errors: Sequence[float]) -> None:
+    """What each halving of the step shows."""
+    orders = [float(np.log2(a / b)) for a, b in pairwise(errors)]
+    assert min(orders) > 1.85, (orders, errors)
+    assert max(orders) < 2.25, (orders, errors)
+
+
+@pytest.mark.parametrize("integrator", [*EQUAL, *ADAPTIVE])
+def test_steps_that_go_over_contacts_are_less_accurate(integrator: str, tmp_path: Path) -> None:
+    """Steps of equal length have errors of first order there, others what their estimate overlooks."""
+    error = bouncing_error(tmp_path, 10.0, {**EQUAL, **ADAPTIVE}[integrator])
+    located, crossed = (error(integrator=integrator, events=events, dt=5e-3, tolerance=1e-6) for events in ("located", "crossed"))
+    assert located < 1e-4
+    assert 20 * located < crossed < 0.2
 
 
 @pytest.mark.parametrize("integrator", [*EQUAL, *ADAPTIVE])
@@ -115,6 +186,7 @@ def test_order_across_breaks_of_the_road(integrator: str, tmp_path: Path) -> Non
     [
         ("recursive", {"integrator": "rk4", "dt": 0.1}), ("recursive", {"integrator": "dormand-prince"}),
         ("recursive-newton", {"integrator": "sdirk4-fixed", "dt": 0.1, "tolerance": 1e-10}), ("recursive-newton", {"integrator": "sdirk4"}),
+        *((method, {"integrator": integrator, "dt": 0.1, "tolerance": 1e-12, "events": "located"}) for integrator, method in RULES),
     ],
     ids=lambda x: x if isinstance(x, str) else x["integrator"],
 )  # fmt: skip

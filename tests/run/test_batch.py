@@ -159,7 +159,11 @@ def test_guards_stop_the_runs_whose_forces_would_act() -> None:
 
 
 def test_what_a_batch_does_not_have() -> None:
-    for change, words in (({"closure": "proximal"}, "closure: penalty"), ({"integrator": "rk4"}, "integrator: trapezoidal")):
+    lacks = (
+        ({"closure": "proximal"}, "closure: penalty"), ({"integrator": "rk4"}, "integrator: trapezoidal"),
+        ({"events": "located"}, "events: crossed"),
+    )  # fmt: skip
+    for change, words in lacks:
         scene = replace(ride(), numerics=replace(ride().numerics, **change))  # type: ignore[arg-type]
         with pytest.raises(RunError, match=rf"quarter\.yaml:\d+:\d+: scene 'ride': batches have {words} only"):
             compile_batch(model(), scene)
@@ -270,7 +274,8 @@ def test_batches_go_with_their_own_options_only(tmp_path: Path) -> None:
     (tmp_path / "quarter.yaml").write_text(TEXT, encoding="utf-8")
     (tmp_path / "cases.csv").write_text("load\n250\n", encoding="utf-8")
     arguments = ["simulate", str(tmp_path / "quarter.yaml"), "--batch", str(tmp_path / "cases.csv"), "--out", str(tmp_path / "x.csv")]
-    for more in (["--method", "augmented"], ["--integrator", "rk4"], ["--precision", "single"], ["--iterations", "3"]):
+    others = ("--method", "augmented"), ("--integrator", "rk4"), ("--events", "located"), ("--precision", "single"), ("--iterations", "3")
+    for more in others:
         done = CliRunner().invoke(main, [*arguments, *more])
         assert done.exit_code == 1
         assert f"{more[0]} cannot go with --batch" in done.output

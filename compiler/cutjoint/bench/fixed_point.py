@@ -55,7 +55,7 @@ def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Ar
     with TemporaryDirectory() as folder:
         path = Path(folder) / "tangents.jsonl"
         own = replace(artifact, scene=replace(case.scene, output_step=make_rows(case.scene.output_step, case.scene.end, MOST_STATES)))
-        simulate(own, parameters=case.parameters, tangents=path)
+        simulate(own, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path)
         with path.open(encoding="utf-8") as lines:
             for line in lines:
                 found = json.loads(line)

@@ -12,7 +12,7 @@ from typing import Any
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
 from cutjoint.emit.source import Source
-from cutjoint.methods import ADAPTIVE, COMPARISON_SOLVERS, EXPLICIT, IMPLICIT, METHODS, SOLVERS, TWINS
+from cutjoint.methods import ADAPTIVE, COMPARISON_SOLVERS, EXPLICIT, IMPLICIT, LOCATING, METHODS, SOLVERS, TWINS
 from cutjoint.pipeline import Artifact, compile_scene, generate, generate_for, simulate
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.run.results import Trajectory
@@ -31,11 +31,12 @@ _SYMMETRIC = frozenset({"eigen-ldlt", "cholmod"})
 
 @dataclass(frozen=True, kw_only=True)
 class OwnRunner:
-    """A compiled case."""
+    """A compiled case; ``located`` ends steps at events where the integrator would go over them."""
 
     artifact: Artifact
     solver: str = "emitted"
     integrator: str = "trapezoidal"
+    located: bool = False
     tolerance: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
 
@@ -52,9 +53,10 @@ class OwnRunner:
         artifact = replace(self.artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)))
         with TemporaryDirectory() as folder:
             steps = Path(folder) / "steps.csv" if measured else None
+            events = "located" if self.located or self.integrator in LOCATING else "crossed"
             return simulate(
-                artifact, dt=dt, solver=self.solver, integrator=self.integrator, tolerance=self.tolerance, parameters=self.parameters,
-                steps=steps,
+                artifact, dt=dt, solver=self.solver, integrator=self.integrator, events=events, tolerance=self.tolerance,
+                parameters=self.parameters, steps=steps,
             )  # fmt: skip
 
 
@@ -73,13 +75,15 @@ class AdaptiveRunner(OwnRunner):
 
 
 def own_contenders() -> Iterator[Contender]:
-    """Generated code by each method in the order of METHODS; other integrators; without lanes; of the reduced model; other solvers;
-    generic twins."""
+    """Generated code by each method in the order of METHODS; other integrators; steps that end at events; without lanes; of the reduced
+    model; other solvers; generic twins."""
     for method in METHODS:
         yield _contender(method, method, "generated", method=method)
     for method, integrators in _INTEGRATORS:
         for integrator in integrators:
             yield _contender(f"{method}/{integrator}", f"{method}, {integrator}", "integrators", method=method, integrator=integrator)
+    for method, _ in _INTEGRATORS:
+        yield _contender(f"{method}/events", f"{method}, steps end at events", "integrators", method=method, located=True)
     for method in METHODS:
         yield _contender(f"{method}/scalar", f"{method}, without lanes", "scalar", method=method, lanes=False)
     for method in METHODS:
@@ -121,13 +125,15 @@ def _contender(name: str, label: str, group: str, **how: Any) -> Contender:
 
 def _prepare(
     case: Case, *, method: str, solver: str = "emitted", implementation: str = "generated", lanes: bool = True, precision: str = "double",
-    tolerance: float | None = None, integrator: str = "trapezoidal",
+    tolerance: float | None = None, integrator: str = "trapezoidal", located: bool = False,
 ) -> OwnRunner:  # fmt: skip
     artifact = compile_scene(
         case.model, case.scene, method=method, outputs=case.outputs, implementation=implementation, lanes=lanes,
         comparison=solver in COMPARISON_SOLVERS, precision=precision,
     )  # fmt: skip
-    return _runner(integrator)(artifact=artifact, solver=solver, integrator=integrator, tolerance=tolerance, parameters=case.parameters)
+    return _runner(integrator)(
+        artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
+    )
 
 
 def _runner(integrator: str) -> type[OwnRunner]:

@@ -33,10 +33,13 @@ def run_batch(
     require_own(
         "--batch", "runs the method recursive by the trapezoidal rule", implementation=request.implementation, solver=request.solver,
         precision=request.precision, integrator=None if request.integrator == "trapezoidal" else request.integrator,
+        events=None if request.events == "crossed" else request.events,
         method=None if method == "recursive" else method, iterations=request.iterations, steps=steps, plots=plots,
     )  # fmt: skip
     if request.integrator is not None:
         scene = replace(scene, numerics=replace(scene.numerics, integrator=request.integrator))
+    if request.events is not None:
+        scene = replace(scene, numerics=replace(scene.numerics, events=request.events))
     done = _run(request, model, scene, parameters, _cases(table, model, parameters, out), threads, out)
     _report_failures(done, table, out)
 

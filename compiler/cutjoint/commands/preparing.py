@@ -53,7 +53,7 @@ def prepare_and_play(request: Request, parameters: Mapping[str, float], play: Pl
     if method == "auto":
         return _pick_and_play(request, model, scene, parameters, play)
     artifact = _compile(request, model, scene, method)
-    figures = {name: getattr(request, name) for name in ("dt", "end", "tolerance", "solver", "integrator", "iterations")}
+    figures = {name: getattr(request, name) for name in ("dt", "end", "tolerance", "solver", "integrator", "events", "iterations")}
     prepared = _prepare(artifact, **figures)
     keep_prepared(request, model.text, prepared)
     if parameters:
@@ -85,7 +85,8 @@ def _pick_and_play(
     """Let method auto pick model, scene and method; nothing is kept, since what it picks was measured."""
     require_own(
         "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=request.solver,
-        integrator=request.integrator, precision=request.precision, dt=request.dt, end=request.end, iterations=request.iterations,
+        integrator=request.integrator, events=request.events, precision=request.precision, dt=request.dt, end=request.end,
+        iterations=request.iterations,
     )  # fmt: skip
     rung = _pick(model, scene, request.tolerance, parameters)
     prepared = _prepare(_compile(request, rung.model, rung.scene, rung.method), parameters=parameters)

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.methods import CLOSURES, EXPLICIT, IMPLEMENTATIONS, IMPLICIT, METHODS, SOLVERS
+from cutjoint.methods import CLOSURES, EVENTS, EXPLICIT, IMPLEMENTATIONS, IMPLICIT, METHODS, SOLVERS
 from cutjoint.prepared import Prepared, Request, find_prepared
 from cutjoint.report import tables
 from cutjoint.run.ready import start
@@ -29,6 +29,9 @@ from cutjoint.toolchain.build import PRECISIONS
 @click.option("--integrator", type=click.Choice(["trapezoidal", *EXPLICIT, *IMPLICIT]),
               help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default "
               "the scene's, else trapezoidal.")
+@click.option("--events", type=click.Choice(EVENTS),
+              help="Whether steps of recursive and recursive-newton end where forces change their formulas; the scene's otherwise, else "
+              "crossed by trapezoidal and generalised-alpha, located by the others.")
 @click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
 @click.option("--closure", type=click.Choice(CLOSURES),
               help="How the recursive method holds its cut joints; the scene's otherwise.")
@@ -46,14 +49,15 @@ from cutjoint.toolchain.build import PRECISIONS
 @options.reports_errors
 def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str,
-    integrator: str | None, precision: str, closure: str | None, dt: float | None, end: float | None, iterations: int | None,
-    changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path, steps: Path | None, plots: Path | None,
+    integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
+    iterations: int | None, changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path, steps: Path | None,
+    plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     parameters = options.read_parameters(changes)
     request = Request(
         model=model, scene=scene, method=method, closure=closure, implementation=implementation, solver=solver, integrator=integrator,
-        precision=precision, dt=dt, end=end, tolerance=tolerance, iterations=iterations,
+        events=events, precision=precision, dt=dt, end=end, tolerance=tolerance, iterations=iterations,
     )  # fmt: skip
     if batch is not None or threads is not None:
         from cutjoint.commands.batches import run_batch

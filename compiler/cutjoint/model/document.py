@@ -174,6 +174,7 @@ class Numerics(Part):
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
     integrator: Literal["trapezoidal", "rk4", "dormand-prince", "sdirk4", "sdirk4-fixed", "generalised-alpha"] = "trapezoidal"
+    events: Literal["located", "crossed"] | None = None
     absolute_tolerance: Number | None = None
     spectral_radius: Number = _NUMERICS.spectral_radius
     methods: dict[Literal["recursive", "recursive-newton", "augmented", "classical"], MethodNumerics] = Field(default={})

@@ -385,9 +385,10 @@ class Numerics:
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
     ``multiplier_updates`` of its own.  ``integrator`` is that of the methods that know it; of "dormand-prince" and "sdirk4"
     ``tolerance`` is the relative error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as
-    the relative one; "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``methods`` has what a
-    method changes, by the names of these figures; ``by_step`` the penalty and frequency that were written as expressions of dt, whose
-    values here are those at ``dt``.
+    the relative one; "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``events`` says whether
+    steps of the methods "recursive" and "recursive-newton" end where forces, guides or drives change their formulas: "located" or
+    "crossed", None for what is usual with the integrator.  ``methods`` has what a method changes, by the names of these figures;
+    ``by_step`` the penalty and frequency that were written as expressions of dt, whose values here are those at ``dt``.
     """
 
     dt: float = 1e-3
@@ -398,6 +399,7 @@ class Numerics:
     iterations: int = 100
     multiplier_updates: int = 4
     integrator: str = "trapezoidal"
+    events: str | None = None
     absolute_tolerance: float | None = None
     spectral_radius: float = 0.8
     methods: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

@@ -124,7 +124,9 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
     if part.closure == "proximal":
         numbers.setdefault("penalty", inf)
-    return Numerics(**numbers, methods=methods, integrator=part.integrator, by_step=by_step, closure=part.closure)
+    return Numerics(
+        **numbers, methods=methods, integrator=part.integrator, events=part.events, by_step=by_step, closure=part.closure
+    )  # fmt: skip
 
 
 def _figures(

@@ -42,14 +42,14 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
 
 def make_run_file(
     model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "", method: str = "recursive", solver: str = "",
-    integrator: str = "trapezoidal", fixed_cost: int | None = None,
+    integrator: str = "trapezoidal", events: bool | None = None, fixed_cost: int | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of a Lagrangian method also "factor".
 
     ``solver`` names the linear solver of a Lagrangian method, by default the emitted one.  The ``integrator`` "reference" takes steps as
     long as ``tolerance`` allows between rows that are ``dt`` apart, "dormand-prince" and "sdirk4" such steps without regard to rows, of
-    which each has its place, and the explicit ones have no stabilisation.  ``fixed_cost`` is the number of iterations that each step of the
-    recursive method has then, whatever they leave.
+    which each has its place, and the explicit ones have no stabilisation.  ``events`` tells whether steps end at events, where the method
+    can do both.  ``fixed_cost`` is the number of iterations that each step of the recursive method has then, whatever they leave.
     "steps_out" may be added, where iterations and residuals of each step go, and "tangents_out", where the recursive method's Jacobians at
     each row do.
     ``numerics`` are the method's figures, a penalty of None is left to the simulator; ``stabilisation`` those of the cut joints of the
@@ -60,6 +60,8 @@ def make_run_file(
     """
     parameters = parameter_values(model, changes)
     figures = _figures(scene.numerics, method)
+    if events is not None:
+        figures["events"] = events
     if fixed_cost is not None:
         figures |= {"iterations": fixed_cost, "fixed_cost": True}
     if integrator in EXPLICIT:

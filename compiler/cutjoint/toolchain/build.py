@@ -22,6 +22,9 @@ from cutjoint.locations import runtime_folder
 if TYPE_CHECKING:
     from cutjoint.emit.source import Source
 
+#: Where the environment asks for it, as the tests do, warnings of the compiler are errors; a user's compiler may have others.
+_STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
+
 #: How generated code is optimised, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/performance.md.
 FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
 
@@ -126,11 +129,10 @@ def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) 
 
 
 def _driver_parts(source: Source, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
-    """Where the driver's parts stand in the cache; all but that of the recursive method have parts with the flags of generated
-    code, those for comparisons and batches nothing else."""
+    """Where the driver's parts stand in the cache; all have integrators with the flags of generated code, those for comparisons and batches
+    nothing else."""
     launch = [runtime_digest(), compiler_version(find_compiler()), *(flags if kind.comparison or source.driver == "batch" else ())]
-    own = flags if source.driver != "recursive" else ()
-    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *own]
+    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *flags]
     return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in (("launch", launch), ("driver", driver))}
 
 
@@ -163,7 +165,7 @@ def _cmake(source: Path, out: Path, flags: Sequence[str], *definitions: str) -> 
     command = [
         "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
         f"-DCMAKE_CXX_COMPILER={find_compiler()}", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG", f"-DCUTJOINT_FLAGS={' '.join(flags)}",
-        *definitions,
+        *_STRICT, *definitions,
     ]  # fmt: skip
     _call(command)
     _call(["cmake", "--build", str(out)])

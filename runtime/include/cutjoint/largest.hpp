@@ -18,8 +18,8 @@ Real largest(std::span<const Real> values) {
   return result;
 }
 
-/// The same by registers: a step asks for it more than ten times.
-inline double largest(std::span<const double> values) {
+/// The same by registers: a step asks for it more than ten times.  Part of what calls it, so that it has the flags of that.
+[[gnu::always_inline]] inline double largest(std::span<const double> values) {
   typedef double Four __attribute__((vector_size(32)));
   typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
   Four most{}, least{}, odd{};
@@ -44,7 +44,7 @@ inline double largest(std::span<const double> values) {
 }
 
 template <class Real>
-Real largest(const std::vector<Real>& values) {
+[[gnu::always_inline]] inline Real largest(const std::vector<Real>& values) {
   return largest(std::span<const Real>(values));
 }
 

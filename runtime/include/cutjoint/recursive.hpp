@@ -13,6 +13,7 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/largest.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/read_figures.hpp"
 #include "cutjoint/retraction.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/state.hpp"
@@ -52,12 +53,8 @@ class Recursive {
 
   /// Get ready for steps.
   void prepare() {
-    const Json& numerics = file_.at("numerics");
-    dt_ = read_number<Real>(numerics, "dt");
-    const FixedPoint fixed_point{numerics.at("tolerance").get<double>(), numerics.at("iterations").get<int>(),
-                                 numerics.at("multiplier_updates").get<int>(), is_proximal(file_.at("stabilisation")),
-                                 numerics.value("fixed_cost", false)};
-    integrator_.emplace(mechanism_, dt_, fixed_point);
+    dt_ = read_number<Real>(file_.at("numerics"), "dt");
+    integrator_.emplace(mechanism_, dt_, read_fixed_point(file_));
   }
 
   void step(long number) {

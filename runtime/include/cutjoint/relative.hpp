@@ -53,11 +53,20 @@ class Relative {
     }
   }
 
-  /// The state with its accelerations and multipliers; what that takes is no part of a step.
-  const State<Real>& complete(Real t, const std::vector<Real>& y) {
-    const long counted = evaluations_;
+  /// Multipliers for the next evaluation to begin with.
+  void guess(const std::vector<Real>& lambda) { state_.lambda = lambda; }
+
+  /// The state with its accelerations and multipliers.
+  const State<Real>& solve(Real t, const std::vector<Real>& y) {
     take(t, y);
     accelerate();
+    return state_;
+  }
+
+  /// The same; what that takes is no part of a step.
+  const State<Real>& complete(Real t, const std::vector<Real>& y) {
+    const long counted = evaluations_;
+    solve(t, y);
     evaluations_ = counted;
     return state_;
   }

@@ -1,34 +1,77 @@
 // From coordinates and a step of the speeds' integrals to new coordinates.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <span>
+#include <type_traits>
 
 #include "cutjoint/mechanism.hpp"
 
 namespace cutjoint {
 
-/// q = q_0 (+) delta: scalars add; a quaternion is turned by the Cayley map of its rotation vector theta, e = (1, theta/2)/|.| e_0,
-/// which agrees with the exponential map to third order and keeps the length without trigonometry.
-template <class Real>
-void retract(std::span<const Chart> charts, const Real* q_0, const Real* delta, Real* q) {
+typedef double Four __attribute__((vector_size(32)));
+
+/// The unit quaternion e turned by the rotation vector theta, by the Cayley map, e' = (1, theta/2)/|.| e/|e|, which agrees with the exponential map
+/// to third order and keeps the length without trigonometry.  Numbers are plain ones or vectors of them.
+template <class Number>
+[[gnu::always_inline]] inline void turn(const Number (&e)[4], const Number (&theta)[3], Number (&turned)[4]) {
   using std::sqrt;
+  const Number x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2;
+  const Number square = (1 + x * x + y * y + z * z) * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]);
+  Number scale;
+  if constexpr (std::is_same_v<Number, Four>)
+    for (int k = 0; k < 4; ++k) scale[k] = sqrt(square[k]);
+  else
+    scale = sqrt(square);
+  scale = 1 / scale;
+  turned[0] = (e[0] - x * e[1] - y * e[2] - z * e[3]) * scale;
+  turned[1] = (e[1] + x * e[0] + y * e[3] - z * e[2]) * scale;
+  turned[2] = (e[2] + y * e[0] + z * e[1] - x * e[3]) * scale;
+  turned[3] = (e[3] + z * e[0] + x * e[2] - y * e[1]) * scale;
+}
+
+/// Four balls side by side.
+struct Balls {
+  int q[4], v[4];  ///< where their quaternions and speeds begin
+  int number = 0;
+
+  void add(const Chart& chart) {
+    q[number] = chart.q + chart.scalars;
+    v[number++] = chart.v + chart.scalars;
+  }
+
+  [[gnu::always_inline]] void turn(const double* q_0, const double* delta, double* to) {
+    for (int k = number; k < 4; ++k) q[k] = q[0], v[k] = v[0];
+    Four e[4], theta[3], turned[4];
+    for (int i = 0; i < 4; ++i) e[i] = Four{q_0[q[0] + i], q_0[q[1] + i], q_0[q[2] + i], q_0[q[3] + i]};
+    for (int i = 0; i < 3; ++i) theta[i] = Four{delta[v[0] + i], delta[v[1] + i], delta[v[2] + i], delta[v[3] + i]};
+    cutjoint::turn(e, theta, turned);
+    for (int k = 0; k < 4; ++k)
+      for (int i = 0; i < 4; ++i) to[q[k] + i] = turned[i][k];
+    number = 0;
+  }
+};
+
+/// q = q_0 (+) delta: scalars add, quaternions are turned.  Part of what calls it, so that it has the flags of that.
+template <class Real>
+[[gnu::always_inline]] inline void retract(std::span<const Chart> charts, const Real* q_0, const Real* delta, Real* q) {
+  Balls balls;
   for (const Chart& chart : charts) {
     for (int i = 0; i < chart.scalars; ++i) q[chart.q + i] = q_0[chart.q + i] + delta[chart.v + i];
     if (!chart.ball) continue;
-    const Real* theta = delta + chart.v + chart.scalars;
-    const Real* e = q_0 + chart.q + chart.scalars;
-    const Real x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2;
-    const Real scale = Real(1) / sqrt((Real(1) + x * x + y * y + z * z) * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]));
-    Real* out = q + chart.q + chart.scalars;
-    const Real w0 = e[0] - x * e[1] - y * e[2] - z * e[3];
-    const Real w1 = e[1] + x * e[0] + y * e[3] - z * e[2];
-    const Real w2 = e[2] + y * e[0] + z * e[1] - x * e[3];
-    const Real w3 = e[3] + z * e[0] + x * e[2] - y * e[1];
-    out[0] = w0 * scale;
-    out[1] = w1 * scale;
-    out[2] = w2 * scale;
-    out[3] = w3 * scale;
+    if constexpr (std::is_same_v<Real, double>) {
+      balls.add(chart);
+      if (balls.number == 4) balls.turn(q_0, delta, q);
+    } else {
+      const Real *from = q_0 + chart.q + chart.scalars, *by = delta + chart.v + chart.scalars;
+      Real turned[4];
+      turn<Real>({from[0], from[1], from[2], from[3]}, {by[0], by[1], by[2]}, turned);
+      std::copy(turned, turned + 4, q + chart.q + chart.scalars);
+    }
   }
+  if constexpr (std::is_same_v<Real, double>)
+    if (balls.number > 0) balls.turn(q_0, delta, q);
 }
 
 /// How fast the turn of `retract` changes with its rotation vector: d(turn) = T d(theta), T = (1 + theta~/2)/(1 + |theta|^2/4), of each ball's

@@ -63,6 +63,9 @@ class RowByRow {
   }
 
  protected:
+  /// The last state is that of another time than a row's.
+  void stop_at(Real t) { t_ = t; }
+
   Real figure(const char* name) const { return read_number<Real>(file_.at("numerics"), name); }
 
   const std::optional<Stepper>& stepper() const { return stepper_; }

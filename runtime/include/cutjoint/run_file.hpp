@@ -47,6 +47,13 @@ std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Js
   return values;
 }
 
+/// The switches at which steps end: the model's, or none in a run that takes its steps over events.
+template <class Described>
+const std::vector<Switch>& read_switches(const Described& d, const Json& file) {
+  static const std::vector<Switch> none;
+  return file.at("numerics").value("events", true) ? d.switches : none;
+}
+
 /// Whether the cut joints' figures are those of the proximal closure.
 inline bool is_proximal(const Json& figures) { return figures.value("closure", "penalty") == "proximal"; }
 

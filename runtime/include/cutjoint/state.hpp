@@ -39,6 +39,13 @@ struct State {
   }
 };
 
+/// The largest absolute values of Phi, Phid and Phidd.
+struct Residuals {
+  double position = 0.0;
+  double velocity = 0.0;
+  double acceleration = 0.0;
+};
+
 /// A numerical failure with all that a user needs to look further.
 struct Failure : std::runtime_error {
   double time;

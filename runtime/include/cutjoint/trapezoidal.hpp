@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/largest.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/projection.hpp"
 #include "cutjoint/retraction.hpp"
@@ -39,7 +40,7 @@ inline Failure not_reached(int iterations, double change, double size, double t,
   return Failure(what, t, number, std::string(speed), change, advice);
 }
 
-/// Integrates a mechanism with steps of equal length.
+/// Integrates a mechanism with steps of a given length.
 template <Mechanism M>
 class Trapezoidal {
  public:
@@ -48,7 +49,7 @@ class Trapezoidal {
   Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
       : mechanism_(mechanism), charts_(mechanism.description().charts), dt_(dt), fixed_point_(fixed_point),
         v_hat_(mechanism.description().speeds.size()), z_hat_(v_hat_.size()), delta_(v_hat_.size()), vdot_(v_hat_.size()),
-        correction_(mechanism.description().equations.size()), before_(mechanism.description()), projection_(mechanism) {}
+        difference_(v_hat_.size()), correction_(mechanism.description().equations.size()), before_(mechanism.description()), projection_(mechanism) {}
 
   /// One step; `state` is that at its end.
   ///
@@ -57,11 +58,12 @@ class Trapezoidal {
   ///
   /// Throws Failure when the iteration diverges to infinity or does not end; `state` is then the last one that converged, and the
   /// mechanism is at its time.
-  void step(State<Real>& state, long number) {
+  [[gnu::noinline]] void step(State<Real>& state, long number) {
     before_ = state;
+    const Real dt = dt_, half = dt_ / 2, quarter = dt_ * dt_ / 4;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
-      v_hat_[i] = state.v[i] + dt_ / 2 * state.vdot[i];
-      z_hat_[i] = dt_ * state.v[i] + dt_ * dt_ / 4 * state.vdot[i];
+      v_hat_[i] = state.v[i] + half * state.vdot[i];
+      z_hat_[i] = dt * state.v[i] + quarter * state.vdot[i];
     }
     const Real t = state.t + dt_;
     mechanism_.begin_step(t, Real(1));
@@ -82,14 +84,18 @@ class Trapezoidal {
     if (fixed_point_.proximal) project(state, number);
   }
 
+  /// Go on with steps of another length.
+  void stretch(Real dt) { dt_ = dt; }
+
   long evaluations() const { return evaluations_; }
 
  private:
   /// Coordinates and speeds that belong to the state's accelerations.
   void follow(State<Real>& state) {
+    const Real half = dt_ / 2, quarter = dt_ * dt_ / 4;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
-      state.v[i] = dt_ / 2 * state.vdot[i] + v_hat_[i];
-      delta_[i] = dt_ * dt_ / 4 * state.vdot[i] + z_hat_[i];
+      state.v[i] = half * state.vdot[i] + v_hat_[i];
+      delta_[i] = quarter * state.vdot[i] + z_hat_[i];
     }
     retract<Real>(charts_, before_.q.data(), delta_.data(), state.q.data());
   }
@@ -110,36 +116,30 @@ class Trapezoidal {
   }
 
   bool converged(const State<Real>& state, const std::vector<Real>& previous) {
-    using std::abs;
-    Real largest(0);
-    change_ = Real(0);
-    for (std::size_t i = 0; i < previous.size(); ++i) {
-      const Real change = abs(state.vdot[i] - previous[i]);
-      if (change > change_ || change != change) {
-        change_ = change;
-        worst_ = i;
-      }
-      if (abs(state.vdot[i]) > largest) largest = abs(state.vdot[i]);
-    }
-    size_ = Real(1) + largest;
+    for (std::size_t i = 0; i < previous.size(); ++i) difference_[i] = state.vdot[i] - previous[i];
+    change_ = largest(difference_);
+    size_ = Real(1) + largest(state.vdot);
     return change_ <= Real(fixed_point_.tolerance) * size_;
   }
 
   [[noreturn]] void give_up(State<Real>& state, long number, Real t, int iteration) {
     go_back(state);
+    std::size_t worst = 0;
+    using std::abs;
+    for (std::size_t i = 0; i < difference_.size(); ++i)
+      if (abs(difference_[i]) > abs(difference_[worst]) || difference_[i] != difference_[i]) worst = i;
     const auto change = static_cast<double>(change_), size = static_cast<double>(size_);
-    throw not_reached(iteration, change, size, static_cast<double>(t), number, mechanism_.description().speeds[worst_]);
+    throw not_reached(iteration, change, size, static_cast<double>(t), number, mechanism_.description().speeds[worst]);
   }
 
   M& mechanism_;
   std::vector<Chart> charts_;
   Real dt_;
   FixedPoint fixed_point_;
-  std::vector<Real> v_hat_, z_hat_, delta_, vdot_, correction_;
+  std::vector<Real> v_hat_, z_hat_, delta_, vdot_, difference_, correction_;
   State<Real> before_;
   Projection<M> projection_;
   Real change_{0}, size_{1};
-  std::size_t worst_ = 0;
   long evaluations_ = 0;
 };
 

@@ -14,6 +14,7 @@
 #include "cutjoint/lagrangian/classical.hpp"
 #include "cutjoint/lagrangian/examine.hpp"
 #include "cutjoint/lagrangian/recursive_newton.hpp"
+#include "cutjoint/read_figures.hpp"
 #include "cutjoint/run_file.hpp"
 
 namespace cutjoint {
@@ -31,16 +32,6 @@ std::unique_ptr<Newton<S>> make_newton(S& system, LinearSolver<typename S::real_
   }
 }
 
-/// The figures of a run file; tasks without steps can do without those of steps.
-inline NewtonFigures read_figures(const Json& numerics) {
-  return {.dt = numerics.value("dt", 0.0),
-          .penalty = numerics.at("penalty").is_null() ? 0.0 : numerics.at("penalty").get<double>(),
-          .tolerance = numerics.value("tolerance", 1e-6),
-          .iterations = numerics.value("iterations", 100),
-          .multiplier_updates = numerics.value("multiplier_updates", 4),
-          .rule = numerics.contains("spectral_radius") ? generalised_alpha(numerics.at("spectral_radius").get<double>()) : StepRule{}};
-}
-
 /// Integrates a system with the solver and the figures of a run file.
 template <class S>
 class LagrangianMethod {
@@ -49,7 +40,7 @@ class LagrangianMethod {
 
   LagrangianMethod(S& system, const Json& file)
       : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
-        guards_(system), inputs_(d_, file), figures_(read_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
+        guards_(system), inputs_(d_, file), figures_(read_newton_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
         solver_(choose_solver(system, solver_name_)), newton_(make_newton(system, *solver_, figures_)) {
     inputs_.load_system(system_);
   }

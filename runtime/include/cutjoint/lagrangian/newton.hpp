@@ -45,13 +45,6 @@ struct NewtonFigures {
   StepRule rule{};
 };
 
-/// The largest absolute values of Phi, Phid and Phidd.
-struct Residuals {
-  double position = 0.0;
-  double velocity = 0.0;
-  double acceleration = 0.0;
-};
-
 /// Integrates a system with steps of equal length.  The unknown of a step is the acceleration at its end, from which follow
 ///
 ///     v = v_n + dt/2 (vdot_n + vdot)         q = q_n + dt v_n + dt^2/4 (vdot_n + vdot)
@@ -70,7 +63,7 @@ class Newton : public Workspace<S> {
   using typename Workspace<S>::Real;
 
   Newton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Workspace<S>(system, solver), figures_(figures), dt_(figures.dt),
+      : Workspace<S>(system, solver), figures_(figures), length_(figures.dt), dt_(length_),
         share_(Real(1 - figures.rule.alpha_f) / Real(1 - figures.rule.alpha_m)), speed_(dt_ * Real(figures.rule.gamma) * share_),
         k_(dt_ * dt_ * Real(figures.rule.beta) * share_), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_),
         before_(d_.coordinates.size(), n_, m_), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
@@ -79,6 +72,8 @@ class Newton : public Workspace<S> {
   void begin(State<Real>& state, Real motion) {
     time_ = state.t;
     factored_ = false;
+    std::fill(delta_.begin(), delta_.end(), Real(0));
+    turn();
     system_.begin_step(state.t, motion);
     std::fill(state.vdot.begin(), state.vdot.end(), Real(0));
     std::fill(lambda_.begin(), lambda_.end(), Real(0));
@@ -116,6 +111,23 @@ class Newton : public Workspace<S> {
       throw;
     }
   }
+
+  /// Go on with steps of another length.
+  void stretch(Real length) {
+    if (length == length_) return;
+    length_ = length;
+    stride(Real(1));
+  }
+
+  /// Let the next step begin with the state's accelerations and multipliers: those before belong to another length, or to an attempt.
+  void stay(const State<Real>& state) {
+    vdot_before_ = state.vdot;
+    lambda_ = lambda_before_ = state.lambda;
+  }
+
+  /// The accelerations a, which rules that average go on with, and a step back to others.
+  const std::vector<Real>& means() const { return mean_; }
+  void take_means(const std::vector<Real>& means) { mean_ = means; }
 
   /// Weights of the tangent of a step.
   Weights<Real> step_weights() const { return weights(); }
@@ -157,8 +169,11 @@ class Newton : public Workspace<S> {
 
   virtual void explain() {}  ///< throw Failure when there is more to say of an iteration that did not converge
 
-  /// Whether the last iteration changed the accelerations by little already.
-  bool is_near() const { return change_ <= Real(1e-3) * size_; }
+  /// Whether there are factors of a step.
+  bool has_factors() const { return factored_; }
+
+  /// Whether the last iteration changed the accelerations by little already, or the coordinates, in a short step, by rounding.
+  bool is_near() const { return change_ <= std::max(Real(1e-3) * size_, rounding_ / k_); }
 
   /// The gap beside a quantity of this size that a projection may leave.
   virtual Real negligible(const std::vector<Real>& values) const { return rounding(values); }
@@ -201,7 +216,8 @@ class Newton : public Workspace<S> {
   }
 
   NewtonFigures figures_;
-  Real dt_, share_;          ///< step, and how much of vdot is in a
+  Real length_;              ///< of steps
+  Real dt_, share_;          ///< step, or part of one, and how much of vdot is in a
   Real speed_, k_;           ///< dv/dvdot and dq/dvdot: dt/2 and dt^2/4 of the trapezoidal rule
   std::vector<Real> turns_;  ///< of the balls, in relative coordinates
   std::vector<Real> lambda_before_;  ///< multipliers of the step before
@@ -259,7 +275,7 @@ class Newton : public Workspace<S> {
 
   /// Go on with this share of the step's length.
   void stride(Real share) {
-    dt_ = share * Real(figures_.dt);
+    dt_ = share * length_;
     speed_ = dt_ * Real(figures_.rule.gamma) * share_;
     k_ = dt_ * dt_ * Real(figures_.rule.beta) * share_;
     factored_ = false;
@@ -267,15 +283,10 @@ class Newton : public Workspace<S> {
     weigh();
   }
 
-  /// Let the next step begin with the state's accelerations and multipliers: those before belong to another length, or to an attempt.
-  void stay(const State<Real>& state) {
-    vdot_before_ = state.vdot;
-    lambda_ = lambda_before_ = state.lambda;
-  }
-
   void iterate(State<Real>& state) {
     const char* infinite = "Newton's iteration diverged to infinity";
     predict(state);
+    rounding_ = 64 * std::numeric_limits<Real>::epsilon() * (Real(1) + largest(before_.q));
     change_ = smallest_ = std::numeric_limits<Real>::infinity();
     growing_ = idle_ = 0;
     slow_ = false;
@@ -410,7 +421,7 @@ class Newton : public Workspace<S> {
   std::vector<Real> mean_, whole_mean_;  ///< a, of rules that average, and that before a step in parts
   std::vector<Real> delta_;  ///< the integrals of the speeds over a step
   Residuals residuals_;
-  Real change_{0}, smallest_{0}, size_{1};
+  Real change_{0}, smallest_{0}, size_{1}, rounding_{0};  ///< the last: of coordinates
   std::vector<Real> kept_now_, kept_before_;  ///< multipliers at the start of a step and before it
   bool wary_ = false;      ///< whether each iteration has a tangent of its own after all
   bool factored_ = false;  ///< whether there are factors of a step

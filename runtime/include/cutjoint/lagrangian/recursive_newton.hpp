@@ -19,7 +19,17 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   using Base = AugmentedNewton<S>;
   using typename Base::Real;
 
-  RecursiveNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures) : Base(system, solver, figures), push_(m_), penalised_(n_) {}
+  RecursiveNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
+      : Base(system, solver, figures), push_(m_), penalised_(n_), way_(n_), from_(pose_) {}
+
+  /// Close the loops of another state, positions first, then speeds, with the factors of a step near it.
+  void close_loops(State<Real>& state) {
+    if (m_ == 0) return;
+    this->time_ = state.t;
+    system_.begin_step(state.t, Real(1));
+    if (!this->has_factors()) renew(state);
+    this->close_with(state, pose_, k_ * alpha_, closing_, way_, from_);
+  }
 
  private:
   using Base::alpha_, Base::closing_, Base::d_, Base::f_, Base::figures_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_,
@@ -55,9 +65,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
     Base::project_on(state, values, gap);
     if (closing_.closed() || pose_ == state.q) return;
     this->turn();
-    this->linearise(state, Real(0), this->step_weights());
-    pose_ = state.q;
-    this->factor();
+    renew(state);
     Base::project_on(state, values, gap);
   }
 
@@ -91,8 +99,14 @@ class RecursiveNewton final : public AugmentedNewton<S> {
     Base::settle(state);
   }
 
+  void renew(const State<Real>& state) {
+    this->linearise(state, Real(0), this->step_weights());
+    pose_ = state.q;
+    this->factor();
+  }
+
   int updates_ = 0;  ///< iterations of a step that corrected the multipliers
-  std::vector<Real> push_, penalised_;
+  std::vector<Real> push_, penalised_, way_, from_;
 };
 
 }  // namespace cutjoint

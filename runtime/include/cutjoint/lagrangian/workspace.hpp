@@ -8,9 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "cutjoint/lagrangian/closing.hpp"
 #include "cutjoint/largest.hpp"
 #include "cutjoint/lagrangian/solver.hpp"
 #include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/retraction.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {
@@ -70,6 +72,28 @@ class Workspace {
     solve();
     std::copy_n(x_.begin(), n_, way.begin());
     system_.stretch(state.q.data(), way.data(), closing.data());
+  }
+
+  /// Close the loops of a state, positions first, then speeds, with the factors of a tangent that belongs to a pose and has the weight `constraint`
+  /// of the equations; `way` and `from` are room for speeds and coordinates.  Returns what is left.
+  Residuals close_with(State<Real>& state, const std::vector<Real>& pose, Real constraint, Closing<Real>& closing, std::vector<Real>& way,
+                       std::vector<Real>& from) {
+    const auto bring = [&](std::vector<Real>& values, std::vector<Real>& gap, Real negligible) {
+      closing.close(values, gap, constraint, negligible,
+                    [&](const auto& weight, auto along, auto closed) { follow_weight(pose, state, weight, along, closed); });
+    };
+    for (int round = 0;; ++round) {
+      close(state);
+      const Real rounding = rounding_like(1e-13) * (Real(1) + largest(state.q));
+      if (!(largest(phi_) > rounding) || round == 4) break;
+      std::fill(way.begin(), way.end(), Real(0));
+      bring(way, phi_, rounding);
+      from = state.q;
+      retract<Real>(d_.charts, from.data(), way.data(), state.q.data());
+    }
+    bring(state.v, phid_, rounding_like(1e-12) * (Real(1) + largest(state.v)));
+    close(state);
+    return {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), 0.0};
   }
 
   [[noreturn]] void fail(const std::string& what, std::string_view element, Real residual, const std::string& advice) const {

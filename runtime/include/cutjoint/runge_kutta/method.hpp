@@ -28,7 +28,7 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
 
   ExplicitMethod(M& mechanism, const Json& file)
       : Base(mechanism, dynamics_, file), inputs_(mechanism.description(), file),
-        dynamics_(mechanism, inputs_.roads(), Table::adaptive ? this->figure("tolerance") / 100 : Real(1e-12)) {
+        dynamics_(mechanism, read_switches(mechanism.description(), file), inputs_.roads(), Table::adaptive ? this->figure("tolerance") / 100 : Real(1e-12)) {
     Json figures = file.at("stabilisation");
     figures["penalty"] = file.at("numerics").at("penalty");
     figures["frequency"] = 0.0;  // loops are projected, not drawn together

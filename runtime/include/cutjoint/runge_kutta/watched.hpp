@@ -12,14 +12,15 @@
 
 namespace cutjoint::runge_kutta {
 
-/// The differential equation of a mechanism whose switches are watched at every stage, and whose loops are closed after each step.
+/// The differential equation of a mechanism some of whose switches, all or none, are watched at every stage, and whose loops are closed
+/// after each step.
 template <Mechanism M>
 class Watched : public Relative<M> {
  public:
   using Real = typename M::real_type;
 
-  Watched(M& mechanism, const std::vector<Road<Real>>& roads, Real settled)
-      : Relative<M>(mechanism, settled), regime_(mechanism.description().switches, roads),
+  Watched(M& mechanism, const std::vector<Switch>& switches, const std::vector<Road<Real>>& roads, Real settled)
+      : Relative<M>(mechanism, settled), switches_(switches), regime_(switches, roads),
         projection_(mechanism), last_(mechanism.description().equations.size()), before_last_(last_), residual_(last_), rate_(last_) {}
 
   /// Take over a start, in the regime in which it stands.
@@ -66,12 +67,14 @@ class Watched : public Relative<M> {
 
   /// Seek the switches that a state has out of the regime; whether there are any.
   bool seek(Real t, const std::vector<Real>& y) {
+    if (regime_.empty()) return false;
     switch_at(t, y);
     return regime_.seek();
   }
 
   /// The first of them that a state has out of the regime; as many as there are switches if there is none.
   std::size_t found(Real t, const std::vector<Real>& y) {
+    if (regime_.empty()) return 0;
     switch_at(t, y);
     return regime_.found();
   }
@@ -95,7 +98,7 @@ class Watched : public Relative<M> {
   }
 
   stepping::Regime<Real>& regime() { return regime_; }
-  const std::vector<Switch>& switches() const { return d_.switches; }
+  const std::vector<Switch>& switches() const { return switches_; }
 
  private:
   using Relative<M>::d_, Relative<M>::mechanism_, Relative<M>::state_;
@@ -115,6 +118,7 @@ class Watched : public Relative<M> {
 
   void evaluate_switches() { mechanism_.events(state_.q.data(), state_.v.data(), regime_.values()); }
 
+  const std::vector<Switch>& switches_;
   stepping::Regime<Real> regime_;
   Projection<M> projection_;
   std::vector<Real> last_, before_last_, residual_, rate_;

@@ -13,7 +13,8 @@
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/row_by_row.hpp"
 #include "cutjoint/run_file.hpp"
-#include "cutjoint/sdirk/scheme.hpp"
+#include "cutjoint/sdirk/stages.hpp"
+#include "cutjoint/stepping/implicit_scheme.hpp"
 #include "cutjoint/stepping/stepper.hpp"
 
 namespace cutjoint::sdirk {
@@ -25,7 +26,7 @@ struct Parts {
 
   Parts(S& system, const Json& file)
       : inputs(system.description(), file), solver_name(file.value("solver", "emitted")), solver(choose_solver(system, solver_name)),
-        other(choose_solver(system, solver_name)), stages(system, *solver, *other, inputs.roads()) {
+        other(choose_solver(system, solver_name)), stages(system, *solver, *other, read_switches(system.description(), file), inputs.roads()) {
     inputs.load_system(system);
   }
 
@@ -37,8 +38,8 @@ struct Parts {
 
 /// A system in relative coordinates with steps of its own length, or with equal ones of "sdirk4-fixed".
 template <class S>
-class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::Stepper<Scheme<S>>, S> {
-  using Base = RowByRow<Stages<S>, stepping::Stepper<Scheme<S>>, S>;
+class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::Stepper<stepping::ImplicitScheme<Stages<S>>>, S> {
+  using Base = RowByRow<Stages<S>, stepping::Stepper<stepping::ImplicitScheme<Stages<S>>>, S>;
 
  public:
   using Real = typename S::real_type;

@@ -35,11 +35,15 @@ class Stages : public Workspace<S> {
  public:
   using typename Workspace<S>::Real;
 
-  /// `other` solves for the accelerations of single states.
-  Stages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other, const std::vector<Road<Real>>& roads)
+  static constexpr int order = Table::order;
+  static constexpr bool estimates = true;  ///< an error
+
+  /// `other` solves for the accelerations of single states; `switches` are those at which steps end, all or none of the system's.
+  Stages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other, const std::vector<Switch>& switches,
+         const std::vector<Road<Real>>& roads)
       : Workspace<S>(system, solver),
         single_(system, other, {.dt = 1.0, .penalty = 0.0, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(n_, m_),
-        regime_(d_.switches, roads),
+        switches_(switches), regime_(switches, roads),
         turns_(unit_turns<Real>(d_.charts)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
         way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
         pulls_(Table::stages + 1, push_), middle_(2, delta_), middle_pulls_(2, push_) {}
@@ -159,36 +163,27 @@ class Stages : public Workspace<S> {
 
   /// Seek the switches that a state has out of the regime; whether there are any.
   bool seek(const State<Real>& state) {
+    if (regime_.empty()) return false;
     switch_at(state);
     return regime_.seek();
   }
 
   /// The first of them that a state has out of the regime; as many as there are switches if there is none.
   std::size_t found(const State<Real>& state) {
+    if (regime_.empty()) return 0;
     switch_at(state);
     return regime_.found();
   }
 
   stepping::Regime<Real>& regime() { return regime_; }
-  const std::vector<Switch>& switches() const { return d_.switches; }
+  const std::vector<Switch>& switches() const { return switches_; }
 
   /// Close the loops of a state, positions first, then speeds.  Returns what is left.
   Residuals settle(State<Real>& state) {
     if (m_ == 0) return {};
     time_ = state.t;
     system_.begin_step(state.t, Real(1));
-    for (int round = 0;; ++round) {
-      this->close(state);
-      const Real rounding = this->rounding_like(1e-13) * (Real(1) + largest(state.q));
-      if (!(largest(phi_) > rounding) || round == 4) break;
-      std::fill(way_.begin(), way_.end(), Real(0));
-      bring(state, way_, phi_, rounding);
-      moved_ = state.q;
-      retract<Real>(d_.charts, moved_.data(), way_.data(), state.q.data());
-    }
-    bring(state, state.v, phid_, this->rounding_like(1e-12) * (Real(1) + largest(state.v)));
-    this->close(state);
-    return {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), 0.0};
+    return this->close_with(state, pose_, alpha_, closing_, way_, moved_);
   }
 
   long iterations() const { return iterations_; }
@@ -378,16 +373,11 @@ class Stages : public Workspace<S> {
     return largest;
   }
 
-  void bring(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap, Real negligible) {
-    closing_.close(values, gap, alpha_, negligible, [&](const auto& weight, auto way, auto closed) {
-      this->follow_weight(pose_, state, weight, way, closed);
-    });
-  }
-
   static constexpr int most_iterations = 25;
 
   RecursiveNewton<S> single_;
   Closing<Real> closing_;
+  const std::vector<Switch>& switches_;
   stepping::Regime<Real> regime_;
   std::vector<Real> turns_;
   State<Real> row_, start_, at_, probe_;  ///< of a row, at the step's start, of a stage, and beside it

@@ -63,6 +63,18 @@ class Regime {
     return i;
   }
 
+  /// How far the switches sought are out of their cells at most; negative where all are inside.
+  Real beyond() const {
+    Real most = -std::numeric_limits<Real>::infinity();
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      if (!sought_[i] || cells_[i] == undecided) continue;
+      const auto cell = static_cast<std::size_t>(cells_[i]);
+      if (cell < levels(i).size()) most = std::max(most, values_[i] - levels(i)[cell]);
+      if (cell > 0) most = std::max(most, levels(i)[cell - 1] - values_[i]);
+    }
+    return most;
+  }
+
   /// An attempt of a step from t begins.
   void begin(Real t) {
     previous_ = start_;
@@ -74,7 +86,11 @@ class Regime {
   void look(Real t) {
     if (crossed()) return;
     for (std::size_t i = 0; i < cells_.size(); ++i)
-      if (is_reached(i)) crossing_ = std::min(crossing_, crossing_of(i, t));
+      if (is_reached(i))
+        if (const Real crossing = crossing_of(i, t); crossing < crossing_) {
+          crossing_ = crossing;
+          first_ = i;
+        }
   }
 
   /// The present values are those of a stage at t, from which the next one is looked at.
@@ -88,6 +104,9 @@ class Regime {
 
   /// About when the regime was left.
   Real crossing() const { return crossing_; }
+
+  /// The switch by which it was left.
+  std::size_t first() const { return first_; }
 
   const Switch& operator[](std::size_t i) const { return switches_[i]; }
 
@@ -151,6 +170,7 @@ class Regime {
   std::vector<bool> sought_;
   std::vector<Real> values_, start_, previous_, largest_, noise_;
   Real previous_time_{0}, crossing_{0};
+  std::size_t first_ = 0;
 };
 
 }  // namespace cutjoint::stepping

@@ -107,6 +107,7 @@ class Stepper {
         if (!whole) {
           const Real last = way;
           way = scheme_.regime().crossing() - time();
+          latest_ = scheme_.regime().first();
           const bool sure = way > last * Real(0.9) && way < last * Real(1.1);
           h = std::max(std::clamp(Real(0.9) * way, sure ? Real(0) : h / 10, Real(0.9) * h), shortest());
           continue;
@@ -114,6 +115,7 @@ class Stepper {
       }
       if (attempt.found && attempt.size <= Real(1)) {
         accept(h, attempt.size);
+        if (way >= Real(0) && whole) hold_up();
         if (way >= Real(0)) locate(limit);
         return;
       }
@@ -130,26 +132,64 @@ class Stepper {
     scheme_.advance(h);
     scheme_.accept(h);
     ++counts_.steps;
+    if (h > Real(1e-3) * h_) held_up_ = 0;
   }
 
-  /// Whether the state at a share of the last step has left the regime by a switch that is sought.
-  bool is_beyond(Real s) {
+  /// How far the state at a share of the last step has left the regime by a switch that is sought; at most zero where it has not.
+  Real beyond(Real s) {
     scheme_.follow(s);
-    return scheme_.found() < counts_.by_switch.size();
+    const bool left = scheme_.found() < counts_.by_switch.size();
+    const Real distance = scheme_.regime().beyond();
+    return left ? std::max(distance, std::numeric_limits<Real>::min()) : std::min(distance, Real(0));
+  }
+
+  /// How exactly the end of a regime is sought, as a share of a step: switches have rounding of their own.
+  static Real sharp() { return 2048 * std::numeric_limits<Real>::epsilon(); }
+
+  /// Where the state leaves the regime, between `low`, where it has not, and `high`: by halves or on the parabola through three places, if that is
+  /// sure to hold.  Source: Chandrupatla, Advances in Engineering Software 28 (1997) 145-149.
+  Real find_end(Real low, Real high, Real at_low, Real at_high) {
+    Real newest = high, opposite = low, at_newest = at_high, at_opposite = at_low, share(0.5);
+    using std::abs;
+    while (abs(opposite - newest) > sharp()) {
+      const Real middle = newest + share * (opposite - newest), value = beyond(middle);
+      Real third = newest, at_third = at_newest;
+      if ((value > Real(0)) != (at_newest > Real(0))) {
+        third = std::exchange(opposite, newest);
+        at_third = std::exchange(at_opposite, at_newest);
+      }
+      newest = middle;
+      at_newest = value;
+      share = share_of(newest, opposite, third, at_newest, at_opposite, at_third);
+    }
+    return at_newest > Real(0) ? newest : opposite;
+  }
+
+  /// Where to look next on the way from a to b, the ends of the bracket.
+  static Real share_of(Real a, Real b, Real c, Real fa, Real fb, Real fc) {
+    using std::abs;
+    const Real least = std::min(Real(0.5), sharp() / 2 / abs(b - a));
+    const Real xi = (a - b) / (c - b), phi = (fa - fb) / (fc - fb);
+    Real share(0.5);
+    if (phi * phi < xi && (1 - phi) * (1 - phi) < 1 - xi)
+      share = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb);
+    return std::clamp(share, least, 1 - least);
   }
 
   /// Go on from the end of the last step to where the regime ends, if that is near, or to the limit, if that is nearer.
   void locate(Real limit) {
-    Real low(1), high(1.3);
+    const Real low(1);
+    Real high(1.3);
     scheme_.follow(high);
     if (!scheme_.seek()) return;
-    for (Real middle = (low + high) / 2; low < middle && middle < high; middle = (low + high) / 2) (is_beyond(middle) ? high : low) = middle;
+    const Real at_high = beyond(high), at_low = beyond(low);
+    if (at_high > Real(0)) high = at_low > Real(0) ? low : find_end(low, high, at_low, at_high);
     if (scheme_.follow(high) > limit + shortest()) {
       scheme_.follow_to(limit);
       scheme_.finish();
       return scheme_.restart();
     }
-    for (Real more = std::numeric_limits<Real>::epsilon(); more < Real(1e-3); more *= 4) {  // settling must not take the state back
+    for (Real more = sharp() / 16; more < Real(1e-3); more *= 8) {  // settling must not take the state back
       scheme_.follow(high);
       scheme_.finish();
       const std::size_t which = scheme_.found();
@@ -163,8 +203,7 @@ class Stepper {
   void pass(Real h) {
     scheme_.regime().advance();
     scheme_.accept(h);
-    if (scheme_.seek()) return change(scheme_.found());
-    if (++at_once_ >= 50) give_up_switching();
+    scheme_.seek() ? change(scheme_.found()) : hold_up();
   }
 
   /// The regime of the state begins.
@@ -172,13 +211,17 @@ class Stepper {
     scheme_.adopt();
     control_.restart();
     ++counts_.events;
-    at_once_ = time() - changed_ <= Real(1e-3) * h_ ? at_once_ + 1 : 0;
     if (which < counts_.by_switch.size()) {
       ++counts_.by_switch[which];
       latest_ = which;
     }
-    if (at_once_ >= 50) give_up_switching();
+    hold_up();
     changed_ = time();
+  }
+
+  /// An event, or a step as short as they get before one: with no longer step between them, so many do not come to an end.
+  void hold_up() {
+    if (++held_up_ >= 50) give_up_switching();
   }
 
   /// The shortest step that differs from none.
@@ -194,7 +237,7 @@ class Stepper {
     const Switch& which = scheme_.switches()[latest_];
     throw Failure("'" + std::string(which.element) + "' (" + std::string(which.place) + ") switches to and fro without end",
                   static_cast<double>(time()), number_, std::string(which.element), static_cast<double>(time() - changed_),
-                  "make its law continuous there, or take the integrator trapezoidal");
+                  "make its law continuous there, or let steps go over it with events: crossed");
   }
 
   Scheme scheme_;
@@ -202,7 +245,7 @@ class Stepper {
   Real until_, h_{0}, changed_{-1};
   std::size_t latest_ = 0;
   long number_ = 0;
-  int at_once_ = 0;
+  int held_up_ = 0;
   bool begun_ = false;
   Counts counts_;
 };

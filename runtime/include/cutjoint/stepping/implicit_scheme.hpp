@@ -1,4 +1,4 @@
-// The diagonally implicit method as a scheme of steps.
+// Implicit steps as a scheme: what tries them keeps the states at their ends.
 #pragma once
 
 #include <algorithm>
@@ -7,25 +7,26 @@
 #include <limits>
 #include <vector>
 
-#include "cutjoint/sdirk/interpolant.hpp"
-#include "cutjoint/sdirk/stages.hpp"
+#include "cutjoint/state.hpp"
+#include "cutjoint/stepping/interpolant.hpp"
 #include "cutjoint/stepping/stepper.hpp"
 
-namespace cutjoint::sdirk {
+namespace cutjoint::stepping {
 
-/// The scheme of stepping/stepper.hpp; steps are as long as the tolerance allows, or one a row.
-template <class S>
-class Scheme {
+/// The scheme of stepper.hpp over stages (sdirk/stages.hpp, equal_steps.hpp); steps are as long as the tolerance allows, where these
+/// estimate an error, or one a row.
+template <class Stages>
+class ImplicitScheme {
  public:
-  using Real = typename S::real_type;
+  using Real = typename Stages::Real;
   using Attempt = stepping::Attempt<Real>;
 
-  static constexpr int order = Table::order;
+  static constexpr int order = Stages::order;
 
-  Scheme(Stages<S>& stages, const Tolerances<Real>& tolerances, bool adaptive)
+  ImplicitScheme(Stages& stages, const Tolerances<Real>& tolerances, bool adaptive)
       : stages_(stages), interpolant_(stages.charts(), stages.present()), before_(stages.present()), trial_(before_), between_(stages.size()),
         tolerances_(tolerances), adaptive_(adaptive) {
-    stages_.set_tolerances(tolerances);
+    if constexpr (Stages::estimates) stages_.set_tolerances(tolerances);
   }
 
   bool adaptive() const { return adaptive_; }
@@ -45,8 +46,11 @@ class Scheme {
   }
 
   Attempt attempt(Real h, bool whole, long number) {
-    const bool found = stages_.attempt(h, whole, number);
-    return {!found ? std::numeric_limits<Real>::infinity() : adaptive_ ? stages_.error(h) : Real(0), found};
+    Attempt attempt{Real(0), stages_.attempt(h, whole, number)};
+    if (!attempt.found) attempt.size = std::numeric_limits<Real>::infinity();
+    if constexpr (Stages::estimates)
+      if (attempt.found && adaptive_) attempt.size = stages_.error(h);
+    return attempt;
   }
 
   void advance(Real) { regime().advance(); }
@@ -86,7 +90,7 @@ class Scheme {
   void read(Real t, bool lies_between, std::vector<Real>& y) {
     trial_ = present();
     if (lies_between) follow_to(t);
-    residuals_ = stages_.settle(trial_);
+    if constexpr (Stages::estimates) residuals_ = stages_.settle(trial_);
     std::copy(trial_.v.begin(), trial_.v.end(), std::copy(trial_.q.begin(), trial_.q.end(), y.begin()));
   }
 
@@ -95,13 +99,17 @@ class Scheme {
 
   const Residuals& residuals() const { return residuals_; }  ///< of the last row
 
-  [[noreturn]] void give_up(const Attempt& attempt, const stepping::Counts&, long number) const {
-    const char* what = attempt.found ? "no step is small enough for the tolerance"
-                       : adaptive_   ? "Newton's iteration converges with no step, however small"
-                                     : "Newton's iteration did not converge in a stage";
-    const char* advice = adaptive_ ? "allow a larger tolerance; look for a force without bound, or for a singular pose"
-                                   : "take a smaller dt, or the integrator sdirk4, which chooses its steps";
-    throw Failure(what, static_cast<double>(time()), number, stages_.worst(), static_cast<double>(attempt.size), advice);
+  [[noreturn]] void give_up(const Attempt& attempt, const Counts&, long number) const {
+    if constexpr (Stages::estimates) {
+      const char* what = attempt.found ? "no step is small enough for the tolerance"
+                         : adaptive_   ? "Newton's iteration converges with no step, however small"
+                                       : "Newton's iteration did not converge in a stage";
+      const char* advice = adaptive_ ? "allow a larger tolerance; look for a force without bound, or for a singular pose"
+                                     : "take a smaller dt, or the integrator sdirk4, which chooses its steps";
+      throw Failure(what, static_cast<double>(time()), number, stages_.worst(), static_cast<double>(attempt.size), advice);
+    } else {
+      throw Failure(stages_.failure());
+    }
   }
 
  private:
@@ -115,7 +123,7 @@ class Scheme {
     std::copy(middle, between_.end(), state.v.begin());
   }
 
-  Stages<S>& stages_;
+  Stages& stages_;
   Interpolant<Real> interpolant_;
   State<Real> before_, trial_;
   std::vector<Real> between_;
@@ -125,4 +133,4 @@ class Scheme {
   bool adaptive_;
 };
 
-}  // namespace cutjoint::sdirk
+}  // namespace cutjoint::stepping

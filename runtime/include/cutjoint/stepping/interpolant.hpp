@@ -7,7 +7,7 @@
 #include "cutjoint/retraction.hpp"
 #include "cutjoint/state.hpp"
 
-namespace cutjoint::sdirk {
+namespace cutjoint::stepping {
 
 /// The polynomial of degree 5 through displacements, their rates and second derivatives at both ends of a step, in the chart of its start; speeds
 /// are those of its derivative, the cubic through rates and second derivatives and what the displacement is more than the integral of that one.
@@ -66,4 +66,4 @@ class Interpolant {
   Real h_{1};
 };
 
-}  // namespace cutjoint::sdirk
+}  // namespace cutjoint::stepping

@@ -1,0 +1,180 @@
+// Steps of equal length that are parted at events.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/retraction.hpp"
+#include "cutjoint/road.hpp"
+#include "cutjoint/state.hpp"
+#include "cutjoint/stepping/regime.hpp"
+
+namespace cutjoint::stepping {
+
+/// The stages of implicit_scheme.hpp by a rule of order 2, whose one stage is the end of a step.
+///
+/// A rule has
+///
+/// - `description`, `blank`, a state with room for all, and `events`, the values of the switches in a state,
+/// - `begin`, which makes a start the first state, and `restart`, accelerations and multipliers of a state's coordinates and speeds,
+/// - `step`, a step of a given length; throws Failure, the state being then that before,
+/// - `keep`, after a step that counts, and `go_back`, before another attempt from the last state that does,
+/// - `enter`, which makes a time the present one,
+/// - `settle`, which closes the loops of a state as far as the rule does, `measure`, the residuals of one, and `summarise`.
+///
+/// Less than the share `least` of a step is left to the parabola of the last accelerations, with new ones at its end: a rule that divides by the
+/// square of its step would keep no digits there.
+template <class Rule>
+class EqualSteps {
+ public:
+  using Real = typename Rule::Real;
+
+  static constexpr int order = 2;
+  static constexpr bool estimates = false;
+
+  EqualSteps(Rule& rule, const std::vector<Road<Real>>& roads, Real dt)
+      : rule_(rule), regime_(rule.description().switches, roads), dt_(dt), start_(rule.blank()), at_(start_), way_(start_.v), moved_(start_.v) {}
+
+  std::size_t size() const { return start_.q.size() + start_.v.size(); }
+  std::span<const Chart> charts() const { return rule_.description().charts; }
+
+  std::vector<Real> begin(const State<Real>& start) {
+    rule_.begin(start, start_);
+    keep();
+    adopt();
+    std::vector<Real> y(start_.q);
+    y.insert(y.end(), start_.v.begin(), start_.v.end());
+    return y;
+  }
+
+  /// The state of a row, which is the end of a step.
+  const State<Real>& complete(Real, const std::vector<Real>&) const { return start_; }
+
+  /// Try a step of length h from the present state; whether its end was found.
+  bool attempt(Real h, bool, long number) {
+    regime_.begin(start_.t);
+    if (std::exchange(tried_, true)) rule_.go_back(start_);
+    at_ = start_;
+    const bool found = move(h, number);
+    at_.t = start_.t + h;
+    if (!regime_.empty()) {
+      rule_.events(at_, regime_.values());
+      regime_.look(at_.t);
+    }
+    return found;
+  }
+
+  /// The attempted step counts: its end becomes the present state, and `before` the one before it.
+  void accept(Real, State<Real>& before) {
+    std::swap(before, start_);
+    std::swap(start_, at_);
+    if (glided_)
+      moved_ = way_;  // the difference of coordinates has their rounding, which a rate over so short a time must not have
+    else
+      displacement<Real>(charts(), before.q.data(), start_.q.data(), moved_.data());
+    keep();
+  }
+
+  const State<Real>& present() const { return start_; }
+
+  /// The displacement by the last step, in the chart of its start.
+  const std::vector<Real>& moved() const { return moved_; }
+
+  /// Coordinates and speeds of another state become those of the present one; `restart` has to follow.
+  void go_to(const State<Real>& state) {
+    start_.t = state.t;
+    start_.q = state.q;
+    start_.v = state.v;
+  }
+
+  /// Accelerations and multipliers of the present state, which forces that jump change.
+  void restart() {
+    rule_.restart(start_);
+    keep();
+  }
+
+  /// Go over to the regime of the present state.
+  void adopt() {
+    if (regime_.empty()) return;
+    rule_.events(start_, regime_.values());
+    regime_.adopt();
+  }
+
+  /// Seek the switches that a state has out of the regime; whether there are any.
+  bool seek(const State<Real>& state) {
+    rule_.events(state, regime_.values());
+    return regime_.seek();
+  }
+
+  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  std::size_t found(const State<Real>& state) {
+    rule_.events(state, regime_.values());
+    return regime_.found();
+  }
+
+  /// The mechanism or system goes to the time of the present state, which an attempt has left.
+  Real enter() {
+    rule_.enter(start_.t);
+    return start_.t;
+  }
+
+  Regime<Real>& regime() { return regime_; }
+  const std::vector<Switch>& switches() const { return rule_.description().switches; }
+
+  /// Close the loops of a state that lies between steps.
+  void settle(State<Real>& state) { rule_.settle(state); }
+
+  long evaluations() const { return rule_.evaluations(); }
+
+  /// Why the last attempt has no end.
+  const Failure& failure() const { return *failure_; }
+
+ private:
+  /// To the end of a step; where that is not found, to where the last accelerations would lead.
+  bool move(Real h, long number) {
+    glided_ = h < Real(Rule::least) * dt_;
+    try {
+      if (glided_) {
+        glide(h);
+        rule_.settle(at_);
+        rule_.restart(at_);
+      } else {
+        rule_.step(at_, h, number);
+      }
+      return true;
+    } catch (const Failure& failure) {
+      failure_ = failure;
+      at_ = start_;
+      glide(h);
+      return false;
+    }
+  }
+
+  void glide(Real h) {
+    for (std::size_t i = 0; i < way_.size(); ++i) {
+      way_[i] = h * start_.v[i] + h * h / 2 * start_.vdot[i];
+      at_.v[i] = start_.v[i] + h * start_.vdot[i];
+    }
+    retract<Real>(charts(), start_.q.data(), way_.data(), at_.q.data());
+    at_.t = start_.t + h;
+  }
+
+  void keep() {
+    rule_.keep();
+    tried_ = false;
+  }
+
+  Rule& rule_;
+  Regime<Real> regime_;
+  Real dt_;
+  State<Real> start_, at_;  ///< at the step's start, and its attempted end
+  std::vector<Real> way_, moved_;
+  std::optional<Failure> failure_;
+  bool tried_ = false, glided_ = false;
+};
+
+}  // namespace cutjoint::stepping

@@ -1,0 +1,107 @@
+// The rules of `recursive-newton` for steps that are parted at events.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cutjoint/json.hpp"
+#include "cutjoint/lagrangian/choose_solver.hpp"
+#include "cutjoint/lagrangian/recursive_newton.hpp"
+#include "cutjoint/read_figures.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint::stepping {
+
+/// The rule of equal_steps.hpp over `RecursiveNewton`.
+template <class S>
+class NewtonRule {
+ public:
+  using Real = typename S::real_type;
+
+  static constexpr double least = 1e-4;
+
+  NewtonRule(S& system, const Json& file)
+      : system_(system), d_(system.description()), solver_name_(file.value("solver", "emitted")), solver_(choose_solver(system, solver_name_)),
+        newton_(system, *solver_, read_newton_figures(file.at("numerics"))), dt_(read_number<Real>(file.at("numerics"), "dt")), h_(dt_) {}
+
+  void load(const Inputs<Real>& inputs, const Json&) { inputs.load_system(system_); }
+
+  const SystemDescription& description() const { return d_; }
+  State<Real> blank() const { return State<Real>(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()); }
+
+  void begin(const State<Real>& start, State<Real>& state) {
+    state.t = start.t;
+    system_.begin_step(start.t, Real(1));
+    system_.place(start.q.data(), start.v.data(), state.q.data(), state.v.data());
+    restart(state);
+  }
+
+  void restart(State<Real>& state) {
+    newton_.begin(state, Real(1));
+    newton_.stay(state);
+  }
+
+  void step(State<Real>& state, Real h, long number) {
+    using std::abs;
+    if (abs(h - h_) > h_ * Real(1e-9)) {  // the length of a row has the rounding of times
+      newton_.stay(state);
+      newton_.stretch(h_ = h);
+    }
+    newton_.step(state, number);
+    if (h < dt_ / 100) restart(state);  // the square of a short step, by which penalties are divided, leaves accelerations few digits
+  }
+
+  void keep() {
+    means_ = newton_.means();
+    const Residuals& last = newton_.residuals();
+    worst_ = {std::max(worst_.position, last.position), std::max(worst_.velocity, last.velocity),
+              std::max(worst_.acceleration, last.acceleration)};
+  }
+
+  void go_back(const State<Real>& state) {
+    newton_.stay(state);
+    newton_.take_means(means_);
+  }
+
+  void settle(State<Real>& state) { newton_.close_loops(state); }
+
+  void enter(Real t) { system_.begin_step(t, Real(1)); }
+
+  void events(const State<Real>& state, Real* values) {
+    system_.begin_step(state.t, Real(1));
+    system_.events(state.q.data(), state.v.data(), values);
+  }
+
+  /// Of the last step.
+  const Residuals& measure(const State<Real>&) const { return newton_.residuals(); }
+
+  long evaluations() const { return newton_.evaluations(); }
+
+  void summarise(Json& summary) const {
+    summary["solver"] = solver_name_;
+    summary["penalty"] = number_or_null(static_cast<double>(newton_.step_weights().constraint / newton_.step_weights().stiffness));
+    summary["iterations"] = newton_.iterations();
+    summary["factorisations"] = newton_.factorisations();
+    summary["substeps"] = newton_.substeps();
+    summary["pivoting_fallbacks"] = solver_->fallbacks();
+    summary["residuals"] = Json{{"position", number_or_null(worst_.position)},
+                                {"velocity", number_or_null(worst_.velocity)},
+                                {"acceleration", number_or_null(worst_.acceleration)}};
+  }
+
+ private:
+  S& system_;
+  const SystemDescription& d_;
+  std::string solver_name_;
+  std::unique_ptr<LinearSolver<Real>> solver_;
+  RecursiveNewton<S> newton_;
+  Real dt_, h_;
+  std::vector<Real> means_;
+  Residuals worst_;
+};
+
+}  // namespace cutjoint::stepping

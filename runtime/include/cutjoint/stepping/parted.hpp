@@ -1,0 +1,89 @@
+// A rule of equal steps that end at events too, as the driver sees it.
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/json.hpp"
+#include "cutjoint/row_by_row.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/stepping/equal_steps.hpp"
+#include "cutjoint/stepping/implicit_scheme.hpp"
+#include "cutjoint/stepping/stepper.hpp"
+
+namespace cutjoint::stepping {
+
+/// Whether a run's steps shall end at events, by integrators that leave that open.
+inline bool locates_events(const Json& file) { return file.at("numerics").value("events", false); }
+
+/// What the base needs made before it: a rule of stepping/equal_steps.hpp, whose `load` gives its mechanism or system inputs and figures.
+template <class Subject, class Rule>
+struct Parts {
+  using Real = typename Rule::Real;
+
+  Parts(Subject& subject, const Json& file)
+      : inputs(subject.description(), file), rule(subject, file), steps(rule, inputs.roads(), read_number<Real>(file.at("numerics"), "dt")) {
+    rule.load(inputs, file);
+  }
+
+  Inputs<Real> inputs;
+  Rule rule;
+  EqualSteps<Rule> steps;
+};
+
+/// Goes on with a step a row of the run, in parts where events lie.
+template <class Subject, class Rule>
+class PartedSteps : private Parts<Subject, Rule>, public RowByRow<EqualSteps<Rule>, Stepper<ImplicitScheme<EqualSteps<Rule>>>, Subject> {
+  using Base = RowByRow<EqualSteps<Rule>, Stepper<ImplicitScheme<EqualSteps<Rule>>>, Subject>;
+
+ public:
+  using Real = typename Rule::Real;
+
+  PartedSteps(Subject& subject, const Json& file) : Parts<Subject, Rule>(subject, file), Base(subject, this->steps, file), file_(file) {}
+
+  void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
+
+  void load_penalties(const std::vector<double>& penalties)
+    requires requires(Rule rule, Inputs<Real> inputs, Json file) { rule.load_penalties(inputs, file, std::vector<double>()); }
+  {
+    this->rule.load_penalties(this->inputs, file_, penalties);
+  }
+
+  void prepare() {
+    Base::prepare(Tolerances<Real>{}, this->origin() + read_number<Real>(file_, "end"), false);
+  }
+
+  /// Throws Failure; the last row is then that of the last part that counts.
+  void step(long number) {
+    try {
+      Base::step(number);
+    } catch (const Failure&) {
+      this->stop_at(this->steps.enter());
+      throw;
+    }
+  }
+
+  static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
+
+  /// The parts of a row's step, and its residuals.
+  const std::vector<double>& measure_step() {
+    const Residuals row = this->rule.measure(this->steps.present());
+    measured_ = {static_cast<double>(this->stepper()->steps() - steps_), row.position, row.velocity};
+    steps_ = this->stepper()->steps();
+    return measured_;
+  }
+
+  void summarise(Json& summary) const {
+    Base::summarise(summary);
+    this->rule.summarise(summary);
+    if (this->stepper()) this->stepper()->summarise(summary);
+  }
+
+ private:
+  const Json& file_;
+  std::vector<double> measured_;
+  long steps_ = 0;
+};
+
+}  // namespace cutjoint::stepping

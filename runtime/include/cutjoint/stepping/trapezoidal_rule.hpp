@@ -1,0 +1,110 @@
+// The recursive method's trapezoidal rule for steps that are parted at events.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "cutjoint/json.hpp"
+#include "cutjoint/largest.hpp"
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/projection.hpp"
+#include "cutjoint/read_figures.hpp"
+#include "cutjoint/relative.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/state.hpp"
+#include "cutjoint/trapezoidal.hpp"
+
+namespace cutjoint::stepping {
+
+/// The rule of equal_steps.hpp over `Trapezoidal`.
+template <Mechanism M>
+class TrapezoidalRule {
+ public:
+  using Real = typename M::real_type;
+
+  static constexpr double least = 0;
+
+  TrapezoidalRule(M& mechanism, const Json& file)
+      : mechanism_(mechanism), d_(mechanism.description()), proximal_(is_proximal(file.at("stabilisation"))),
+        steps_(mechanism, read_number<Real>(file.at("numerics"), "dt"), read_fixed_point(file)), relative_(mechanism, Real(1e-12)),
+        projection_(mechanism), residual_(d_.equations.size()), rate_(d_.equations.size()), y_(relative_.size()) {}
+
+  void load(const Inputs<Real>& inputs, const Json& file) { load_penalties(inputs, file, std::vector<double>(d_.cuts.size(), 1.0)); }
+
+  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
+  void load_penalties(const Inputs<Real>& inputs, const Json& file, const std::vector<double>& penalties) {
+    inputs.load_mechanism(mechanism_, file.at("stabilisation"), converted<Real>(penalties));
+  }
+
+  const Description& description() const { return d_; }
+  State<Real> blank() const { return State<Real>(d_); }
+
+  void begin(const State<Real>& start, State<Real>& state) {
+    state = start;
+    relative_.begin(start);
+    mechanism_.begin_step(state.t, Real(1));
+  }
+
+  void restart(State<Real>& state) {
+    std::copy(state.v.begin(), state.v.end(), std::copy(state.q.begin(), state.q.end(), y_.begin()));
+    relative_.guess(state.lambda);
+    const State<Real>& solved = relative_.solve(state.t, y_);
+    if (!std::isfinite(static_cast<double>(largest(solved.vdot))))
+      throw Failure("the accelerations have no finite value", static_cast<double>(state.t), 0, std::string(d_.speeds[0]),
+                    static_cast<double>(largest(solved.vdot)), "look for a law that divides by zero there");
+    state.vdot = solved.vdot;
+    state.lambda = solved.lambda;
+  }
+
+  void step(State<Real>& state, Real h, long number) {
+    steps_.stretch(h);
+    steps_.step(state, number);
+  }
+
+  void keep() {}
+  void go_back(const State<Real>&) {}
+
+  void settle(State<Real>& state) {
+    if (!proximal_) return;
+    mechanism_.begin_step(state.t, Real(1));
+    projection_.positions(state);
+    projection_.velocities(state);
+  }
+
+  void enter(Real t) { mechanism_.begin_step(t, Real(1)); }
+
+  void events(const State<Real>& state, Real* values) {
+    mechanism_.begin_step(state.t, Real(1));
+    mechanism_.events(state.q.data(), state.v.data(), values);
+  }
+
+  Residuals measure(const State<Real>& state) {
+    mechanism_.close(state.q.data(), state.v.data(), residual_.data(), rate_.data());
+    const Residuals now{static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_))};
+    worst_ = {std::max(worst_.position, now.position), std::max(worst_.velocity, now.velocity)};
+    measured_ = true;
+    return now;
+  }
+
+  long evaluations() const { return steps_.evaluations() + relative_.evaluations(); }
+
+  void summarise(Json& summary) const {
+    summary["evaluations"] = evaluations();
+    summary["iterations"] = steps_.evaluations();
+    if (measured_) summary["residuals"] = Json{{"position", number_or_null(worst_.position)}, {"velocity", number_or_null(worst_.velocity)}};
+  }
+
+ private:
+  M& mechanism_;
+  const Description& d_;
+  bool proximal_, measured_ = false;
+  Trapezoidal<M> steps_;
+  Relative<M> relative_;
+  Projection<M> projection_;
+  std::vector<Real> residual_, rate_, y_;
+  Residuals worst_;
+};
+
+}  // namespace cutjoint::stepping

@@ -1,0 +1,77 @@
+"""Whether steps end at events: who says so, and what a simulator is told of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.methods import EXPLICIT, IMPLICIT, LOCATING
+from cutjoint.pipeline import Artifact, compile_model, make_ready, simulate
+from cutjoint.realtime import run_in_real_time
+from cutjoint.run.run_file import RunError
+from tests.conftest import MODELS
+from tests.mechanisms.bouncing import bouncing_text
+from tests.physics.simulation import with_numerics
+
+PENDULUM = MODELS / "pendulum.yaml"
+
+#: What has no events of its own.
+OTHERS = ({"method": "augmented"}, {"method": "classical"}, {"implementation": "generic"})
+
+
+def told(artifact: Artifact, **how: str | int) -> bool | None:
+    """What the run file says of events; None for nothing."""
+    found: bool | None = make_ready(artifact, **how).run_file["numerics"].get("events")  # type: ignore[arg-type]
+    return found
+
+
+@pytest.mark.parametrize(("method", "integrators"), [("recursive", EXPLICIT), ("recursive-newton", IMPLICIT)])
+def test_steps_end_at_events_as_is_usual_or_as_asked(method: str, integrators: tuple[str, ...]) -> None:
+    """What is asked for comes before the scene's word, and that before what is usual with the integrator."""
+    usual = compile_model(PENDULUM, method=method)
+    for integrator in ("trapezoidal", *integrators):
+        assert told(usual, integrator=integrator) is (integrator in LOCATING)
+        for said, other in (("located", "crossed"), ("crossed", "located")):
+            scene = with_numerics(usual, events=said)
+            assert told(scene, integrator=integrator) is told(usual, integrator=integrator, events=said) is (said == "located")
+            assert told(scene, integrator=integrator, events=other) is (other == "located")
+
+
+@pytest.mark.parametrize("how", OTHERS, ids=lambda how: next(iter(how.values())))
+def test_a_scenes_events_are_not_meant_for_other_methods_and_twins(how: dict[str, str]) -> None:
+    artifact = compile_model(PENDULUM, **how)
+    assert told(artifact) is told(artifact, events="crossed") is told(with_numerics(artifact, events="located")) is None
+    with pytest.raises(RunError, match="events are located by generated code of the methods recursive and recursive-newton"):
+        simulate(artifact, events="located")
+
+
+def test_what_else_is_refused() -> None:
+    artifact = compile_model(PENDULUM)
+    with pytest.raises(RunError, match="no events 'found'; there is located, crossed"):
+        simulate(artifact, events="found")
+    with pytest.raises(RunError, match="the reference integrator takes steps over events"):
+        simulate(artifact, integrator="reference", events="located")
+    assert told(with_numerics(artifact, events="located"), integrator="reference") is None
+
+
+def test_steps_of_fixed_cost_go_over_events() -> None:
+    artifact = compile_model(PENDULUM)
+    assert told(artifact, iterations=3) is told(with_numerics(artifact, events="located"), iterations=3, events="crossed") is False
+    with pytest.raises(RunError, match="a fixed number of iterations needs events: crossed"):
+        simulate(artifact, iterations=3, events="located")
+    with pytest.raises(RunError, match="a fixed number of iterations needs events: crossed"):
+        run_in_real_time(with_numerics(artifact, events="located"), iterations=3)
+
+
+def test_the_command_counts_events_where_they_are_located(tmp_path: Path) -> None:
+    """The second run of each is one that is kept."""
+    model = tmp_path / "model.yaml"
+    model.write_text(bouncing_text(0, 0.5), encoding="utf-8")
+    arguments = ["simulate", str(model), "--integrator", "rk4", "--out", str(tmp_path / "out.csv")]
+    for more, events in 2 * (([], True), (["--events", "crossed"], False)):
+        done = CliRunner().invoke(main, [*arguments, *more], catch_exceptions=False)
+        assert done.exit_code == 0
+        assert ("4: floor 4" in done.output) is events
