@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report choice flags verification lint setup clean
+.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report beside choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -35,6 +35,7 @@ figures: setup
 	set -e; for each in bench methods newton batch chain instructions realtime flags choice verification; do \
 	  $(MAKE) --no-print-directory $$each > results/figures/$$each.txt; done
 	$(MAKE) --no-print-directory report
+	$(MAKE) --no-print-directory beside > results/figures/beside.txt
 	$(BIN)/python docs/pictures/simul1.py
 
 instructions: setup
@@ -51,6 +52,10 @@ newton: setup
 
 methods: setup
 	$(BIN)/python -m benchmarks.methods
+
+beside: setup
+	$(BIN)/pip install --quiet --editable '.[peers]'
+	$(BIN)/python -m benchmarks.beside vehicle chain
 
 report: setup
 	$(BIN)/pip install --quiet --editable '.[peers]'

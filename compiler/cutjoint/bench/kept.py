@@ -9,7 +9,8 @@ from typing import Any
 from cutjoint.bench.contenders import CONTENDERS
 from cutjoint.bench.failures.trials import case_of
 from cutjoint.bench.own import identify_code
-from cutjoint.bench.records import Case
+from cutjoint.bench.records import Case, Contender
+from cutjoint.bench.rungs import NoRungError
 from cutjoint.bench.study import Plan, grid_of
 from cutjoint.model.errors import ModelError
 from cutjoint.run.run_file import RunError
@@ -33,12 +34,23 @@ def _missing(plan: Plan, data: Data) -> Iterator[str]:
     """What the plan has and the data does not."""
     known = {(case["name"], line["contender"]) for case in data["cases"] for line in case["lines"]}
     for case, contender in product(plan.cases, plan.contenders):
-        if (case.name, contender.name) not in known:
+        if (case.name, contender.name) not in known and _suits(contender, case):
             yield f"{case.name}, {contender.label} (not measured)"
     mapped = {atlas["name"] for atlas in data["atlases"]}
     yield from (f"{case.name} (no map)" for case in plan.cases if plan.atlas and case.name not in mapped)
     tried = {row["name"] for row in data["situations"]}
     yield from (f"{situation.name} (not tried)" for situation in plan.situations if situation.name not in tried)
+
+
+def _suits(contender: Contender, case: Case) -> bool:
+    """Whether a case has what a contender runs; rungs are those of some scenes only."""
+    try:
+        contender.identify(case)
+    except NoRungError:
+        return False
+    except (RunError, ModelError):
+        return True  # its line says why it cannot run
+    return True
 
 
 def _kept(plan: Plan, data: Data) -> Iterator[Kept]:

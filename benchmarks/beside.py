@@ -1,0 +1,93 @@
+"""Ours and the fastest peer in turns, at equal errors: `python -m benchmarks.beside vehicle chain`.
+
+The report measures one contender after the other, for an hour; what else the machine does meanwhile is in its ratios.  Here the fastest
+points of the kept report that are as accurate as asked for, ours and a peer's, run one after the other, again and again: the medians of
+their times, and of the ratios of each turn with its quartiles.  Only on a machine that does nothing else: a core that is shared makes long
+runs longer than short ones.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median, quantiles
+from typing import Any, NamedTuple
+
+import click
+from benchmarks.report import STUDIES
+from rich.console import Console
+from rich.table import Table
+
+from cutjoint.bench.contenders import choose
+from cutjoint.bench.findings import TARGETS
+from cutjoint.bench.measure import machine
+from cutjoint.bench.records import Case, Runner
+from cutjoint.bench.study import timed
+
+KEPT = Path(__file__).resolve().parent.parent / "docs" / "bench" / "bench.json"
+TURNS = 15
+
+
+class Spot(NamedTuple):
+    """A contender at a step (s), with its time (s) and error (m) in the kept report."""
+
+    seconds: float
+    contender: str
+    dt: float
+    error: float
+
+
+def spots(lines: list[dict[str, Any]], peers: bool) -> Iterator[Spot]:
+    """The points of a report's lines, the peers' or all others."""
+    for line in (line for line in lines if (line["group"] == "peer") is peers and "points" in line):
+        for p in timed(line):
+            if p["errors"]["position"] is not None:
+                yield Spot(median(p["seconds"]), line["contender"], p["dt"], p["errors"]["position"])
+
+
+def fastest(lines: list[dict[str, Any]], peers: bool, error: float) -> Spot | None:
+    """The fastest point that is as accurate as asked for."""
+    return min((spot for spot in spots(lines, peers) if spot.error <= error), default=None)
+
+
+def in_turns(case: Case, runners: dict[str, Runner], two: tuple[Spot, Spot]) -> list[tuple[float, float]]:
+    """Seconds of both in each turn; a first one warms up."""
+    for spot in two:
+        if spot.contender not in runners:
+            (contender,) = choose([spot.contender])
+            runners[spot.contender] = contender.prepare(case)
+    turns = [(runners[two[0].contender](two[0].dt).seconds, runners[two[1].contender](two[1].dt).seconds) for _ in range(TURNS + 1)]
+    return turns[1:]
+
+
+#: The studies that have peers.
+WITH_PEERS = ("vehicle", "chain", "verification", "governor")
+
+
+@click.command()
+@click.argument("studies", type=click.Choice(WITH_PEERS), nargs=-1, required=True)
+@click.option("--kept", type=click.Path(exists=True, path_type=Path), default=KEPT, show_default=True, help="Data of a report with peers.")
+def main(studies: tuple[str, ...], kept: Path) -> None:
+    """Print a row for each case and error."""
+    table = Table("case", "error, m", "ours", "ms", "peer", "ms", "peer over ours", "quartiles")
+    for study in studies:
+        lines_of = {case["name"]: case["lines"] for case in json.loads(kept.read_text(encoding="utf-8"))["studies"][study]["cases"]}
+        for case in STUDIES[study]().cases:
+            runners: dict[str, Runner] = {}
+            for error in TARGETS:
+                ours, peer = (fastest(lines_of[case.name], peers, error) for peers in (False, True))
+                if ours is None or peer is None:
+                    continue
+                turns = in_turns(case, runners, (ours, peer))
+                low, middle, high = quantiles([b / a for a, b in turns], n=4)
+                times = [f"{median(t) * 1e3:.3g}" for t in zip(*turns, strict=True)]
+                names = [f"{spot.contender}, {spot.dt * 1e3:.3g} ms" for spot in (ours, peer)]
+                table.add_row(case.name, f"{error:g}", names[0], times[0], names[1], times[1], f"{middle:.1f}", f"{low:.1f} .. {high:.1f}")
+    console = Console(highlight=False, width=170)
+    console.print(table)
+    console.print(machine())
+
+
+if __name__ == "__main__":
+    main()
