@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report beside choice flags verification lint setup clean
+.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report beside pictures choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -29,14 +29,15 @@ flags: setup
 batch: setup
 	$(BIN)/python -m benchmarks.batch
 
-# Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.
-figures: setup
-	mkdir -p results/figures
-	set -e; for each in bench methods newton batch chain instructions realtime flags choice verification; do \
-	  $(MAKE) --no-print-directory $$each > results/figures/$$each.txt; done
-	$(MAKE) --no-print-directory report
-	$(MAKE) --no-print-directory beside > results/figures/beside.txt
-	$(BIN)/python docs/pictures/simul1.py
+# Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
+FIGURES := bench methods newton batch chain instructions realtime flags choice verification report beside pictures
+.NOTPARALLEL: figures
+figures: $(FIGURES:%=results/figures/%.txt)
+
+results/figures/%.txt: | setup
+	@mkdir -p $(@D)
+	$(MAKE) --no-print-directory $* > $@.part
+	mv $@.part $@
 
 instructions: setup
 	$(BIN)/python -m benchmarks.instructions
@@ -52,6 +53,9 @@ newton: setup
 
 methods: setup
 	$(BIN)/python -m benchmarks.methods
+
+pictures: setup
+	$(BIN)/python docs/pictures/simul1.py
 
 beside: setup
 	$(BIN)/pip install --quiet --editable '.[peers]'

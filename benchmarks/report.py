@@ -22,6 +22,7 @@ from cutjoint.bench.contenders import choose
 from cutjoint.bench.exact.chain import Chain, chain_motion, write_chain
 from cutjoint.bench.failures.situations import all_situations
 from cutjoint.bench.kept import find_outdated
+from cutjoint.bench.ready import make_ready
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
@@ -145,12 +146,14 @@ PICTURES = ("vehicle", "chain", "verification", "governor")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=ROOT / "docs" / "bench", show_default=True)
 def main(only: tuple[str, ...], out: Path) -> None:
     """Measure what is not yet measured and write the report."""
-    store = Store(MEASUREMENTS)
     page = out / "bench.json"
     kept: dict[str, Any] = json.loads(page.read_text(encoding="utf-8"))["studies"] if page.exists() else {}
+    plans = {name: STUDIES[name]() for name in only or STUDIES}
     with spinner() as say:
-        for name in only or STUDIES:
-            kept[name] = perform(STUDIES[name](), store, say)
+        make_ready(list(plans.values()), MEASUREMENTS, say)
+        store = Store(MEASUREMENTS)
+        for name, plan in plans.items():
+            kept[name] = perform(plan, store, say)
             write_whole(page, as_text(kept))
         for name in (name for name in STUDIES if name in kept and only and name not in only):
             say(f"{name}: comparing what is kept with this version's code")

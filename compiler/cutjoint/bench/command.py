@@ -14,6 +14,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from cutjoint.bench.cases import make_case
 from cutjoint.bench.contenders import choose, groups
+from cutjoint.bench.ready import make_ready
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import TOLERANCES
 from cutjoint.bench.store import Store
@@ -39,8 +40,10 @@ def run_bench(
         contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
         drift=drift, atlas=atlas, vary=vary,
     )  # fmt: skip
+    measurements = out / "measurements.jsonl"
     with spinner() as say:
-        data = perform(plan, Store(out / "measurements.jsonl"), say)
+        make_ready([plan], measurements, say)
+        data = perform(plan, Store(measurements), say)
         say("drawing")
         page = render_page({"bench": data})
     return [write_whole(out / "bench.json", json.dumps(data, indent=1) + "\n"), write_whole(out / "bench.html", page)]

@@ -18,7 +18,7 @@ from cutjoint.run.simulator import SimulatorError
 
 
 def measure_point(
-    case: Case, name: str, runner: Runner, dt: float, reference: Reference | None, repetitions: int, *, patience: float = 60.0
+    case: Case, name: str, runner: Runner, dt: float, reference: Reference | None, repetitions: int, *, patience: float = 10.0
 ) -> Point:
     """A contender at one step.  The first run warms up and is measured against the reference; only others are timed, of slow ones fewer.
 

@@ -85,6 +85,10 @@ class Runner(Protocol):
         ...
 
 
+def _always() -> bool:
+    return True
+
+
 @dataclass(frozen=True, kw_only=True)
 class Contender:
     """A way to run a case.  ``prepare`` compiles it and raises an error of the user's making where the case does not suit it.
@@ -99,4 +103,4 @@ class Contender:
     group: str
     prepare: Callable[[Case], Runner]
     identify: Callable[[Case], Mapping[str, str]]
-    available: Callable[[], bool] = lambda: True
+    available: Callable[[], bool] = _always

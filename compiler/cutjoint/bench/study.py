@@ -62,15 +62,24 @@ def perform(plan: Plan, store: Store, say: Say = lambda _: None) -> dict[str, An
     """Measure what the store does not have, and return everything as plain data for JSON."""
     return {
         "machine": dict(machine()), "cases": [_case(plan, case, store, say) for case in plan.cases],
-        "drifts": [d for case in plan.cases if (d := _drift(case, store, say))] if plan.drift else [],
+        "drifts": [d for case in plan.cases if (d := find_drift(case, store, say))] if plan.drift else [],
         "atlases": [_atlas(plan, case, store, say) for case in plan.cases] if plan.atlas else [],
         "situations": [row for situation in plan.situations for row in try_situation(situation, store, say)],
     }  # fmt: skip
 
 
 def _atlas(plan: Plan, case: Case, store: Store, say: Say) -> Record:
-    refer = partial(find_reference, precision="quad" if plan.reference == "none" else plan.reference, say=say)
-    return map_case(case, grid_of(plan, case), store, say, refer=refer)
+    return map_case(case, grid_of(plan, case), store, say, refer=atlas_reference(plan, say))
+
+
+def atlas_reference(plan: Plan, say: Say = lambda _: None) -> Callable[[Case], Reference]:
+    """Finds the references of a plan's atlas, which cannot do without, as its cases' points can."""
+    return partial(find_reference, precision="quad" if plan.reference == "none" else plan.reference, say=say)
+
+
+def case_reference(plan: Plan, case: Case, say: Say = lambda _: None) -> Reference | None:
+    """What the points of a case are compared with; None where the plan asks for no reference."""
+    return None if plan.reference == "none" else find_reference(case, precision=plan.reference, say=say)
 
 
 def grid_of(plan: Plan, case: Case) -> Grid:
@@ -78,7 +87,7 @@ def grid_of(plan: Plan, case: Case) -> Grid:
     return suggest_grid(case, parameter=plan.vary)
 
 
-def _drift(case: Case, store: Store, say: Say) -> Record | None:
+def find_drift(case: Case, store: Store, say: Say = lambda _: None) -> Record | None:
     """What the methods lose of what a mechanism keeps; at a step that all of them can take."""
     say(f"{case.name}: energy and momentum")
     dt = min(case.scene.numerics.of_method(method).dt for method in METHODS)
@@ -88,7 +97,7 @@ def _drift(case: Case, store: Store, say: Say) -> Record | None:
 
 
 def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:
-    reference = None if plan.reference == "none" else find_reference(case, precision=plan.reference, say=say)
+    reference = case_reference(plan, case, say)
     lines = []
     for contender in plan.contenders:
         say(f"{case.name}: compiling {contender.label}")
@@ -118,12 +127,8 @@ def _line(
     plan: Plan, case: Case, contender: Contender, runner: Runner, reference: Reference | None, store: Store, say: Say
 ) -> Record:  # fmt: skip
     """All that is measured of a contender on a case."""
-    method = contender.name.partition("/")[0]
-    own = case.scene.numerics.of_method(method).dt
-    identity = {
-        "case": case.name, "input": case.input_digest(method), "contender": contender.name, "configuration": dict(runner.configuration),
-        "end": case.scene.end, "row": case.scene.output_step, "repetitions": plan.repetitions, "reference": plan.reference,
-    }  # fmt: skip
+    own = _own_step(case, contender)
+    identity = _identity(plan, case, contender, runner)
     points: list[Record] = []
     for dt in _steps(plan, case, contender, own):
         if points and _predicted(points[-1], dt) > plan.most_seconds:
@@ -133,12 +138,40 @@ def _line(
         points.append(store.get({**identity, "dt": dt}, make))
     line: Record = {"contender": contender.name, "label": contender.label, "group": contender.group, "dt": own,
                     "configuration": dict(runner.configuration), "points": points}  # fmt: skip
-    if plan.limits and contender.group == "generated":
+    if has_limits(plan, contender):
         say(f"{case.name}: largest step of {contender.label}")
-        line["largest_step"] = store.get({**identity, "limit": "largest step"}, partial(_limit, case, runner, reference, own))["dt"]
-        if isinstance(runner, OwnRunner) and runner.artifact.method == "recursive":
-            line["predicted"] = store.get({**identity, "limit": "predicted"}, partial(_prediction, case, runner.artifact))
+        line |= find_limits(plan, case, contender, runner, reference, store)
     return line
+
+
+def _own_step(case: Case, contender: Contender) -> float:
+    return case.scene.numerics.of_method(contender.name.partition("/")[0]).dt
+
+
+def _identity(plan: Plan, case: Case, contender: Contender, runner: Runner) -> Record:
+    """What a contender's figures are of."""
+    return {
+        "case": case.name, "input": case.input_digest(contender.name.partition("/")[0]), "contender": contender.name,
+        "configuration": dict(runner.configuration), "end": case.scene.end, "row": case.scene.output_step,
+        "repetitions": plan.repetitions, "reference": plan.reference,
+    }  # fmt: skip
+
+
+def has_limits(plan: Plan, contender: Contender) -> bool:
+    """Whether a plan looks for the largest step of a contender."""
+    return plan.limits and contender.group == "generated"
+
+
+def find_limits(
+    plan: Plan, case: Case, contender: Contender, runner: Runner, reference: Reference | None, store: Store
+) -> Record:  # fmt: skip
+    """The largest step that converges; with a fixed point the predicted one too."""
+    identity = _identity(plan, case, contender, runner)
+    limit = partial(_limit, case, runner, reference, _own_step(case, contender))
+    found: Record = {"largest_step": store.get({**identity, "limit": "largest step"}, limit)["dt"]}
+    if isinstance(runner, OwnRunner) and runner.artifact.method == "recursive":
+        found["predicted"] = store.get({**identity, "limit": "predicted"}, partial(_prediction, case, runner.artifact))
+    return found
 
 
 def _prediction(case: Case, artifact: Artifact) -> Record:

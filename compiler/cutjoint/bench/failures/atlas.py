@@ -106,7 +106,7 @@ def map_case(
         if not _shares_rows(case, dt):
             raise RunError(f"{case.name}: a step of {dt:g} s shares too few rows with rows of {case.scene.output_step:g} s")
     find = refer or partial(find_reference, say=say)
-    truths = {value: known_truth(find(_with_value(case, grid.parameter, value))) for value in grid.values}
+    truths = {value: known_truth(find(with_value(case, grid.parameter, value))) for value in grid.values}
     cells: list[Record] = []
     refused: dict[str, str] = {}
     code: dict[str, Mapping[str, str]] = {}
@@ -122,7 +122,8 @@ def map_case(
     return {**_describe(case, grid, truths, cells, refused), "code": code}
 
 
-def _with_value(case: Case, parameter: str, value: float | None) -> Case:
+def with_value(case: Case, parameter: str, value: float | None) -> Case:
+    """The case with a parameter changed; None leaves it as it is."""
     return case if value is None else replace(case, parameters={**case.parameters, parameter: value})
 
 
@@ -133,7 +134,7 @@ def _map_method(
     penalties = grid.penalties if artifact.method in PENALISED else (None,)
     for value, penalty in product(grid.values, penalties):
         say(f"{case.name}: {artifact.method} in {artifact.precision}, {_place(penalty, grid.parameter, value)}")
-        changed = _with_value(case, grid.parameter, value)
+        changed = with_value(case, grid.parameter, value)
         for dt in (s for s in grid.steps if changed.scene.end / s <= 1.001 * MOST_STEPS[artifact.precision]):
             place = {"method": artifact.method, "precision": artifact.precision, "dt": dt, "penalty": penalty, "value": value}
             of = {**identify(changed, artifact), "tolerance": _tolerance(artifact.precision), **place}
