@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report beside pictures choice flags verification lint setup clean
+.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report tables beside pictures choice flags verification lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -30,7 +30,7 @@ batch: setup
 	$(BIN)/python -m benchmarks.batch
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
-FIGURES := bench methods newton batch chain instructions realtime flags choice verification report beside pictures
+FIGURES := bench methods newton batch chain instructions realtime flags choice verification report tables beside pictures
 .NOTPARALLEL: figures
 figures: $(FIGURES:%=results/figures/%.txt)
 
@@ -57,9 +57,12 @@ methods: setup
 pictures: setup
 	$(BIN)/python docs/pictures/simul1.py
 
+tables: setup
+	$(BIN)/python -m benchmarks.tables
+
 beside: setup
 	$(BIN)/pip install --quiet --editable '.[peers]'
-	$(BIN)/python -m benchmarks.beside vehicle chain
+	$(BIN)/python -m benchmarks.beside vehicle chain verification governor
 
 report: setup
 	$(BIN)/pip install --quiet --editable '.[peers]'

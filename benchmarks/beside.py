@@ -15,7 +15,7 @@ from statistics import median, quantiles
 from typing import Any, NamedTuple
 
 import click
-from benchmarks.report import STUDIES
+from benchmarks.report import PAGE, STUDIES
 from rich.console import Console
 from rich.table import Table
 
@@ -25,7 +25,6 @@ from cutjoint.bench.measure import machine
 from cutjoint.bench.records import Case, Runner
 from cutjoint.bench.study import timed
 
-KEPT = Path(__file__).resolve().parent.parent / "docs" / "bench" / "bench.json"
 TURNS = 15
 
 
@@ -67,7 +66,7 @@ WITH_PEERS = ("vehicle", "chain", "verification", "governor")
 
 @click.command()
 @click.argument("studies", type=click.Choice(WITH_PEERS), nargs=-1, required=True)
-@click.option("--kept", type=click.Path(exists=True, path_type=Path), default=KEPT, show_default=True, help="Data of a report with peers.")
+@click.option("--kept", type=click.Path(exists=True, path_type=Path), default=PAGE, show_default=True, help="Data of a report with peers.")
 def main(studies: tuple[str, ...], kept: Path) -> None:
     """Print a row for each case and error."""
     table = Table("case", "error, m", "ours", "ms", "peer", "ms", "peer over ours", "quartiles")

@@ -33,6 +33,7 @@ from cutjoint.run.scenes import with_figures
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"
 IAVSD = "iavsd_inphase_5"
+PAGE = ROOT / "docs" / "bench" / "bench.json"
 MEASUREMENTS = ROOT / "results" / "report" / "measurements.jsonl"
 PAPER = ("simul1", "simul2", "simul3", "simul1s")
 
@@ -143,10 +144,10 @@ PICTURES = ("vehicle", "chain", "verification", "governor")
 
 @click.command()
 @click.option("--only", type=click.Choice(list(STUDIES)), multiple=True, help="Measure these; the page keeps the others.")
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=ROOT / "docs" / "bench", show_default=True)
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=PAGE.parent, show_default=True)
 def main(only: tuple[str, ...], out: Path) -> None:
     """Measure what is not yet measured and write the report."""
-    page = out / "bench.json"
+    page = out / PAGE.name
     kept: dict[str, Any] = json.loads(page.read_text(encoding="utf-8"))["studies"] if page.exists() else {}
     plans = {name: STUDIES[name]() for name in only or STUDIES}
     with spinner() as say:
@@ -169,7 +170,7 @@ def as_text(studies: dict[str, Any]) -> str:
 
 def write_page(out: Path, studies: dict[str, Any]) -> None:
     """The page, its figures as data, and the pictures."""
-    write_whole(out / "bench.json", as_text(studies))
+    write_whole(out / PAGE.name, as_text(studies))
     write_whole(out / "bench.html", render_page(studies))
     for case in (case for name in PICTURES if name in studies for case in studies[name]["cases"]):
         write_whole(out / f"{case['model']}_{case['scene']}.svg", draw_work_precision(case))

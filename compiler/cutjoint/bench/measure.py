@@ -99,14 +99,21 @@ def machine() -> Mapping[str, str]:
     return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
 
 
+#: What the widest vectors of a processor are called, by the flag that tells of them.
+_VECTORS = {"avx512f": "AVX-512", "avx2": "AVX2"}
+
+
 def _processor() -> str:
     cores = 0
+    vectors = ""
     name = platform.processor() or platform.machine()
     for line in _lines(Path("/proc/cpuinfo")):
-        key, _, value = line.partition(":")
-        cores += key.strip() == "processor"
-        name = value.strip() if key.strip() == "model name" else name
-    return f"{name}, {cores} cores" if cores else name
+        key, _, value = (part.strip() for part in line.partition(":"))
+        cores += key == "processor"
+        name = value if key == "model name" else name
+        if key == "flags":
+            vectors = next((f" with {words}" for flag, words in _VECTORS.items() if flag in value.split()), "")
+    return f"{name}{vectors}, {cores} cores" if cores else name
 
 
 def _lines(path: Path) -> Iterator[str]:
