@@ -30,7 +30,7 @@ batch: setup
 	$(BIN)/python -m benchmarks.batch
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
-FIGURES := bench methods newton batch chain instructions realtime flags choice verification report tables beside pictures
+FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags choice verification
 .NOTPARALLEL: figures
 figures: $(FIGURES:%=results/figures/%.txt)
 

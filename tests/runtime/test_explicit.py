@@ -97,6 +97,15 @@ def test_dry_friction_that_sticks_is_told_by_name(speed: float, integrator: str,
     assert failure.time == pytest.approx(abs(speed) / 2, abs=50 * 1e-3 * 0.01)  # 50 times within a thousandth of a step
 
 
+def test_what_fails_within_a_step_is_told_with_its_number(tmp_path: Path) -> None:
+    """The accelerations are found anew at an event, where nothing knows how many steps there were."""
+    artifact = compile_text(tmp_path, SLIDE.replace("LAW", "where(position > 0.255, sqrt(0.2 - position), 0)"))
+    failure = simulate(artifact, events="located", dt=0.01).failure
+    assert failure is not None
+    assert "no finite value" in failure.message
+    assert (failure.step, failure.time) == (26, pytest.approx(0.255))
+
+
 def test_a_force_without_bound_leaves_no_step_small_enough(tmp_path: Path) -> None:
     """x = 1 - t pulls itself to the origin by -1/x: the speed grows without bound before t = 1."""
     law = "-1/(position + 1 - 1)".replace("position + 1 - 1", "position")

@@ -99,7 +99,8 @@ class Run {
       const long last = std::min(first + block, steps);
       try {
         advance(first, last);
-      } catch (const Failure& failure) {
+      } catch (Failure& failure) {
+        number(failure);
         if (failure.guards.empty() && steps_ % stride != 0) write(table);  // the last state that converged
         throw;
       }
@@ -123,12 +124,18 @@ class Run {
         method_.step(steps_ + 1);
         pace.finish(steps_);
       }
-    } catch (const Failure&) {
+    } catch (Failure& failure) {
+      number(failure);
       pace.write(out, steps_);
       throw;
     }
     pace.write(out, steps_);
     return counts();
+  }
+
+  /// Within a step, what it is made of need not know its number.
+  void number(Failure& failure) const {
+    if (failure.step == 0) failure.step = steps_ + 1;
   }
 
   void advance(long first, long last) {

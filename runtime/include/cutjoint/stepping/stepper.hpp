@@ -108,7 +108,7 @@ class Stepper {
           const Real last = way;
           way = scheme_.regime().crossing() - time();
           latest_ = scheme_.regime().first();
-          const bool sure = way > last * Real(0.9) && way < last * Real(1.1);
+          const bool sure = attempt.found && way > last * Real(0.9) && way < last * Real(1.1);
           h = std::max(std::clamp(Real(0.9) * way, sure ? Real(0) : h / 10, Real(0.9) * h), shortest());
           continue;
         }
@@ -132,7 +132,6 @@ class Stepper {
     scheme_.advance(h);
     scheme_.accept(h);
     ++counts_.steps;
-    if (h > Real(1e-3) * h_) held_up_ = 0;
   }
 
   /// How far the state at a share of the last step has left the regime by a switch that is sought; at most zero where it has not.
@@ -216,12 +215,14 @@ class Stepper {
       latest_ = which;
     }
     hold_up();
-    changed_ = time();
   }
 
-  /// An event, or a step as short as they get before one: with no longer step between them, so many do not come to an end.
+  /// An event, or a step as short as they get before one: many in the time of a thousandth of a step each do not come to an end.
   void hold_up() {
-    if (++held_up_ >= 50) give_up_switching();
+    const Real since = time() - held_;
+    held_up_ = since <= Real(1e-3) * h_ ? held_up_ + 1 : 0;
+    held_ = time();
+    if (held_up_ >= 50) give_up_switching(since);
   }
 
   /// The shortest step that differs from none.
@@ -233,16 +234,16 @@ class Stepper {
   /// The shortest step before an event.
   Real shortest() const { return 256 * least(time()); }
 
-  [[noreturn]] void give_up_switching() const {
+  [[noreturn]] void give_up_switching(Real since) const {
     const Switch& which = scheme_.switches()[latest_];
     throw Failure("'" + std::string(which.element) + "' (" + std::string(which.place) + ") switches to and fro without end",
-                  static_cast<double>(time()), number_, std::string(which.element), static_cast<double>(time() - changed_),
+                  static_cast<double>(time()), number_, std::string(which.element), static_cast<double>(since),
                   "make its law continuous there, or let steps go over it with events: crossed");
   }
 
   Scheme scheme_;
   StepControl<Real, Scheme::order> control_;
-  Real until_, h_{0}, changed_{-1};
+  Real until_, h_{0}, held_{-1};
   std::size_t latest_ = 0;
   long number_ = 0;
   int held_up_ = 0;
