@@ -56,8 +56,16 @@ def in_turns(case: Case, runners: dict[str, Runner], two: tuple[Spot, Spot]) -> 
         if spot.contender not in runners:
             (contender,) = choose([spot.contender])
             runners[spot.contender] = contender.prepare(case)
-    turns = [(runners[two[0].contender](two[0].dt).seconds, runners[two[1].contender](two[1].dt).seconds) for _ in range(TURNS + 1)]
+    turns = [(seconds(runners, two[0]), seconds(runners, two[1])) for _ in range(TURNS + 1)]
     return turns[1:]
+
+
+def seconds(runners: dict[str, Runner], spot: Spot) -> float:
+    """Of a run to its end, which it came to when the report was made."""
+    run = runners[spot.contender](spot.dt)
+    if run.failure is not None:
+        raise click.ClickException(f"{spot.contender} at {spot.dt:g} s fails now ({run.failure}): make the report first")
+    return run.seconds
 
 
 #: The studies that have peers.
@@ -73,6 +81,8 @@ def main(studies: tuple[str, ...], kept: Path) -> None:
     for study in studies:
         lines_of = {case["name"]: case["lines"] for case in json.loads(kept.read_text(encoding="utf-8"))["studies"][study]["cases"]}
         for case in STUDIES[study]().cases:
+            if case.name not in lines_of:
+                raise click.ClickException(f"{case.name} is not in {kept}: make the report first")
             runners: dict[str, Runner] = {}
             for error in TARGETS:
                 ours, peer = (fastest(lines_of[case.name], peers, error) for peers in (False, True))

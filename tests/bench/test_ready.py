@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
+
+from cutjoint.bench import reference
 from cutjoint.bench.cases import make_case
 from cutjoint.bench.contenders import choose
 from cutjoint.bench.ready import make_ready
+from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
+from cutjoint.run.run_file import RunError
 from tests.conftest import MODELS
 
 
@@ -37,3 +45,43 @@ def test_what_fails_is_left_to_the_bench(tmp_path: Path) -> None:
     make_ready([plan], tmp_path / "measurements.jsonl")
     (line,) = perform(plan, Store(tmp_path / "measurements.jsonl"))["cases"][0]["lines"]
     assert "no pass makes the model smaller" in line["refused"]
+
+
+def test_a_reference_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two that want it at the same time one makes it, the other finds it."""
+    case = make_case(MODELS / "pendulum.yaml", end=0.5)
+    made: list[float] = []
+
+    def integrate(*_: object) -> Reference:
+        made.append(time.perf_counter())
+        time.sleep(0.2)
+        return Reference(t=np.zeros(1), columns={}, position_apart=0.0, velocity_apart=0.0, provenance={})
+
+    monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path))
+    monkeypatch.setattr(reference, "_compiled", lambda *_: None)
+    monkeypatch.setattr(reference, "_integrate", integrate)
+    with ThreadPoolExecutor(2) as pool:
+        one, other = pool.map(reference.find_reference, [case, case])
+    assert len(made) == 1
+    assert one.t.tolist() == other.t.tolist() == [0.0]
+
+
+def test_a_parameter_that_is_not_there_is_told_before_anything_is_made(tmp_path: Path) -> None:
+    plan = Plan(cases=[make_case(MODELS / "pendulum.yaml", end=1.0)], contenders=[], atlas=True, vary="stifness")
+    begun: list[str] = []
+    with pytest.raises(RunError, match="stifness"):
+        make_ready([plan], tmp_path / "measurements.jsonl", begun.append)
+    assert not begun
+
+
+def test_a_line_that_was_broken_off_is_passed_over_and_nothing_is_lost(tmp_path: Path) -> None:
+    """Two that find the file so, and both end the line."""
+    path = tmp_path / "measurements.jsonl"
+    Store(path).get({"what": 1}, lambda: {"value": 1})
+    with path.open("a", encoding="utf-8") as stream:
+        stream.write('{"key": "half')
+    one, other = Store(path), Store(path)
+    one.get({"what": 2}, lambda: {"value": 2})
+    other.get({"what": 3}, lambda: {"value": 3})
+    again = Store(path)
+    assert [again.get({"what": n}, lambda: {"value": 0})["value"] for n in (1, 2, 3)] == [1, 2, 3]

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 
 from cutjoint.bench.failures.atlas import Grid, map_case, with_value
@@ -19,41 +21,80 @@ from cutjoint.bench.failures.trials import Situation, try_situation
 from cutjoint.bench.records import Case, Contender
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, Say, atlas_reference, case_reference, find_drift, find_limits, grid_of, has_limits
+from cutjoint.model.errors import ModelError
+from cutjoint.run.run_file import RunError
+from cutjoint.toolchain.build import ToolchainError
 
 Task = Callable[[], object]
 
 
 def make_ready(plans: Sequence[Plan], measurements: Path, say: Say = lambda _: None) -> None:
-    """Make what the plans' clocks need not wait for; ``measurements`` is the file of the store."""
-    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
-        for words, tasks in (("references and simulators", _first_tasks(plans)), ("outcomes", _second_tasks(plans, measurements))):
-            jobs = [pool.submit(task) for task in tasks]
-            for done, _ in enumerate(as_completed(jobs)):
-                say(f"{words}: {done + 1} of {len(jobs)}")
+    """Make what the plans' clocks need not wait for; ``measurements`` is the file of the store.
+
+    Raises:
+        RunError: an atlas is to vary a parameter that the model does not have.
+    """
+    stages = {"references and simulators": list(_first_tasks(plans)), "outcomes": list(_second_tasks(plans, measurements))}
+    pool = ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn"))
+    try:
+        for words, tasks in stages.items():
+            _do_all(pool, tasks, words, say)
+    except BrokenProcessPool:  # a process was killed, for want of memory say; the bench makes itself what is missing
+        say("a process was killed; going on with one")
+    except BaseException:
+        for process in active_children():
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _do_all(pool: ProcessPoolExecutor, tasks: Sequence[Task], words: str, say: Say) -> None:
+    jobs: list[Future[object]] = [pool.submit(task) for task in tasks]
+    for done, job in enumerate(as_completed(jobs), start=1):
+        if isinstance(error := job.exception(), BrokenProcessPool):
+            raise error
+        say(f"{words}: {done} of {len(jobs)}")
 
 
 def _first_tasks(plans: Sequence[Plan]) -> Iterator[Task]:
     """References, which take longest, first."""
+    begun: list[tuple[Case, str, bool]] = []
+    for plan in plans:
+        for case in (*plan.cases, *_atlas_cases(plan)):
+            asked = (case, plan.reference, plan.atlas)
+            if asked not in begun:
+                begun.append(asked)
+                yield partial(_refer, plan, case)
     for plan in plans:
         for case in plan.cases:
-            yield partial(_refer, plan, case)
-            if plan.atlas:
-                grid = grid_of(plan, case)
-                yield from (partial(_refer_atlas, plan, with_value(case, grid.parameter, value)) for value in grid.values)
-    for plan in plans:
-        yield from (partial(_compile, case, contender) for case in plan.cases for contender in plan.contenders)
+            yield from (partial(_compile, case, together) for together in _together(plan.contenders))
+
+
+def _atlas_cases(plan: Plan) -> Iterator[Case]:
+    for case in plan.cases if plan.atlas else ():
+        grid = grid_of(plan, case)
+        yield from (with_value(case, grid.parameter, value) for value in grid.values)
+
+
+def _together(contenders: Sequence[Contender]) -> list[list[Contender]]:
+    """Those that one process should prepare: the rungs of a method are steps of one ladder."""
+    found: dict[tuple[str, str], list[Contender]] = {}
+    for contender in contenders:
+        part = contender.name.partition("/")[0] if contender.group == "rungs" else contender.name
+        found.setdefault((contender.group, part), []).append(contender)
+    return list(found.values())
 
 
 def _refer(plan: Plan, case: Case) -> None:
-    case_reference(plan, case)
+    find = atlas_reference(plan) if plan.atlas else partial(case_reference, plan)
+    find(case)
 
 
-def _refer_atlas(plan: Plan, case: Case) -> None:
-    atlas_reference(plan)(case)
-
-
-def _compile(case: Case, contender: Contender) -> None:
-    contender.prepare(case)
+def _compile(case: Case, contenders: Sequence[Contender]) -> None:
+    for contender in contenders:
+        with suppress(RunError, ModelError, ToolchainError):  # also NoRungError
+            contender.prepare(case)
 
 
 def _second_tasks(plans: Sequence[Plan], measurements: Path) -> Iterator[Task]:

@@ -22,7 +22,7 @@ from cutjoint.bench.records import Case
 from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import RunError, make_run_file
-from cutjoint.toolchain.build import cache_folder
+from cutjoint.toolchain.build import alone, cache_folder, keep, workplace
 
 #: The routes: formulation by name of the integrator.
 ROUTES: Mapping[str, str] = {"Runge-Kutta": "classical", "extrapolation": "recursive"}
@@ -62,13 +62,13 @@ def find_reference(case: Case, *, precision: str = "quad", say: Callable[[str], 
     artifacts = {route: _compiled(case, method, precision) for route, method in ROUTES.items()}
     key = _key(case, artifacts, TOLERANCES[precision])
     kept = cache_folder() / "references" / f"{key}.json"
-    if not kept.exists():
-        say(f"{case.name}: integrating the reference")
-        made = _integrate(case, artifacts, precision)
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        part = kept.with_suffix(".part")
-        part.write_text(json.dumps(_as_json(made)), encoding="utf-8")
-        part.replace(kept)
+    with alone(kept):
+        if not kept.exists():
+            say(f"{case.name}: integrating the reference")
+            made = _integrate(case, artifacts, precision)
+            with workplace() as folder:
+                (folder / kept.name).write_text(json.dumps(_as_json(made)), encoding="utf-8")
+                keep(folder / kept.name, kept)
     return _from_json(json.loads(kept.read_text(encoding="utf-8")))
 
 

@@ -22,7 +22,7 @@ class Store:
         for line in text.splitlines():
             self._take(line)
         if text and not text.endswith("\n"):
-            path.write_text(f"{text}\n", encoding="utf-8")
+            self._append("\n")  # others may write too
 
     def _take(self, line: str) -> None:
         try:
@@ -36,8 +36,11 @@ class Store:
         key = sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:32]
         if key not in self._known:
             record = {"key": key, "of": dict(of), "result": make()}
-            with self._path.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(record) + "\n")
+            self._append(json.dumps(record) + "\n")
             self._known[key] = record
         result: Record = self._known[key]["result"]
         return result
+
+    def _append(self, text: str) -> None:
+        with self._path.open("a", encoding="utf-8") as stream:
+            stream.write(text)

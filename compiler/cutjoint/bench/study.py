@@ -9,8 +9,9 @@ from math import isnan
 from typing import Any
 
 from cutjoint.bench.cases import falling_steps
-from cutjoint.bench.drift import measure_drift
+from cutjoint.bench.drift import compile_for_drift, measure_drift
 from cutjoint.bench.failures.atlas import Grid, map_case, suggest_grid
+from cutjoint.bench.failures.outcomes import identify
 from cutjoint.bench.failures.trials import Situation, try_situation
 from cutjoint.bench.fixed_point import predict_limit
 from cutjoint.bench.measure import extent, largest_step, machine, measure_point
@@ -24,7 +25,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact
 from cutjoint.run.run_file import RunError
-from cutjoint.toolchain.build import ToolchainError, runtime_digest
+from cutjoint.toolchain.build import ToolchainError
 
 Say = Callable[[str], None]
 
@@ -90,10 +91,13 @@ def grid_of(plan: Plan, case: Case) -> Grid:
 def find_drift(case: Case, store: Store, say: Say = lambda _: None) -> Record | None:
     """What the methods lose of what a mechanism keeps; at a step that all of them can take."""
     say(f"{case.name}: energy and momentum")
+    artifacts = compile_for_drift(case)
+    if not artifacts:
+        return None
     dt = min(case.scene.numerics.of_method(method).dt for method in METHODS)
-    of = {"drift": case.name, "dt": dt, "end": case.scene.end, "row": case.scene.output_step, "runtime": runtime_digest()}
-    found: Record | None = store.get(of, lambda: {"drift": plain(measure_drift(case, dt))})["drift"]
-    return found
+    runs = {method: identify(case, artifact) for method, artifact in artifacts.items()}
+    of = {"drift": case.name, "dt": dt, "end": case.scene.end, "row": case.scene.output_step, "runs": runs}
+    return store.get(of, lambda: plain(measure_drift(case, artifacts, dt)))
 
 
 def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:

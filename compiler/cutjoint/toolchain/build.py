@@ -84,7 +84,7 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None =
     compiler = find_compiler()
     key = _digest([source.digest, runtime_digest(part=source.driver), compiler_version(compiler), *flags, *kind.definitions])
     kept = cache_folder() / key / "simulator"
-    with _alone(kept):
+    with alone(kept):
         fresh = not kept.exists()
         if fresh:
             _build_into(kept.parent, source, flags, kind)
@@ -103,7 +103,7 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
     compiler = find_compiler()
     key = _digest([runtime_digest(part="generic"), compiler_version(compiler), *flags])
     kept = cache_folder() / f"generic-{key}" / "simulator"
-    with _alone(kept):
+    with alone(kept):
         fresh = not kept.exists()
         if fresh:
             with workplace() as folder:
@@ -118,7 +118,7 @@ def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) 
     with ExitStack() as stack:
         folder = stack.enter_context(workplace())
         for part in parts.values():
-            stack.enter_context(_alone(part))
+            stack.enter_context(alone(part))
         missing = [name for name, part in parts.items() if not part.exists()]
         known = [f"-DCUTJOINT_{name.upper()}={part}" for name, part in parts.items() if name not in missing]
         write_source(source, folder / "source")
@@ -137,13 +137,13 @@ def _driver_parts(source: Source, flags: Sequence[str], kind: Kind) -> dict[str,
 
 
 @contextmanager
-def _alone(file: Path) -> Iterator[None]:
+def alone(file: Path) -> Iterator[None]:
     """While a file of the cache is not there, one process at a time; the others find it then."""
     if file.exists():
         yield
         return
     cache_folder().mkdir(parents=True, exist_ok=True)
-    with FileLock(cache_folder() / f"{file.parent.name}.lock"):
+    with FileLock(cache_folder() / f"{'-'.join(file.relative_to(cache_folder()).with_suffix('').parts)}.lock"):
         yield
 
 

@@ -83,14 +83,17 @@ def try_run(
 ) -> Finding:  # fmt: skip
     """Run a compiled case with a step and rows of its own and judge how it ends.
 
-    ``figures`` are numerical ones instead of the scene's for the method, such as its penalty; ``parameters`` those of the model.
+    The integrator is the trapezoidal rule whatever the scene says.  ``figures`` are numerical ones instead of the scene's for the method,
+    such as its penalty; ``parameters`` those of the model.
     """
     scene = with_figures(artifact.scene, artifact.method, figures or {})
     own = replace(artifact, scene=replace(scene, output_step=row))
     with TemporaryDirectory() as folder:
         steps = Path(folder) / "steps.csv"
         try:
-            run = simulate(own, dt=dt, parameters={**case.parameters, **(parameters or {})}, steps=steps)
+            run = simulate(
+                own, dt=dt, parameters={**case.parameters, **(parameters or {})}, steps=steps, integrator="trapezoidal", events="crossed"
+            )
         except SimulatorError as error:
             return Finding(outcome="diverged", message=str(error))
         residual = _last_residual(steps)

@@ -130,7 +130,8 @@ def landing_step(artifact: Artifact, pose: Pose, dt: float, figures: Mapping[str
 
     def miss(step: float) -> float | None:
         end = step * count * (1 - 1e-12)
-        run = simulate(replace(artifact, scene=replace(scene, output_step=step * count)), dt=step, end=end)
+        own = replace(artifact, scene=replace(scene, output_step=step * count))
+        run = simulate(own, dt=step, end=end, integrator="trapezoidal", events="crossed")
         return None if run.failure is not None else float(run[pose.column][-1])
 
     before, now = (pose.time / count * (1 - share) for share in (2e-5, 1e-5))
