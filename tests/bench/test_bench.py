@@ -13,16 +13,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from cutjoint.bench import own
 from cutjoint.bench.cases import common_step, falling_steps, make_case
 from cutjoint.bench.contenders import CONTENDERS, choose
 from cutjoint.bench.errors import measure_errors
 from cutjoint.bench.findings import breakdown, order, time_at
 from cutjoint.bench.measure import largest_step, shared_steps
+from cutjoint.bench.own import OwnRunner
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
 from cutjoint.cli import main
 from cutjoint.methods import EXPLICIT, IMPLICIT, METHODS, TWINS
+from cutjoint.pipeline import Artifact, simulate
 from cutjoint.report.bench.page import describe
 from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.run.results import FailureReport, Trajectory
@@ -212,3 +215,23 @@ def test_bad_requests(arguments: list[str], message: str, tmp_path: Path) -> Non
     done = CliRunner().invoke(main, ["bench", str(MODELS / "pendulum.yaml"), "--out", str(tmp_path), *arguments])
     assert done.exit_code != 0
     assert message in " ".join(done.output.split())
+
+
+def test_each_run_is_of_a_copy_of_the_simulator(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Copies lie elsewhere in memory, so that repetitions show what that changes."""
+    case = make_case(MODELS / "pendulum.yaml", end=0.5, row=0.1)
+    runner = CONTENDERS["recursive"].prepare(case)
+    assert isinstance(runner, OwnRunner)
+    kept = runner.artifact.binary.path
+    used: list[Path] = []
+
+    def run(artifact: Artifact, **how: Any) -> Trajectory:
+        used.append(artifact.binary.path)
+        assert artifact.binary.path.read_bytes() == kept.read_bytes()
+        return simulate(artifact, **how)
+
+    monkeypatch.setattr(own, "simulate", run)
+    one, other = runner(0.01), runner(0.01)
+    assert one.columns["bob.x"].tolist() == other.columns["bob.x"].tolist()
+    assert len({kept, *used}) == 3
+    assert not any(path.exists() for path in used)
