@@ -16,8 +16,6 @@ from typing import Any, NamedTuple
 
 import click
 from benchmarks.report import PAGE, STUDIES
-from rich.console import Console
-from rich.table import Table
 
 from cutjoint.bench.contenders import choose
 from cutjoint.bench.findings import TARGETS
@@ -76,8 +74,9 @@ WITH_PEERS = ("vehicle", "chain", "verification", "governor")
 @click.argument("studies", type=click.Choice(WITH_PEERS), nargs=-1, required=True)
 @click.option("--kept", type=click.Path(exists=True, path_type=Path), default=PAGE, show_default=True, help="Data of a report with peers.")
 def main(studies: tuple[str, ...], kept: Path) -> None:
-    """Print a row for each case and error."""
-    table = Table("case", "error, m", "ours", "ms", "peer", "ms", "peer over ours", "quartiles")
+    """Print a row for each case and error, as soon as it is measured."""
+    click.echo(", ".join(machine().values()))
+    _print("case", "error, m", "ours", "ms", "peer", "ms", "peer over ours", "quartiles")
     for study in studies:
         lines_of = {case["name"]: case["lines"] for case in json.loads(kept.read_text(encoding="utf-8"))["studies"][study]["cases"]}
         for case in STUDIES[study]().cases:
@@ -92,10 +91,11 @@ def main(studies: tuple[str, ...], kept: Path) -> None:
                 low, middle, high = quantiles([b / a for a, b in turns], n=4)
                 times = [f"{median(t) * 1e3:.3g}" for t in zip(*turns, strict=True)]
                 names = [f"{spot.contender}, {spot.dt * 1e3:.3g} ms" for spot in (ours, peer)]
-                table.add_row(case.name, f"{error:g}", names[0], times[0], names[1], times[1], f"{middle:.1f}", f"{low:.1f} .. {high:.1f}")
-    console = Console(highlight=False, width=170)
-    console.print(table)
-    console.print(machine())
+                _print(case.name, f"{error:g}", names[0], times[0], names[1], times[1], f"{middle:.1f}", f"{low:.1f} .. {high:.1f}")
+
+
+def _print(*cells: str) -> None:
+    click.echo(f"| {' | '.join(cells)} |")
 
 
 if __name__ == "__main__":

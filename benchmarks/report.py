@@ -1,7 +1,7 @@
 """Everything that README and docs show of speed, accuracy and failure, from nothing: `make report`.
 
 Each study is a plan of `cutjoint bench`; what was measured is kept beside the report, so that an interrupted run goes on.  On two cores it
-takes an hour and a half, a third of it before any clock runs; run it on a machine that does nothing else.
+takes one to two hours, a third of it before any clock runs; run it on a machine that does nothing else.
 """
 
 from __future__ import annotations
