@@ -51,3 +51,28 @@ def test_the_last_row_of_a_failed_run_is_of_one_time(method: str, integrator: st
     if method != "recursive-newton" and integrator == "trapezoidal":
         assert t[-1] == pytest.approx(0.35)
     assert np.all(np.diff(t) > 0)
+
+
+#: A law that grows from 0.352 s on: where events are located, what of a step lies before it counts.
+BENT = DRIVEN.replace("law: 6*t}", 'law: "6*t + 0.1*max(0, t - 0.352)"}')
+
+
+@pytest.mark.parametrize("output_step", [0.01, 0.1])
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+def test_what_counts_of_a_failed_step_has_a_row(method: str, output_step: float, tmp_path: Path) -> None:
+    path = tmp_path / "driven.yaml"
+    path.write_text(BENT.replace("output_step: 0.1", f"output_step: {output_step}"), encoding="utf-8")
+    run = simulate(compile_model(path, method=method), integrator="trapezoidal", events="located")
+    assert run.failure is not None
+    assert run.t[-1] == pytest.approx(0.352, abs=1e-9)
+    assert run["slide.x"][-1] == pytest.approx(0.352**2 / 2, abs=1e-9)
+    assert np.all(np.diff(run.t) > 1e-4)
+
+
+@pytest.mark.parametrize("method", ["recursive", "augmented", "recursive-newton"])
+def test_a_run_that_fails_right_after_a_row_has_no_row_twice(method: str, tmp_path: Path) -> None:
+    path = tmp_path / "driven.yaml"
+    path.write_text(DRIVEN.replace("output_step: 0.1", "output_step: 0.01"), encoding="utf-8")
+    run = simulate(compile_model(path, method=method), integrator="trapezoidal")
+    assert run.failure is not None
+    assert run.t == pytest.approx(np.arange(36) * 0.01, abs=1e-9)

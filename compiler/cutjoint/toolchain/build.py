@@ -22,7 +22,7 @@ from cutjoint.locations import runtime_folder
 if TYPE_CHECKING:
     from cutjoint.emit.source import Source
 
-#: Where the environment asks for it, as the tests do, warnings of the compiler are errors; a user's compiler may have others.
+#: Where the environment asks for it, as the tests do, warnings are errors (from CMake 3.24 on); a user's compiler may have others.
 _STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
 
 #: How generated code is optimised, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/performance.md.

@@ -101,7 +101,7 @@ class Run {
         advance(first, last);
       } catch (Failure& failure) {
         number(failure);
-        if (failure.guards.empty() && steps_ % stride != 0) write(table);  // the last state that converged
+        if (failure.guards.empty() && static_cast<double>(method_.time()) > written_ + 1e-9 * dt) write(table);  // the last state that converged
         throw;
       }
       if (steps_table_) steps_table_->row(method_.time(), method_.measure_step());
@@ -156,6 +156,7 @@ class Run {
   void write(Table& table) {
     method_.report(values_.data());
     table.row(method_.time(), values_);
+    written_ = static_cast<double>(method_.time());
     if constexpr (requires { method_.differentiate(); })
       if (tangents_.is_open()) tangents_ << method_.differentiate() << '\n';
   }
@@ -181,7 +182,7 @@ class Run {
   std::optional<Table> steps_table_;
   std::ofstream tangents_;  ///< a line of JSON a row
   long steps_ = 0, mark_ = -1;
-  double seconds_ = 0.0;
+  double seconds_ = 0.0, written_ = 0.0;  ///< written_: the time of the last row
 };
 
 }  // namespace cutjoint

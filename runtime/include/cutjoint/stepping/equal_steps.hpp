@@ -69,11 +69,11 @@ class EqualSteps {
   }
 
   /// The attempted step counts: its end becomes the present state, and `before` the one before it.
-  void accept(Real, State<Real>& before) {
+  void accept(Real h, State<Real>& before) {
     std::swap(before, start_);
     std::swap(start_, at_);
-    if (glided_)
-      moved_ = way_;  // the difference of coordinates has their rounding, which a rate over so short a time must not have
+    if (h < Real(1e-4) * dt_)  // a difference of coordinates has their rounding, which a rate over so short a time must not have
+      for (std::size_t i = 0; i < moved_.size(); ++i) moved_[i] = h / 2 * (before.v[i] + start_.v[i]);
     else
       displacement<Real>(charts(), before.q.data(), start_.q.data(), moved_.data());
     keep();
@@ -136,9 +136,8 @@ class EqualSteps {
  private:
   /// To the end of a step; where that is not found, to where the last accelerations would lead.
   bool move(Real h, long number) {
-    glided_ = h < Real(Rule::least) * dt_;
     try {
-      if (glided_) {
+      if (h < Real(Rule::least) * dt_) {
         glide(h);
         rule_.settle(at_);
         rule_.restart(at_);
@@ -174,7 +173,7 @@ class EqualSteps {
   State<Real> start_, at_;  ///< at the step's start, and its attempted end
   std::vector<Real> way_, moved_;
   std::optional<Failure> failure_;
-  bool tried_ = false, glided_ = false;
+  bool tried_ = false;
 };
 
 }  // namespace cutjoint::stepping

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -41,13 +42,16 @@ class NewtonRule {
   }
 
   void restart(State<Real>& state) {
-    newton_.begin(state, Real(1));
+    restarted_ = state;  // a state whose accelerations are not found keeps those it has
+    newton_.begin(restarted_, Real(1));
+    state = restarted_;
     newton_.stay(state);
   }
 
   void step(State<Real>& state, Real h, long number) {
     using std::abs;
-    if (abs(h - h_) > h_ * Real(1e-9)) {  // the length of a row has the rounding of times
+    const Real rounding = 16 * std::numeric_limits<Real>::epsilon() * (abs(state.t) + h);  // of times, whose difference h is
+    if (abs(h - h_) > h_ * Real(1e-9) + rounding) {
       newton_.stay(state);
       newton_.stretch(h_ = h);
     }
@@ -100,6 +104,7 @@ class NewtonRule {
   std::unique_ptr<LinearSolver<Real>> solver_;
   RecursiveNewton<S> newton_;
   Real dt_, h_;
+  State<Real> restarted_ = blank();
   std::vector<Real> means_;
   Residuals worst_;
 };

@@ -217,12 +217,13 @@ class Stepper {
     hold_up();
   }
 
-  /// An event, or a step as short as they get before one: many in the time of a thousandth of a step each do not come to an end.
+  /// An event, or a step as short as they get before one: many in the time of a thousandth of a step each do not come to an end, where they are more
+  /// than each switch has with one event and its return.
   void hold_up() {
     const Real since = time() - held_;
     held_up_ = since <= Real(1e-3) * h_ ? held_up_ + 1 : 0;
     held_ = time();
-    if (held_up_ >= 50) give_up_switching(since);
+    if (held_up_ >= 50 + 2 * static_cast<long>(counts_.by_switch.size())) give_up_switching(since);
   }
 
   /// The shortest step that differs from none.
@@ -246,7 +247,7 @@ class Stepper {
   Real until_, h_{0}, held_{-1};
   std::size_t latest_ = 0;
   long number_ = 0;
-  int held_up_ = 0;
+  long held_up_ = 0;
   bool begun_ = false;
   Counts counts_;
 };
