@@ -14,8 +14,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.bench.command import spinner
 from cutjoint.bench.measure import machine
+from cutjoint.bench.progress import progress_bar
 from cutjoint.methods import ITERATIONS, METHODS, SOLVERS
 from cutjoint.pipeline import Artifact, compile_model, time_solver
 
@@ -43,7 +43,7 @@ class Parts:
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file for all figures.")
 def main(out: Path | None) -> None:
     """Time the parts of an iteration, in microseconds at the start of simul1."""
-    with spinner() as say:
+    with progress_bar() as say:
         methods = [method for method in METHODS if ITERATIONS[method] == "linearise"]
         artifacts = [compile_model(MODEL, scene="simul1", method=method, comparison=True) for method in methods]
         parts = [p for artifact in artifacts for p in measure_parts(artifact, say)]

@@ -17,11 +17,12 @@ from typing import Any
 import click
 
 from cutjoint.bench.cases import make_case
-from cutjoint.bench.command import spinner, write_whole
+from cutjoint.bench.command import write_whole
 from cutjoint.bench.contenders import choose
 from cutjoint.bench.exact.chain import Chain, chain_motion, write_chain
 from cutjoint.bench.failures.situations import all_situations
 from cutjoint.bench.kept import find_outdated
+from cutjoint.bench.progress import part_of, progress_bar
 from cutjoint.bench.ready import make_ready
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
@@ -75,7 +76,7 @@ def smooth() -> Plan:
 def governor() -> Plan:
     """The flyball governor, whose stiff spring would keep a reference of 113 bits busy for an hour."""
     contenders = choose(["generated", "integrators", "peer"])
-    return Plan(cases=[make_case(MODELS / "flyball.yaml")], contenders=contenders, reference="extended")
+    return Plan(cases=[make_case(MODELS / "flyball.yaml")], contenders=contenders, reference="extended", drift=True)
 
 
 def chain() -> Plan:
@@ -150,11 +151,11 @@ def main(only: tuple[str, ...], out: Path) -> None:
     page = out / PAGE.name
     kept: dict[str, Any] = json.loads(page.read_text(encoding="utf-8"))["studies"] if page.exists() else {}
     plans = {name: STUDIES[name]() for name in only or STUDIES}
-    with spinner() as say:
+    with progress_bar() as say:
         make_ready(list(plans.values()), MEASUREMENTS, say)
         store = Store(MEASUREMENTS)
-        for name, plan in plans.items():
-            kept[name] = perform(plan, store, say)
+        for number, (name, plan) in enumerate(plans.items()):
+            kept[name] = perform(plan, store, part_of(say, number, len(plans)))
             write_whole(page, as_text(kept))
         for name in (name for name in STUDIES if name in kept and only and name not in only):
             say(f"{name}: comparing what is kept with this version's code")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -27,7 +28,7 @@ from cutjoint.pipeline import compile_scene
 from cutjoint.report.bench.atlas_charts import COLOURS, draw_atlas
 from cutjoint.run.results import Array, FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
-from tests.conftest import DATA
+from tests.conftest import DATA, ROOT
 from tests.physics.simulation import read_reference
 
 CHAIN = Chain(windows=2)
@@ -204,6 +205,20 @@ def test_a_whole_number_of_steps_to_the_pose(steps: int, tmp_path: Path) -> None
     )
     rows = try_situation(situation, Store(tmp_path / "store.jsonl"))
     assert all(row["as_expected"] for row in rows), [(row["method"], row["outcome"], row["message"]) for row in rows]
+
+
+def test_the_page_s_situations_ended_as_expected() -> None:
+    """Those of `make report`, which takes minutes; each is one that this version knows, with the outcomes that are right for it now."""
+    kept = json.loads((ROOT / "docs" / "bench" / "bench.json").read_text(encoding="utf-8"))["studies"]["situations"]["situations"]
+    known = {
+        (s.name, t.method, t.precision, t.lands, tuple(sorted(t.figures.items())), t.because): t.expected
+        for s in all_situations() for t in s.trials
+    }  # fmt: skip
+    assert len(kept) > 100
+    for row in kept:
+        key = (row["name"], row["method"], row["precision"], row["lands"], tuple(sorted(row["figures"].items())), row["because"])
+        assert row["outcome"] in known[key], row
+        assert row["outcome"] != "wrong" or row["precision"] == "single", row
 
 
 def test_situations_have_names_of_their_own_and_reasons() -> None:

@@ -28,6 +28,7 @@ from cutjoint.methods import EXPLICIT, IMPLICIT, METHODS, TWINS
 from cutjoint.pipeline import Artifact, simulate
 from cutjoint.report.bench.page import describe
 from cutjoint.report.bench.precisions import describe_precisions
+from cutjoint.report.bench.tables import tabulate_configurations, tabulate_stiff
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
 from tests.conftest import MODELS
@@ -143,12 +144,53 @@ def test_words_on_more_digits() -> None:
     mixed = precision_line("mixed", [(1e-3, 1e-6, 3), (1e-4, 1e-8, 30), (1e-5, 2e-8, 300)])
     assert [breakdown(line) for line in (double, extended, mixed)] == [1e-5, None, 1e-5]
     assert describe_precisions([double, extended, mixed]) == [
-        "augmented, small steps: double breaks down from 0.01 ms on, extended holds down to 0.01 ms, mixed breaks down from 0.01 ms on. "
+        "augmented, small steps: double breaks down from 0.01 ms on, extended holds down to 0.01 ms, the smallest step tried, "
+        "mixed breaks down from 0.01 ms on. "
         "More digits cure it at that step: extended (down to the smallest step tried: extended).",
         "Time of augmented at equal steps, over that in double: extended 5, mixed 3.",
     ]
     assert describe_precisions([double, {**mixed, "contender": "augmented/quad"}])[0].endswith("More digits do not cure it.")
-    assert describe_precisions([{**extended, "contender": "augmented/double"}])[0].endswith("There is nothing for more digits to cure.")
+    whole = {**extended, "contender": "augmented/double"}
+    assert describe_precisions([whole])[0].endswith("Double leaves nothing for more digits to cure.")
+
+
+def test_words_on_digits_that_never_do() -> None:
+    """A number type no run of which ends does not hold, and cures nothing."""
+    double = precision_line("double", [(1e-3, 1e-6, 1), (1e-4, None, 10)])
+    single = precision_line("single", [(1e-3, None, 1), (1e-4, None, 1)])
+    quad = precision_line("quad", [(1e-3, None, 1), (1e-4, None, 1)])
+    said = describe_precisions([double, single, quad])[0]
+    assert "single fails at every step tried, 1 ms to 0.1 ms" in said
+    assert said.endswith("More digits do not cure it.")
+
+
+def test_an_order_is_told_by_steps_that_agree_on_it() -> None:
+    """Not by rounding, and not where errors pass zero."""
+    noisy = [(2.0**-k, max(2.0 ** (-4 * k), 1e-9 * (2 + (-1) ** k)), 1.0) for k in range(12)]
+    assert order(line_of(noisy)) == pytest.approx(4, abs=0.2)
+    crossing = [(2.0**-k, abs(4.0**-k - 3e-3 * 2.0**-k) * (1 + 0.9 * (-1) ** k), 1.0) for k in range(8)]
+    assert np.isnan(order(line_of(crossing)))
+
+
+def test_what_bumpers_cost_beside_table_3() -> None:
+    def case(scene: str, seconds: float, limit: float) -> dict[str, Any]:
+        point = {"dt": 1.0, "errors": {"position": 1e-3}, "seconds": [seconds], "failure": ""}
+        line = {"contender": "recursive", "label": "recursive", "group": "generated", "dt": 1.0, "points": [point], "largest_step": limit}
+        return {"name": f"iltis/{scene}", "lines": [line]}
+
+    table = tabulate_stiff([case("simul1", 2.0, 9e-3), case("simul1s", 3.0, 3e-3)])
+    assert table is not None
+    assert next(row for row in table.rows if row[0] == "recursive") == ("recursive", "1.70", "1.50", "0.33", "0.33")
+    assert tabulate_stiff([case("simul1", 2.0, 9e-3)]) is None
+
+
+def test_configurations_that_differ_name_their_cases() -> None:
+    def case(name: str, differences: str) -> dict[str, Any]:
+        configuration = {"version": "3", "differences": differences, "digest": "x"}
+        return {"name": name, "lines": [{"label": "mujoco, rk4", "configuration": configuration}]}
+
+    found = tabulate_configurations([case("a", ""), case("b", "loops are soft"), case("c", "")])
+    assert found == [("mujoco, rk4 (a, c)", "version 3, differences "), ("mujoco, rk4 (b)", "version 3, differences loops are soft")]
 
 
 def test_a_store_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:

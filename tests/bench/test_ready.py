@@ -14,6 +14,7 @@ import pytest
 from cutjoint.bench import reference
 from cutjoint.bench.cases import make_case
 from cutjoint.bench.contenders import choose
+from cutjoint.bench.progress import part_of
 from cutjoint.bench.ready import make_ready
 from cutjoint.bench.reference import Reference
 from cutjoint.bench.store import Store
@@ -85,3 +86,15 @@ def test_a_line_that_was_broken_off_is_passed_over_and_nothing_is_lost(tmp_path:
     other.get({"what": 3}, lambda: {"value": 3})
     again = Store(path)
     assert [again.get({"what": n}, lambda: {"value": 0})["value"] for n in (1, 2, 3)] == [1, 2, 3]
+
+
+def test_shares_of_parts_are_those_of_the_whole() -> None:
+    told: list[tuple[str, float | None]] = []
+
+    def say(text: str, /, *, share: float | None = None) -> None:
+        told.append((text, share))
+
+    part = part_of(part_of(say, 1, 2), 3, 4)
+    part("half of the last quarter of the second half", share=0.5)
+    part("no share")
+    assert told == [("half of the last quarter of the second half", 0.9375), ("no share", None)]

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from cutjoint.bench.cases import make_case
 from cutjoint.bench.contenders import choose, groups
+from cutjoint.bench.progress import progress_bar
 from cutjoint.bench.ready import make_ready
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import TOLERANCES
 from cutjoint.bench.store import Store
-from cutjoint.bench.study import Plan, Say, perform
+from cutjoint.bench.study import Plan, perform
 from cutjoint.model.read import read_model
 from cutjoint.run.run_file import RunError
 
@@ -41,7 +39,7 @@ def run_bench(
         drift=drift, atlas=atlas, vary=vary,
     )  # fmt: skip
     measurements = out / "measurements.jsonl"
-    with spinner() as say:
+    with progress_bar() as say:
         make_ready([plan], measurements, say)
         data = perform(plan, Store(measurements), say)
         say("drawing")
@@ -58,15 +56,6 @@ def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterato
     for path, found in known.items():
         for scene in [s for s in found if not scenes or s in scenes] if found else [None]:
             yield make_case(path, scene, **how)
-
-
-@contextmanager
-def spinner() -> Iterator[Say]:
-    """What is being done, on standard error."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=None)
-        yield lambda text: progress.update(task, description=text)
 
 
 def write_whole(path: Path, text: str) -> Path:

@@ -17,27 +17,40 @@ Line = Mapping[str, Any]
 #: Errors of position (m) at which contenders are compared.
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
-#: Points of a line, from its smallest step on, by which its order is found: projections add terms of odd powers of the step, which at
-#: larger steps may cancel the leading one.
-_FINEST = 3
+#: An order is told by three steps in a row whose two slopes are at most this apart: elsewhere terms of other powers of the step lead too.
+_ALIKE = 0.3
 
 
 def order(line: Line, name: str = "position") -> float:
-    """The slope of error over step by least squares, of the smallest steps before the line flattens out; nan of fewer than three."""
+    """The slope of error over step of the three smallest steps that tell it; nan where none do.
+
+    Left out are those from which on a line flattens out, and of such a line all within a decade of its least error, which rounding, the
+    reference or the tolerance of the iteration has its part in.
+    """
     points = [(log(p["dt"]), log(p["errors"][name])) for p in timed(line) if p["errors"][name]]
     points.sort()
+    count = len(points)
+    floor = min((error for _, error in points), default=0.0)
     while len(points) > 1 and _flattens(points):
         del points[0]
-    if len(points) < 3:
-        return float("nan")
-    x, y = np.array(points[:_FINEST]).T
-    return float(np.polyfit(x, y, 1)[0])
+    if len(points) < count:
+        points = [p for p in points if p[1] > floor + log(10)]
+    for three in zip(points, points[1:], points[2:], strict=False):
+        slopes = _slopes(three)
+        if min(slopes) > 0.5 and abs(slopes[0] - slopes[1]) <= _ALIKE:
+            x, y = np.array(three).T
+            return float(np.polyfit(x, y, 1)[0])
+    return float("nan")
 
 
 def _flattens(points: Sequence[tuple[float, float]]) -> bool:
     """Whether the smallest step meets rounding or the reference: its error hardly falls, or falls clearly less than that before it."""
-    slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(points[:3])]
+    slopes = _slopes(points[:3])
     return slopes[0] < 0.5 or (len(slopes) > 1 and slopes[0] < slopes[1] - 0.2)
+
+
+def _slopes(points: Sequence[tuple[float, float]]) -> list[float]:
+    return [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(points)]
 
 
 def time_at(line: Line, error: float) -> float | None:

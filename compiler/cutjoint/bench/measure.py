@@ -1,4 +1,4 @@
-"""Timing: warm-up, repetitions in turns, so that what disturbs the machine disturbs all contenders alike."""
+"""Timing: a run to warm up, repetitions, the largest step that converges."""
 
 from __future__ import annotations
 

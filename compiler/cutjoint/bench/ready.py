@@ -18,9 +18,10 @@ from pathlib import Path
 
 from cutjoint.bench.failures.atlas import Grid, map_case, with_value
 from cutjoint.bench.failures.trials import Situation, try_situation
+from cutjoint.bench.progress import Say, silently
 from cutjoint.bench.records import Case, Contender
 from cutjoint.bench.store import Store
-from cutjoint.bench.study import Plan, Say, atlas_reference, case_reference, find_drift, find_limits, grid_of, has_limits
+from cutjoint.bench.study import Plan, atlas_reference, case_reference, find_drift, find_limits, grid_of, has_limits
 from cutjoint.model.errors import ModelError
 from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.build import ToolchainError
@@ -28,7 +29,7 @@ from cutjoint.toolchain.build import ToolchainError
 Task = Callable[[], object]
 
 
-def make_ready(plans: Sequence[Plan], measurements: Path, say: Say = lambda _: None) -> None:
+def make_ready(plans: Sequence[Plan], measurements: Path, say: Say = silently) -> None:
     """Make what the plans' clocks need not wait for; ``measurements`` is the file of the store.
 
     Raises:
@@ -54,7 +55,7 @@ def _do_all(pool: ProcessPoolExecutor, tasks: Sequence[Task], words: str, say: S
     for done, job in enumerate(as_completed(jobs), start=1):
         if isinstance(error := job.exception(), BrokenProcessPool):
             raise error
-        say(f"{words}: {done} of {len(jobs)}")
+        say(f"{words}: {done} of {len(jobs)}", share=done / len(jobs))
 
 
 def _first_tasks(plans: Sequence[Plan]) -> Iterator[Task]:

@@ -9,7 +9,7 @@ together by their stabilisation; the two are then apart by what this takes, and 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.bench.progress import Say, silently
 from cutjoint.bench.records import Case
 from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.run.results import Array, Trajectory
@@ -50,7 +51,7 @@ class Reference:
     provenance: Mapping[str, Any]
 
 
-def find_reference(case: Case, *, precision: str = "quad", say: Callable[[str], None] = lambda _: None) -> Reference:
+def find_reference(case: Case, *, precision: str = "quad", say: Say = silently) -> Reference:
     """The reference of a case, from the cache where it is; ``precision`` is one of TOLERANCES, ``say`` is told what is being done.
 
     Raises:

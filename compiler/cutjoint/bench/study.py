@@ -17,6 +17,7 @@ from cutjoint.bench.fixed_point import predict_limit
 from cutjoint.bench.measure import extent, largest_step, machine, measure_point
 from cutjoint.bench.own import OwnRunner
 from cutjoint.bench.paper import PAPER_STEPS
+from cutjoint.bench.progress import Say, part_of, silently
 from cutjoint.bench.records import Case, Contender, Runner
 from cutjoint.bench.reference import Reference, find_reference
 from cutjoint.bench.rungs import NoRungError
@@ -26,8 +27,6 @@ from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact
 from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.build import ToolchainError
-
-Say = Callable[[str], None]
 
 #: Steps are tried up to this multiple of a scene's own step; a run of more steps than ``MOST_STEPS`` is not begun.
 LONGEST = 16.0
@@ -59,10 +58,11 @@ class Plan:
     title: str = ""
 
 
-def perform(plan: Plan, store: Store, say: Say = lambda _: None) -> dict[str, Any]:
+def perform(plan: Plan, store: Store, say: Say = silently) -> dict[str, Any]:
     """Measure what the store does not have, and return everything as plain data for JSON."""
     return {
-        "machine": dict(machine()), "cases": [_case(plan, case, store, say) for case in plan.cases],
+        "machine": dict(machine()),
+        "cases": [_case(plan, case, store, part_of(say, i, len(plan.cases))) for i, case in enumerate(plan.cases)],
         "drifts": [d for case in plan.cases if (d := find_drift(case, store, say))] if plan.drift else [],
         "atlases": [_atlas(plan, case, store, say) for case in plan.cases] if plan.atlas else [],
         "situations": [row for situation in plan.situations for row in try_situation(situation, store, say)],
@@ -73,12 +73,12 @@ def _atlas(plan: Plan, case: Case, store: Store, say: Say) -> Record:
     return map_case(case, grid_of(plan, case), store, say, refer=atlas_reference(plan, say))
 
 
-def atlas_reference(plan: Plan, say: Say = lambda _: None) -> Callable[[Case], Reference]:
+def atlas_reference(plan: Plan, say: Say = silently) -> Callable[[Case], Reference]:
     """Finds the references of a plan's atlas, which cannot do without, as its cases' points can."""
     return partial(find_reference, precision="quad" if plan.reference == "none" else plan.reference, say=say)
 
 
-def case_reference(plan: Plan, case: Case, say: Say = lambda _: None) -> Reference | None:
+def case_reference(plan: Plan, case: Case, say: Say = silently) -> Reference | None:
     """What the points of a case are compared with; None where the plan asks for no reference."""
     return None if plan.reference == "none" else find_reference(case, precision=plan.reference, say=say)
 
@@ -88,7 +88,7 @@ def grid_of(plan: Plan, case: Case) -> Grid:
     return suggest_grid(case, parameter=plan.vary)
 
 
-def find_drift(case: Case, store: Store, say: Say = lambda _: None) -> Record | None:
+def find_drift(case: Case, store: Store, say: Say = silently) -> Record | None:
     """What the methods lose of what a mechanism keeps; at a step that all of them can take."""
     say(f"{case.name}: energy and momentum")
     artifacts = compile_for_drift(case)
@@ -103,8 +103,8 @@ def find_drift(case: Case, store: Store, say: Say = lambda _: None) -> Record | 
 def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:
     reference = case_reference(plan, case, say)
     lines = []
-    for contender in plan.contenders:
-        say(f"{case.name}: compiling {contender.label}")
+    for i, contender in enumerate(plan.contenders):
+        say(f"{case.name}: compiling {contender.label}", share=i / len(plan.contenders))
         try:
             runner = contender.prepare(case)
         except NoRungError:

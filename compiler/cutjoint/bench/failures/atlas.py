@@ -12,6 +12,7 @@ from typing import Any
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
 from cutjoint.bench.own import TOLERANCES, identity
+from cutjoint.bench.progress import Say, silently
 from cutjoint.bench.records import Case
 from cutjoint.bench.reference import Reference, find_reference
 from cutjoint.bench.store import Record, Store
@@ -20,8 +21,6 @@ from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.run_file import RunError, parameter_values
 from cutjoint.toolchain.build import ToolchainError
-
-Say = Callable[[str], None]
 
 #: Methods that have a penalty.
 PENALISED = frozenset({"recursive", "augmented"})
@@ -93,7 +92,7 @@ def _own_value(case: Case, parameter: str) -> float | None:
 
 
 def map_case(
-    case: Case, grid: Grid, store: Store, say: Say = lambda _: None, *, refer: Callable[[Case], Reference] | None = None
+    case: Case, grid: Grid, store: Store, say: Say = silently, *, refer: Callable[[Case], Reference] | None = None
 ) -> dict[str, Any]:  # fmt: skip
     """The outcome at every place of a grid, as plain data for JSON; what the store has is not run again.
 

@@ -12,6 +12,7 @@ from typing import Any
 from cutjoint.bench.cases import make_case
 from cutjoint.bench.failures.outcomes import Truth, exact_truth, identify, try_run
 from cutjoint.bench.own import identity
+from cutjoint.bench.progress import Say, silently
 from cutjoint.bench.records import Case
 from cutjoint.bench.store import Store
 from cutjoint.model.errors import ModelError
@@ -20,8 +21,6 @@ from cutjoint.run.results import Array
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import with_figures
 from cutjoint.toolchain.build import ToolchainError
-
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +60,7 @@ class Situation:
     pose: Pose | None = None
 
 
-def try_situation(situation: Situation, store: Store, say: Say = lambda _: None) -> list[dict[str, Any]]:
+def try_situation(situation: Situation, store: Store, say: Say = silently) -> list[dict[str, Any]]:
     """How each trial of a situation ends, as plain data for JSON; what the store has is not run again."""
     case = case_of(situation)
     truth = exact_truth(situation.motion, situation.end)

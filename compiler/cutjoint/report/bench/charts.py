@@ -53,7 +53,7 @@ def style(panel: Axes) -> None:
 
 
 def draw_work_precision(case: Mapping[str, Any]) -> str:
-    """Time over error, a line a contender, its step along the line; the paper's steps and the scene's own are ringed."""
+    """Time over error, a line a contender, its step along the line; the scene's own step is ringed, in the paper's scenes the paper's."""
     figure = new_figure(11, 4.8)
     panels = figure.subplots(1, 2)
     for panel, (name, label) in zip(panels, _ERRORS.items(), strict=True):

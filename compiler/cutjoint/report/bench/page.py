@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import isnan
 from typing import Any
 
@@ -16,11 +16,13 @@ from cutjoint.report.bench.charts import draw_convergence, draw_drift, draw_work
 from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.report.bench.tables import (
     milliseconds,
+    tabulate_configurations,
     tabulate_limits,
     tabulate_lines,
     tabulate_paper,
     tabulate_parallel,
     tabulate_situations,
+    tabulate_stiff,
     tabulate_studies,
     tabulate_targets,
 )
@@ -41,8 +43,9 @@ def render_page(studies: Mapping[str, Data]) -> str:
         [part for data in studies.values() for part in data[name]] for name in ("cases", "drifts", "atlases", "situations")
     )
     return environment.get_template("bench.html.jinja").render(
-        studies=tabulate_studies(studies), configurations=_configurations(cases), cases=[_case(case) for case in cases],
-        paper=tabulate_paper(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
+        studies=tabulate_studies(studies), configurations=tabulate_configurations(cases),
+        cases=[_case(case) for case in cases if case["lines"]],
+        paper=tabulate_paper(cases), stiff=tabulate_stiff(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
         drifts=[_drift(drift) for drift in drifts],
         atlases=[{"title": a["title"], "words": a["words"], "chart": draw_atlas(a)} for a in atlases],
         situations=tabulate_situations(situations),
@@ -114,14 +117,3 @@ def describe(case: Data) -> list[str]:
 def _has_steps(line: Data) -> bool:
     """Whether a line is of generated code with steps of equal length."""
     return line["group"] in ("generated", "integrators") and line["contender"].partition("/")[2] not in ADAPTIVE
-
-
-def _configurations(cases: Sequence[Data]) -> list[tuple[str, str]]:
-    """What each contender is, once."""
-    known: dict[str, str] = {}
-    for case in cases:
-        for line in case["lines"]:
-            if "configuration" in line:
-                parts = [f"{name} {value}" for name, value in line["configuration"].items() if name not in ("digest", "runtime")]
-                known.setdefault(line["label"], ", ".join(parts))
-    return list(known.items())

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cutjoint.bench.findings import breakdown, price
+from cutjoint.bench.study import timed
 
 Line = Mapping[str, Any]
 
@@ -20,28 +21,40 @@ def describe_precisions(lines: Sequence[Line]) -> list[str]:
 
 
 def _describe(method: str, kinds: Mapping[str, Line]) -> list[str]:
-    broken = {kind: breakdown(line) for kind, line in kinds.items()}
-    steps = {kind: min(p["dt"] for p in line["points"]) for kind, line in kinds.items()}
-    found = [f"{kind} {_holds(dt, steps[kind])}" for kind, dt in broken.items()]
-    return [f"{method}, small steps: {', '.join(found)}. {_verdict(broken, steps)}", *_prices(method, kinds)]
+    found = [f"{kind} {_holds(line)}" for kind, line in kinds.items()]
+    return [f"{method}, small steps: {', '.join(found)}. {_verdict(kinds)}", *_prices(method, kinds)]
 
 
-def _holds(broken: float | None, smallest: float) -> str:
-    return f"holds down to {_ms(smallest)}" if broken is None else f"breaks down from {_ms(broken)} on"
+def _holds(line: Line) -> str:
+    smallest = f"{_ms(_smallest(line))}, the smallest step tried"
+    if not _ends(line):
+        return f"fails at every step tried, {_ms(max(p['dt'] for p in line['points']))} to {_ms(_smallest(line))}"
+    broken = breakdown(line)
+    return f"holds down to {smallest}" if broken is None else f"breaks down from {_ms(broken)} on"
 
 
-def _verdict(broken: Mapping[str, float | None], steps: Mapping[str, float]) -> str:
+def _verdict(kinds: Mapping[str, Line]) -> str:
     """Whether longer types hold at the step at which double does not."""
-    at = broken["double"]
+    at = breakdown(kinds["double"])
     if at is None:
-        return "There is nothing for more digits to cure."
-    longer = [kind for kind in broken if kind not in ("single", "double") and steps[kind] <= at]
-    cured = [kind for kind in longer if (dt := broken[kind]) is None or dt < at]
+        return "Double leaves nothing for more digits to cure."
+    longer = [kind for kind, line in kinds.items() if kind not in ("single", "double") and _smallest(line) <= at and _ends(line)]
+    broken = {kind: breakdown(kinds[kind]) for kind in longer}
+    cured = [kind for kind, dt in broken.items() if dt is None or dt < at]
     if not cured:
         return "More digits do not cure it."
     whole = [kind for kind in cured if broken[kind] is None]
     more = f" (down to the smallest step tried: {', '.join(whole)})" if whole else ""
     return f"More digits cure it at that step: {', '.join(cured)}{more}."
+
+
+def _ends(line: Line) -> bool:
+    """Whether any of its runs comes to the end."""
+    return any(True for _ in timed(line))
+
+
+def _smallest(line: Line) -> float:
+    return min(float(p["dt"]) for p in line["points"])
 
 
 def _prices(method: str, kinds: Mapping[str, Line]) -> list[str]:

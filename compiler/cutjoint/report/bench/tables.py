@@ -10,7 +10,7 @@ from typing import Any
 
 from cutjoint.bench.findings import TARGETS, fastest_ours, fastest_peer, order, time_at
 from cutjoint.bench.measure import spread
-from cutjoint.bench.paper import PAPER, PAPER_PARALLEL
+from cutjoint.bench.paper import PAPER, PAPER_PARALLEL, PAPER_STIFF
 from cutjoint.bench.study import timed
 
 Case = Mapping[str, Any]
@@ -63,7 +63,7 @@ def tabulate_lines(case: Case) -> BenchTable:
             "" if isnan(found := order(line)) else f"{found:.2f}",
             f"{1e3 * limit:.3g}" if limit else "", line["configuration"].get("digest", "")[:8],
         ))  # fmt: skip
-    head = ("contender", "step, ms", "CPU, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms", "code")
+    head = ("contender", "step, ms", "time, ms", "position, m", "energy, rel.", "equations, m", "order", "largest step, ms", "code")
     return BenchTable(head=head, rows=tuple(rows))
 
 
@@ -77,9 +77,11 @@ def _own(point: Mapping[str, Any]) -> tuple[str, ...]:
 def tabulate_targets(case: Case) -> BenchTable:
     """Time at equal accuracy, interpolated between measured points, and the best of ours beside the best peer."""
     lines = [line for line in case["lines"] if "refused" not in line]
+    times = {line["label"]: [time_at(line, target) for target in TARGETS] for line in lines}
     rows = [
-        (line["label"], *("" if (time := time_at(line, target)) is None else milliseconds(time) for target in TARGETS)) for line in lines
-    ]
+        (label, *("" if time is None else milliseconds(time) for time in found)) for label, found in times.items()
+        if any(time is not None for time in found)
+    ]  # fmt: skip
     ratios = []
     for target in TARGETS:
         ours, peer = fastest_ours(lines, target), fastest_peer(lines, target)
@@ -124,6 +126,28 @@ def tabulate_paper(cases: Sequence[Case]) -> BenchTable | None:
     return BenchTable(head=head, rows=tuple(rows)) if rows else None
 
 
+def tabulate_stiff(cases: Sequence[Case]) -> BenchTable | None:
+    """What bumpers cost each method, in time and in length of step, as Table III of the paper has it; None without its scenes."""
+    stiff, soft = (next((c for c in cases if c["name"] == name), None) for name in PAPER_STIFF)
+    if stiff is None or soft is None:
+        return None
+    rows = []
+    for method in PAPER[stiff["name"]]:
+        (paper, paper_dt), (paper_soft, paper_soft_dt) = (PAPER[case["name"]][method] for case in (stiff, soft))
+        ours = [_own_seconds(case, method) for case in (stiff, soft)]
+        limits = [_line_of(case, method).get("largest_step") for case in (stiff, soft)]
+        rows.append((
+            method, f"{paper / paper_soft:.2f}", f"{ours[0] / ours[1]:.2f}" if ours[0] and ours[1] else "",
+            f"{paper_dt / paper_soft_dt:.2f}", f"{limits[0] / limits[1]:.2f}" if limits[0] and limits[1] else "",
+        ))  # fmt: skip
+    head = ("with bumpers over without", "time, paper", "time, ours, same steps", "step, paper", "largest step, ours")
+    return BenchTable(head=head, rows=tuple(rows))
+
+
+def _line_of(case: Case, contender: str) -> Mapping[str, Any]:
+    return next((line for line in case["lines"] if line["contender"] == contender), {})
+
+
 def tabulate_limits(cases: Sequence[Case]) -> BenchTable | None:
     """Where the fixed point of the recursive method ends, predicted and observed; None where nothing is predicted."""
     rows = {}
@@ -134,6 +158,21 @@ def tabulate_limits(cases: Sequence[Case]) -> BenchTable | None:
             rows[case["name"]] = (case["name"], *(f"{1e3 * step:.3g}" for step in steps), f"{found['time']:.2f}")
     head = ("scene", "contracts below, ms", "ends in time below, ms", "observed, ms", "the narrowest at, s")
     return BenchTable(head=head, rows=tuple(rows.values())) if rows else None
+
+
+def tabulate_configurations(cases: Sequence[Case]) -> list[tuple[str, str]]:
+    """What each contender is, once; with the cases where it is not the same in all."""
+    known: dict[str, dict[str, list[str]]] = {}
+    for case in cases:
+        for line in case["lines"]:
+            if "configuration" in line:
+                parts = [f"{name} {value}" for name, value in line["configuration"].items() if name not in ("digest", "runtime")]
+                found = known.setdefault(line["label"], {}).setdefault(", ".join(parts), [])
+                found += [case["name"]] if case["name"] not in found else []
+    return [
+        (f"{label} ({', '.join(names)})" if len(texts) > 1 else label, text)
+        for label, texts in known.items() for text, names in texts.items()
+    ]  # fmt: skip
 
 
 def tabulate_situations(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -1,0 +1,42 @@
+"""What a bench tells of its work while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+
+class Say(Protocol):
+    """Is told what is being done, and which ``share`` of the whole is done, 0 to 1, where that is known."""
+
+    def __call__(self, text: str, /, *, share: float | None = None) -> None: ...
+
+
+def silently(text: str, /, *, share: float | None = None) -> None:
+    """Tells nobody."""
+
+
+def part_of(say: Say, number: int, count: int) -> Say:
+    """Tells the shares of one of ``count`` equal parts as those of the whole."""
+
+    def say_part(text: str, /, *, share: float | None = None) -> None:
+        say(text, share=None if share is None else (number + share) / count)
+
+    return say_part
+
+
+@contextmanager
+def progress_bar() -> Iterator[Say]:
+    """A bar on standard error."""
+    columns = (SpinnerColumn(), BarColumn(bar_width=20), TaskProgressColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=1.0)
+
+        def say(text: str, /, *, share: float | None = None) -> None:
+            progress.update(task, description=text, completed=share)
+
+        yield say
