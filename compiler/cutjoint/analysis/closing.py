@@ -82,7 +82,7 @@ def _by_speeds(equations: RecursiveEquations, rates: Array) -> Array:
 
 
 def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.0) -> dict[str, Array]:
-    """The interpreter's inputs for coordinates and speeds (..., speeds) at ``t`` (s), everything else at its default."""
+    """The interpreter's inputs for coordinates (..., coordinates) and speeds (..., speeds) at ``t`` (s), everything else at its default."""
     numerics = equations.scene.numerics
     inputs = {
         "t": np.full(1, t),
@@ -91,7 +91,7 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
         "numerics": np.array([numerics.penalty, numerics.damping_ratio, numerics.frequency]),
     }
     for chart in equations.charts:
-        inputs[f"q:{chart.joint}"] = q[chart.q : chart.q + len(chart.coordinate_names)]
+        inputs[f"q:{chart.joint}"] = q[..., chart.q : chart.q + len(chart.coordinate_names)]
         inputs[f"v:{chart.joint}"] = v[..., chart.v : chart.v + len(chart.speed_names)]
         inputs[f"vdot:{chart.joint}"] = np.zeros(len(chart.speed_names))
     for closure in equations.closures:
