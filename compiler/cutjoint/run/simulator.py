@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import subprocess
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from cutjoint.run.results import FailureReport
 
@@ -16,33 +16,53 @@ Progress = Callable[[float], None]
 
 
 class SimulatorError(RuntimeError):
-    """The simulator could not begin."""
+    """The simulator could not begin, or what it wrote is no summary."""
 
 
 def call_simulator(binary: Path, run_file: Mapping[str, Any], progress: Progress | None = None) -> dict[str, Any]:
-    """Run a simulator on a run file and return its summary.
+    """Run a simulator on a run file and return its summary; it has ended when this returns or raises, also where ``progress`` raises.
 
     Raises:
-        SimulatorError: it could not begin (a run that fails numerically returns a summary that says so).
+        SimulatorError: it could not begin (a run that fails numerically returns a summary that says so), or wrote what is no summary.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.json"
         path.write_text(json.dumps(run_file), encoding="utf-8")
-        process = subprocess.Popen([binary, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        assert process.stdout is not None
-        assert process.stderr is not None
-        summary: dict[str, Any] = {}
-        for line in process.stdout:
-            record = json.loads(line)
-            if set(record) == {"progress"}:
-                if progress is not None:
-                    progress(record["progress"])
-            else:
-                summary = record
-        complaint = process.stderr.read()
-        if process.wait() not in (0, 1) or not summary:
-            raise SimulatorError(complaint.strip() or f"the simulator ended with status {process.returncode}")
+        # what it complains of goes into a file: a pipe that nobody reads would hold it up
+        with (Path(folder) / "complaint.txt").open("w+", encoding="utf-8", errors="replace") as complaint:
+            status, summary = _follow([str(binary), str(path)], complaint, progress)
+            complaint.seek(0)
+            if status not in (0, 1) or not summary:
+                raise SimulatorError(complaint.read().strip() or f"the simulator ended with status {status}")
     return summary
+
+
+def _follow(command: Sequence[str], complaint: IO[str], progress: Progress | None) -> tuple[int, dict[str, Any]]:
+    """The status that a simulator ends with and the last record that it writes; those before tell its progress."""
+    summary: dict[str, Any] = {}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaint, encoding="utf-8", errors="replace") as process:
+        try:
+            assert process.stdout is not None
+            for line in process.stdout:
+                record = _read_record(line)
+                if set(record) != {"progress"}:
+                    summary = record
+                elif progress is not None:
+                    progress(record["progress"])
+            return process.wait(), summary
+        finally:
+            process.kill()  # who follows it has given up; one that has ended is left alone
+
+
+def _read_record(line: str) -> dict[str, Any]:
+    """A line as a record; none if the simulator ended within it."""
+    try:
+        record = json.loads(line)
+    except json.JSONDecodeError:
+        record = None if line.endswith("\n") else {}
+    if not isinstance(record, dict):
+        raise SimulatorError(f"the simulator wrote a line that is no record: {line[:200].rstrip()!r}")
+    return record
 
 
 def failure_of(summary: Mapping[str, Any]) -> FailureReport | None:

@@ -1,0 +1,77 @@
+"""What becomes of a simulator that does not do as it should, and of one that nobody follows any longer."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from cutjoint.run.simulator import SimulatorError, call_simulator
+
+Script = Callable[[str], Path]
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Script:
+    """A program in Python in a simulator's place."""
+
+    def write(text: str) -> Path:
+        path = tmp_path / "simulator"
+        path.write_text(f"#!{sys.executable}\nimport os, signal, sys, time\n{dedent(text)}", encoding="utf-8")
+        path.chmod(0o755)
+        return path
+
+    return write
+
+
+def test_the_last_record_is_the_summary(script: Script) -> None:
+    shares: list[float] = []
+    binary = script("""print('{"progress": 0.5}\\n{"progress": 1}\\n{"status": "done", "steps": 3}')""")
+    assert call_simulator(binary, {}, shares.append) == {"status": "done", "steps": 3}
+    assert shares == [0.5, 1]
+
+
+def test_many_complaints_hold_nobody_up(script: Script) -> None:
+    """More than a pipe takes, before the first line of output."""
+    binary = script("""
+        signal.alarm(60)
+        sys.stderr.write("far too much\\n" * 100_000)
+        sys.stderr.flush()
+        print('{"status": "done"}')
+    """)
+    assert call_simulator(binary, {}) == {"status": "done"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("print('hello', flush=True); time.sleep(60)", "the simulator wrote a line that is no record: 'hello'"),
+        ("print('[1, 2]')", r"the simulator wrote a line that is no record: '\[1, 2\]'"),
+        ("print('{\"status\": ', end='', flush=True); os.kill(os.getpid(), signal.SIGKILL)", "the simulator ended with status -9"),
+        ("sys.exit('error: no such file')", "error: no such file"),
+        ("print('{\"status\": \"done\"}'); sys.exit(2)", "the simulator ended with status 2"),
+    ],
+)
+def test_what_is_no_summary_is_told(text: str, message: str, script: Script) -> None:
+    with pytest.raises(SimulatorError, match=f"^{message}$"):
+        call_simulator(script(text), {})
+
+
+def test_a_simulator_that_nobody_follows_is_ended(script: Script, tmp_path: Path) -> None:
+    binary = script(f"""
+        open({str(tmp_path / "pid")!r}, "w").write(str(os.getpid()))
+        print('{{"progress": 0}}', flush=True)
+        time.sleep(60)
+    """)
+
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        call_simulator(binary, {}, stop)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
