@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.pipeline import Artifact, ends_at_events, require_fixed_cost
-from cutjoint.run.results import FailureReport, read_table
+from cutjoint.run.results import FailureReport, clear_places, read_run_table
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import call_simulator, failure_of
@@ -60,14 +60,13 @@ def run_in_real_time(
         require_fixed_cost(artifact, events=events)
     scene = with_figures(artifact.scene, artifact.method, {} if dt is None else {"dt": dt})
     scene = replace(scene, end=scene.end if end is None else end)
-    if out is not None:
-        out.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as folder:
         table = Path(folder) / "times.csv" if out is None else out
         run_file = make_run_file(
             artifact.topology.model, scene, parameters or {}, task="realtime", method=artifact.method, out=str(table.resolve()),
             events=events, fixed_cost=iterations,
         )  # fmt: skip
+        clear_places(table)
         failure = failure_of(call_simulator(artifact.binary.path, run_file))
-        _, columns = read_table(table)
+        _, columns = read_run_table(table, ("took", "late"))
     return StepTimes(period=scene.numerics.of_method(artifact.method).dt, took=columns["took"], late=columns["late"], failure=failure)

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from cutjoint.run.results import Trajectory, read_effort, read_table
+from cutjoint.run.results import Trajectory, clear_places, read_effort, read_run_table
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 
@@ -39,9 +39,7 @@ def start(
     Raises:
         SimulatorError: the simulator could not begin.
     """
-    for file in (out, steps):
-        if file is not None:
-            file.parent.mkdir(parents=True, exist_ok=True)
+    clear_places(out, steps, tangents)
     with TemporaryDirectory() as folder:
         table = Path(folder) / "table.csv" if out is None else out
         places = {"out": table, "steps_out": steps, "tangents_out": tangents}
@@ -49,9 +47,7 @@ def start(
         if ready.description is not None:
             run_file["model"] = _write(ready.description, Path(folder) / "model.json")
         summary = call_simulator(ready.simulator, run_file, progress)
-        if not table.exists():
-            table.write_text(",".join(("t", *ready.units)) + "\n", encoding="utf-8")
-        t, columns = read_table(table)
+        t, columns = read_run_table(table, tuple(ready.units))
     if out is not None:
         out.with_suffix(".units.json").write_text(json.dumps({"t": "s", **ready.units}, indent=2) + "\n", encoding="utf-8")
     return Trajectory(

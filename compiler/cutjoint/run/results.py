@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
@@ -150,3 +150,18 @@ def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
         lines = stream.readlines()
     rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(header)))
     return rows[:, 0], {name: rows[:, i] for i, name in enumerate(header) if i > 0}
+
+
+def read_run_table(path: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    """Time and columns of a run's table; of a run that failed before its first row, these columns without rows, which are written here."""
+    if not path.exists():
+        path.write_text(",".join(("t", *names)) + "\n", encoding="utf-8")
+    return read_table(path)
+
+
+def clear_places(*files: Path | None) -> None:
+    """Make the folders of files that a run will write, and remove those of an earlier run, since this one may fail before it writes."""
+    for file in (file.resolve() for file in files if file is not None):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if file.is_file():  # a device or a pipe stays
+            file.unlink()
