@@ -21,6 +21,7 @@ from cutjoint import prepared
 from cutjoint.cli import main
 from cutjoint.commands import options, preparing
 from cutjoint.prepared import Prepared, Request, find_prepared
+from cutjoint.toolchain import build
 from cutjoint.toolchain.build import cache_folder
 from tests.conftest import MODELS
 
@@ -222,6 +223,17 @@ def test_what_has_changed_is_prepared_anew(what: str, shared: Path, tmp_path: Pa
     forget_digests()
     CHANGES[what](tmp_path, monkeypatch)
     assert find_prepared(Request(model=shared, scene="still"), {}) is None
+
+
+def test_another_processor_is_another_run_where_flags_mean_it(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    request = Request(model=model, scene="still")
+    places = set()
+    for flags in (("-O1",), ("-O1", "-march=native")):
+        monkeypatch.setattr(prepared, "FLAGS", flags)
+        for capabilities in ("avx2", "avx512f"):
+            monkeypatch.setattr(build, "processor", lambda found=capabilities: (found,))
+            places.add(prepared._place(request, b""))
+    assert len(places) == 3
 
 
 def test_the_same_sources_elsewhere_are_the_same_code(shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

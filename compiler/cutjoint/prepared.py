@@ -1,8 +1,8 @@
 """Prepared runs, kept: a second run of a scene derives nothing, and imports nothing of what derives.
 
 The key covers all that a run follows from: the text of the model and the name of its file, which messages have, what was asked for, the
-sources of the compiler and the runtime, the versions of what the compiler calls, the C++ compiler and its flags.  What is kept is plain
-data (JSON), and a simulator by its name in the cache.
+sources of the compiler and the runtime, the versions of what the compiler calls, the C++ compiler, its flags and the processor that they
+mean.  What is kept is plain data (JSON), and a simulator by its name in the cache.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 from cutjoint.locations import code_folders
 from cutjoint.run.ready import ReadyRun
-from cutjoint.toolchain.build import FLAGS, ToolchainError, cache_folder, compiler_version, find_compiler, keep, workplace
+from cutjoint.toolchain.build import FLAGS, ToolchainError, cache_folder, compiler_version, find_compiler, keep, resolve, workplace
 
 #: Bytes that are read of a model file: more than a model may have, so that a part of a larger file is none that was kept.
 _LARGEST = 8_000_000
@@ -109,7 +109,8 @@ def keep_prepared(request: Request, text: str, prepared: Prepared) -> None:
 def _place(request: Request, content: bytes) -> Path:
     compiler = find_compiler()
     asked = {**asdict(request), "model": str(request.model)}
-    about = [sha256(content).hexdigest(), asked, _code_digest(code_folders()), _versions(), compiler, compiler_version(compiler), FLAGS]
+    toolchain = [compiler, compiler_version(compiler), resolve(FLAGS)]
+    about = [sha256(content).hexdigest(), asked, _code_digest(code_folders()), _versions(), *toolchain]
     return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
 
 

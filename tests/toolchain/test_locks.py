@@ -26,8 +26,10 @@ cmake_minimum_required(VERSION 3.18)
 project(small CXX)
 file(APPEND "{log}" "simulator {stem}\\n")
 if(NOT DEFINED CUTJOINT_LAUNCH)
-  file(APPEND "{log}" "parts\\n")
   add_library(launch STATIC part.cpp)
+endif()
+if(NOT DEFINED CUTJOINT_DRIVER)
+  file(APPEND "{log}" "parts\\n")
   add_library(driver STATIC part.cpp)
 endif()
 execute_process(COMMAND sh -c "while [ ! -e '{gate}' ]; do sleep 0.02; done")
@@ -59,11 +61,11 @@ class Site:
     def open_gate(self) -> None:
         (self.folder / "gate").touch()
 
-    def build(self, stem: str) -> Binary:
+    def build(self, stem: str, flags: tuple[str, ...] = ()) -> Binary:
         project = PROJECT.format(log=self.folder / "log", gate=self.folder / "gate", stem=stem)
         main = f'#include <cstdio>\nint main() {{ std::puts("{stem}"); }}\n'
         files = {"CMakeLists.txt": project, "main.cpp": main, "part.cpp": "int part() { return 1; }\n"}
-        return build(Source(stem=stem, files=files, digest=stem, driver="recursive"), flags=())
+        return build(Source(stem=stem, files=files, digest=stem, driver="recursive"), flags=flags)
 
     def ask(self, stem: str) -> subprocess.Popen[str]:
         """A process that is about to build."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from cutjoint.toolchain.build import FLAGS, ToolchainError, cache_folder, compiler_version, find_compiler
+from cutjoint.toolchain.build import FLAGS, ToolchainError, cache_folder, compiler_version, find_compiler, resolve
 
 
 def compile_program(folder: Path, options: Sequence[str]) -> Path:
@@ -22,7 +22,8 @@ def compile_program(folder: Path, options: Sequence[str]) -> Path:
     command = [compiler, *FLAGS, "-std=c++20", source.name]
     files = sorted(p for p in folder.iterdir() if p.suffix in (".cpp", ".hpp"))
     content = [part for p in files for part in (p.name, p.read_text(encoding="utf-8"))]
-    digest = hashlib.sha256("\0".join([compiler_version(compiler), *command, *options, *content]).encode()).hexdigest()[:32]
+    about = [compiler_version(compiler), *resolve(command), *options, *content]
+    digest = hashlib.sha256("\0".join(about).encode()).hexdigest()[:32]
     kept = cache_folder().resolve() / f"peer-{digest}" / source.stem
     if not kept.exists():
         kept.parent.mkdir(parents=True, exist_ok=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -75,14 +76,15 @@ def write_source(source: Source, folder: Path) -> None:
 def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None = None, kind: Kind = _PLAIN) -> Binary:
     """Build the simulator of a source, or find it in the cache.
 
-    The cache key covers the generated files, the runtime headers, compiler and flags.  ``folder`` keeps source and binary there as well.
+    The cache key covers the generated files, the runtime headers, compiler and flags, with "native" the processor too.  ``folder`` keeps
+    source and binary there as well.
     A ``kind`` for comparison has the solvers of SuiteSparse, some of which are under the GPL: such a simulator is not for handing on.
 
     Raises:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = _digest([source.digest, runtime_digest(part=source.driver), compiler_version(compiler), *flags, *kind.definitions])
+    key = _digest([source.digest, runtime_digest(part=source.driver), compiler_version(compiler), *resolve(flags), *kind.definitions])
     kept = cache_folder() / key / "simulator"
     with alone(kept):
         fresh = not kept.exists()
@@ -101,7 +103,7 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = _digest([runtime_digest(part="generic"), compiler_version(compiler), *flags])
+    key = _digest([runtime_digest(part="generic"), compiler_version(compiler), *resolve(flags)])
     kept = cache_folder() / f"generic-{key}" / "simulator"
     with alone(kept):
         fresh = not kept.exists()
@@ -131,8 +133,9 @@ def _build_into(target: Path, source: Source, flags: Sequence[str], kind: Kind) 
 def _driver_parts(source: Source, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
     """Where the driver's parts stand in the cache; all have integrators with the flags of generated code, those for comparisons and batches
     nothing else."""
-    launch = [runtime_digest(), compiler_version(find_compiler()), *(flags if kind.comparison or source.driver == "batch" else ())]
-    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *flags]
+    told = resolve(flags)
+    launch = [runtime_digest(), compiler_version(find_compiler()), *(told if kind.comparison or source.driver == "batch" else ())]
+    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *told]
     return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in (("launch", launch), ("driver", driver))}
 
 
@@ -198,6 +201,31 @@ def find_compiler() -> str:
 def compiler_version(compiler: str) -> str:
     """The compiler's first line about itself."""
     return subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+
+
+def resolve(flags: Sequence[str]) -> tuple[str, ...]:
+    """Flags as keys of the cache have them: with the processor that "native" stands for, since machines may share a cache."""
+    return (*flags, *(processor() if any("native" in flag for flag in flags) else ()))
+
+
+#: What of a processor "native" follows from, as /proc/cpuinfo names it on x86, ARM, POWER, RISC-V and s390.
+_CAPABILITIES = (
+    "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part", "Features", "cpu", "isa",
+    "uarch", "features",
+)  # fmt: skip
+
+
+@cache
+def processor(file: Path = Path("/proc/cpuinfo")) -> tuple[str, ...]:
+    """What this machine's processor can do; where nothing tells, the machine's name, so that no other one runs its code."""
+    known: dict[str, str] = {}
+    with suppress(OSError), file.open(encoding="utf-8", errors="replace", buffering=4096) as stream:
+        for name, _, value in (line.partition(":") for line in stream):
+            known.setdefault(name.strip(), " ".join(sorted(value.split())))
+            if not name.strip() and len(known) > 1:
+                break  # the other processors are like the first
+    found = tuple(f"{name}: {known[name]}" for name in _CAPABILITIES if name in known)
+    return found or (f"machine: {platform.machine()} {platform.node()}",)
 
 
 #: Parts of the runtime that only one kind of simulator has: the generic twin, and batches.
