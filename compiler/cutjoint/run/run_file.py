@@ -11,6 +11,7 @@ import sympy
 
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.methods import ADAPTIVE, EXPLICIT
+from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Binding, Model, Numerics, Scalar, Scene, Tyre
 from cutjoint.run.roads import road_pieces
 
@@ -44,19 +45,19 @@ def make_run_file(
     model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "", method: str = "recursive", solver: str = "",
     integrator: str = "trapezoidal", events: bool | None = None, fixed_cost: int | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of a Lagrangian method also "factor".
+    """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of Lagrangian methods also "factor", of batches "batch".
 
     ``solver`` names the linear solver of a Lagrangian method, by default the emitted one.  The ``integrator`` "reference" takes steps as
     long as ``tolerance`` allows between rows that are ``dt`` apart, "dormand-prince" and "sdirk4" such steps without regard to rows, of
     which each has its place, and the explicit ones have no stabilisation.  ``events`` tells whether steps end at events, where the method
     can do both.  ``fixed_cost`` is the number of iterations that each step of the recursive method has then, whatever they leave.
-    "steps_out" may be added, where iterations and residuals of each step go, and "tangents_out", where the recursive method's Jacobians at
-    each row do.
+    "steps_out" may be added, where iterations and residuals of each step go, "tangents_out", where the recursive method's Jacobians at
+    each row do, and "states", of which "evaluate" evaluates; a batch needs "cases", what each run has of its own, and "threads".
     ``numerics`` are the method's figures, a penalty of None is left to the simulator; ``stabilisation`` those of the cut joints of the
     recursive equations, which start every run.
 
     Raises:
-        RunError: a change names no open parameter.
+        RunError: a change names no open parameter, or is one that leaves the start or a road without a finite value.
     """
     parameters = parameter_values(model, changes)
     figures = _figures(scene.numerics, method)
@@ -95,9 +96,13 @@ def changing(model: Model, scene: Scene) -> tuple[str, ...]:
 
 
 def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
-    """Parts of a run file that may follow from parameters: "positions", "rates", "roads"."""
-    value = Evaluator(model, parameters)
-    made: dict[str, Any] = {name: {of: value(e) for of, e in _sources(model, scene)[name].items()} for name in parts}
+    """Parts of a run file that may follow from parameters: "positions", "rates", "roads".
+
+    Raises:
+        RunError: with these parameters one of them has no finite value.
+    """
+    value, sources = Evaluator(model, parameters), _sources(model, scene)
+    made: dict[str, Any] = {part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts}
     if "roads" in made:
         roads = {radius: _road(scene, radius) for radius in made["roads"].values()}
         made["roads"] = {tyre: roads[radius] for tyre, radius in made["roads"].items()}
@@ -108,6 +113,13 @@ def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
     """The expressions that these parts come from; of a road the wheel's radius."""
     radii = {f.name: f.constants["radius"] for f in model.forces if isinstance(f, Tyre)}
     return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
+
+
+def _place(model: Model, scene: Scene, part: str, of: str) -> str:
+    """Where the expression stands that a part comes from."""
+    if part != "roads":
+        return f"{scene.span}: scene '{scene.name}': {part}: '{of}'"
+    return f"{next(f.span for f in model.forces if f.name == of)}: tyre '{of}': radius"
 
 
 #: Iterations of a step in which the augmented method corrects its multipliers, unless it is given: it ends with what is left of them.
@@ -157,13 +169,23 @@ class Evaluator:
     """Numbers from expressions over parameters; inputs have their default values."""
 
     def __init__(self, model: Model, changed: Mapping[str, float]) -> None:
-        self._values = {p.symbol: changed.get(p.name, p.value) for p in model.parameters if p.binding is not Binding.INPUT}
+        taken = [p for p in model.parameters if p.binding is not Binding.INPUT]
+        self._names = {p.symbol: p.name for p in taken}
+        self._values = {p.symbol: changed.get(p.name, p.value) for p in taken}
 
-    def __call__(self, expression: Scalar) -> float:
-        """The value of an expression."""
-        if not hasattr(expression, "subs"):
+    def __call__(self, expression: Scalar, what: str = "an expression") -> float:
+        """The value of an expression, which messages call ``what``.
+
+        Raises:
+            RunError: it has none, or none that is finite.
+        """
+        if not hasattr(expression, "free_symbols"):
             return float(expression)
-        return float(expression.subs({s: self._values[s] for s in expression.free_symbols if s in self._values}))
+        value = evaluate(expression, self._values)
+        if not isfinite(value):
+            used = sorted((self._names[s], self._values[s]) for s in expression.free_symbols if s in self._names)
+            raise RunError(f"{what} has no finite value with {', '.join(f'{n} = {v:g}' for n, v in used)}; set other values")
+        return value
 
 
 def _road(scene: Scene, radius: float) -> dict[str, Any]:

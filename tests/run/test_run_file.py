@@ -1,0 +1,74 @@
+"""What follows from parameters: numbers, or a message that says where there is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.model.read import read_model_text
+from cutjoint.run.run_file import RunError, make_run_file
+
+#: A wheel on a strut whose place, speed and radius follow from parameters.
+STRUT = """\
+cutjoint: 1
+name: strut
+gravity: [0, 0, -9.81]
+parameters:
+  a: {value: 2, binding: param}
+  k: {value: 8, binding: param}
+bodies: {hub: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {rail: {kind: prismatic, bodies: [ground, hub], at: [0, 0, 0], axis: [0, 0, 1]}}
+forces:
+  tyre:
+    kind: tyre
+    body: hub
+    centre: [0, 0, 0.3]
+    axis: [0, 1, 0]
+    radius: 0.3*a/k + where(k > 0, 0.2, 0.1)
+    stiffness: 2.0e+5
+    calspan: {A0: 2625, A1: 14.47, A2: 12930, A3: 2.29, A4: 18175, B1: -4.64e-5, B3: 1.216, B4: 2.18e-11,
+              SN: 1.0274, AF1: -1.71e-5, AF2: 1.71e-5}
+outputs: [hub.z]
+scenes:
+  placed: {end: 0.1, positions: {rail.displacement: a/k}}
+  thrown: {end: 0.1, rates: {rail.displacement_rate: sqrt(k)}}
+  rolled: {end: 0.1, road: {profile: [{flat: 1}]}}
+"""
+
+
+def follow(scene: str, **changes: float) -> dict[str, object]:
+    model = read_model_text(STRUT, "strut.yaml")
+    return make_run_file(model, model.scenes[scene], changes, task="simulate")
+
+
+def test_numbers_follow() -> None:
+    assert follow("placed")["positions"] == {"rail.displacement": 0.25}
+    assert follow("placed", k=4.0, a=1.0)["positions"] == {"rail.displacement": 0.25}
+    assert follow("thrown", k=9.0)["rates"] == {"rail.displacement_rate": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("scene", "changes", "message"),
+    [
+        ("placed", {"k": 0.0}, "strut.yaml:21:3: scene 'placed': positions: 'rail.displacement' has no finite value with a = 2, k = 0"),
+        ("placed", {"k": 0.0, "a": 0.0}, "positions: 'rail.displacement' has no finite value with a = 0, k = 0; set other values"),
+        ("placed", {"a": 1e308, "k": 1e-3}, "positions: 'rail.displacement' has no finite value with a = 1e+308, k = 0.001"),
+        ("thrown", {"k": -1.0}, "strut.yaml:22:3: scene 'thrown': rates: 'rail.displacement_rate' has no finite value with k = -1"),
+        ("rolled", {"k": 0.0}, "strut.yaml:10:3: tyre 'tyre': radius has no finite value with a = 2, k = 0"),
+    ],
+)
+def test_what_has_no_value_is_told_with_its_place(scene: str, changes: dict[str, float], message: str) -> None:
+    with pytest.raises(RunError) as error:
+        follow(scene, **changes)
+    assert message in str(error.value)
+
+
+def test_the_command_ends_with_the_place(tmp_path: Path) -> None:
+    (tmp_path / "strut.yaml").write_text(STRUT, encoding="utf-8")
+    arguments = ["simulate", str(tmp_path / "strut.yaml"), "--scene", "placed", "--set", "k=0", "--out", str(tmp_path / "run.csv")]
+    done = CliRunner().invoke(main, arguments)
+    assert done.exit_code == 1
+    assert "strut.yaml:21:3: scene 'placed': positions: 'rail.displacement' has no finite value" in done.output
