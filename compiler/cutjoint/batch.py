@@ -17,7 +17,7 @@ from cutjoint.methods import EXPLICIT
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import derive, only_starting
 from cutjoint.run.results import Array, Batch
-from cutjoint.run.run_file import RunError, changing, following, make_run_file, parameter_values
+from cutjoint.run.run_file import RunError, changing, following, make_run_file, parameter_values, require_figures
 from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import FLAGS, Binary, build
@@ -69,9 +69,10 @@ def simulate_batch(
     Results do not depend on the number of threads.  A run that fails does not stop the others.
 
     Raises:
-        RunError: a parameter that cannot be set, or cases that do not set the same parameters.
+        RunError: a parameter that cannot be set, figures that no run has, or cases that do not set the same parameters.
         SimulatorError: the simulator could not begin.
     """
+    require_figures(dt=dt, end=end, tolerance=tolerance, threads=threads)
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
     changes = {name: value for name, value in (("dt", dt), ("tolerance", tolerance)) if value is not None}

@@ -28,7 +28,7 @@ from cutjoint.prepared import Compilation
 from cutjoint.program.records import Program
 from cutjoint.run.ready import ReadyRun, start
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.run_file import RunError, make_run_file, require_figures
 from cutjoint.run.scenes import find_scene, with_figures
 from cutjoint.run.simulator import Progress, call_simulator
 from cutjoint.systems import generate_system
@@ -212,7 +212,7 @@ def simulate(
     fails numerically is returned as far as it came, with its failure.
 
     Raises:
-        RunError: a parameter that cannot be set.
+        RunError: a parameter that cannot be set, figures that no run has, or that do not go together.
         SimulatorError: the simulator could not begin.
     """
     if tangents is not None and (integrator != "trapezoidal" or events != "crossed"):
@@ -232,8 +232,9 @@ def make_ready(
     """The run of a compiled model that these figures ask for, as in `simulate`, ready to be started.
 
     Raises:
-        RunError: a parameter that cannot be set, or figures that do not go together.
+        RunError: a parameter that cannot be set, figures that no run has, or that do not go together.
     """
+    require_figures(dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations)
     changes = {name: value for name, value in (("dt", dt), ("penalty", penalty), ("tolerance", tolerance)) if value is not None}
     scene = with_figures(artifact.scene, artifact.method, changes)
     integrator = _checked_integrator(artifact, integrator)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cutjoint.pipeline import Artifact, ends_at_events, require_fixed_cost
 from cutjoint.run.results import FailureReport, clear_places, read_run_table
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.run_file import RunError, make_run_file, require_figures
 from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import call_simulator, failure_of
 
@@ -50,9 +50,10 @@ def run_in_real_time(
     same; only the method recursive has that.
 
     Raises:
-        RunError: a parameter that cannot be set, an end before the first step, or steps that cannot be of fixed cost.
+        RunError: a parameter that cannot be set, figures that no run has, or steps that cannot be of fixed cost.
         SimulatorError: the simulator could not begin.
     """
+    require_figures(dt=dt, end=end, iterations=iterations)
     if artifact.implementation != "generated":
         raise RunError("runs against the wall clock take generated code")
     events = ends_at_events(artifact, "trapezoidal")

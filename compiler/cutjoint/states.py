@@ -16,7 +16,7 @@ from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import compile_scene, generate
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Equilibrium, FailureReport
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.run_file import RunError, make_run_file, require_figures
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import build
@@ -56,9 +56,11 @@ def find_modes(
 
     Raises:
         NoEquilibriumError: none was found near the design position.
-        RunError: the run ends before that time, a direction moves no mass, or the loops have more freedom there than nearby.
+        RunError: a time or a parameter that cannot be, the run ends before it, a direction moves no mass, or the loops have more freedom
+            there than nearby.
         ModelError, TopologyError, ToolchainError: as for compile_scene.
     """
+    require_figures(at=at)
     # Model -> Binary
     artifact = compile_scene(model, scene, method="recursive-newton")
     equations = artifact.equations

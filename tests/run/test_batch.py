@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -113,6 +114,14 @@ def test_each_run_is_that_of_its_parameters_alone() -> None:
         assert batch.evaluations[i] == pytest.approx(run.evaluations, rel=0.02)  # those of a step end by rounding's leave
     assert batch.largest["bumper.force"].max() == 0.0 > batch.smallest["bumper.force"].min()  # the stop acted
     assert len({round(x, 6) for x in batch.end["chassis.z"]}) == len(CASES)
+
+
+@pytest.mark.parametrize("how", [{"threads": 0}, {"dt": float("inf")}, {"end": -1.0}, {"tolerance": 0.0}], ids=lambda how: next(iter(how)))
+def test_figures_that_no_run_has_are_refused(how: dict[str, Any]) -> None:
+    with pytest.raises(RunError, match=f"^{next(iter(how))}: .*; write a "):
+        simulate_batch(compiled(), CASES, **how)
+    with pytest.raises(RunError, match=r"^parameter 'load': inf is not a finite number; write a plain number in SI units"):
+        simulate_batch(compiled(), [{"load": float("inf")}])
 
 
 def test_threads_change_nothing() -> None:

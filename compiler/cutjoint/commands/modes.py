@@ -16,7 +16,7 @@ from cutjoint.states import find_modes
 @click.command("modes")
 @options.model
 @options.scene
-@click.option("--at", type=click.FloatRange(min=0), metavar="T",
+@click.option("--at", type=options.FiniteRange(min=0), metavar="T",
               help="Linearise about the scene's motion at T seconds; otherwise about the static equilibrium.")
 @options.changes
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file for all figures.")

@@ -13,7 +13,20 @@ from rich.console import Console
 from rich.progress import Progress
 
 from cutjoint.methods import METHODS
+from cutjoint.run.figures import fault_of
 from cutjoint.run.results import FailureReport
+
+
+class FiniteRange(click.FloatRange):
+    """Numbers of a range without infinity and nan, which click takes for numbers of any range."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, as click has it."""
+        number = super().convert(value, param, ctx)
+        if fault := fault_of(number):
+            self.fail(fault, param, ctx)
+        return number
+
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -22,8 +35,8 @@ model = click.argument("model", type=click.Path(exists=True, dir_okay=False, pat
 scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
 method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
 changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
-dt = click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
-end = click.option("--end", type=click.FloatRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
+dt = click.option("--dt", type=FiniteRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
+end = click.option("--end", type=FiniteRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
 iterations = click.option("--iterations", type=click.IntRange(min=1),
                            help="Of each step of the method recursive, no less and no more, so that all steps cost the same.")  # fmt: skip
 links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
@@ -82,15 +95,21 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
     """The values of NAME=VALUE by their names.
 
     Raises:
-        RunError: that is not what is written.
+        RunError: that is not what is written, a value is not finite, or a name has two.
     """
-    parameters = {}
+    parameters: dict[str, float] = {}
     for change in changes:
-        name, _, value = change.partition("=")
+        name, _, text = change.partition("=")
         try:
-            parameters[name] = float(value)
+            value = float(text)
+            fault = fault_of(value)
         except ValueError:
+            fault = "write NAME=NUMBER"
+        if not fault and name in parameters:
+            fault = f"'{name}' is set twice; write one of the two"
+        if fault:
             from cutjoint.run.run_file import RunError
 
-            raise RunError(f"{option} {change}: write NAME=NUMBER") from None
+            raise RunError(f"{option} {change}: {fault}")
+        parameters[name] = value
     return parameters

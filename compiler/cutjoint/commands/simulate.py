@@ -20,7 +20,7 @@ from cutjoint.toolchain.build import PRECISIONS
 @options.scene
 @click.option("--method", type=click.Choice(["auto", *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
               "by default the scene's, else recursive.")
-@click.option("--tolerance", type=click.FloatRange(min=0, min_open=True), help="Of method auto in m and rad, of a step of "
+@click.option("--tolerance", type=options.FiniteRange(min=0, min_open=True), help="Of method auto in m and rad, of a step of "
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
 @click.option("--implementation", type=click.Choice(IMPLEMENTATIONS), default="generated", show_default=True,
               help="Code made for the model, or a generic program that interprets it.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import sympy
@@ -13,6 +13,7 @@ from cutjoint.formulate.inputs import open_parameters
 from cutjoint.methods import ADAPTIVE, EXPLICIT
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Binding, Model, Numerics, Scalar, Scene, Tyre
+from cutjoint.run.figures import fault_of
 from cutjoint.run.roads import road_pieces
 
 
@@ -24,14 +25,34 @@ def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, fl
     """The open parameters with their values after ``changes`` (SI units).
 
     Raises:
-        RunError: a change names no open parameter.
+        RunError: a change names no open parameter, or has no finite value.
     """
     values = {p.name: p.value for p in open_parameters(model)}
     for name, value in changes.items():
         if name not in values:
             raise RunError(_unknown(model, name, sorted(values)))
+        if fault := fault_of(value):
+            raise RunError(f"parameter '{name}': {fault}")
         values[name] = value
     return values
+
+
+def require_figures(
+    *, dt: float | None = None, end: float | None = None, at: float | None = None, penalty: float | None = None,
+    tolerance: float | None = None, iterations: int | None = None, threads: int | None = None,
+) -> None:  # fmt: skip
+    """Check figures that are asked for in place of a scene's or the usual ones, for which None stands; a penalty may be without bound.
+
+    Raises:
+        RunError: one of them is not finite, or no run has it.
+    """
+    bound = None if penalty == inf else penalty
+    positive = {"dt": dt, "penalty": bound, "tolerance": tolerance, "iterations": iterations, "threads": threads}
+    faults = {name: fault_of(value, above=0.0) for name, value in positive.items() if value is not None}
+    faults |= {name: fault_of(value, least=0.0) for name, value in (("end", end), ("at", at)) if value is not None}
+    for name, fault in faults.items():
+        if fault:
+            raise RunError(f"{name}: {fault}")
 
 
 def _unknown(model: Model, name: str, known: list[str]) -> str:
@@ -57,7 +78,7 @@ def make_run_file(
     recursive equations, which start every run.
 
     Raises:
-        RunError: a change names no open parameter, or is one that leaves the start or a road without a finite value.
+        RunError: a change names no open parameter, has no finite value, or leaves the start or a road without a finite value.
     """
     parameters = parameter_values(model, changes)
     figures = _figures(scene.numerics, method)

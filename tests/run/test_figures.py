@@ -1,0 +1,109 @@
+"""Figures that no run has are refused by name, on the command line and from Python, before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model
+from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.realtime import run_in_real_time
+from cutjoint.run.run_file import RunError, make_run_file, require_figures
+from cutjoint.states import find_modes
+from tests.run.test_failing_starts import PENDULUM
+
+
+@cache
+def pendulum() -> Model:
+    return read_model_text(PENDULUM, "pendulum.yaml")
+
+
+@cache
+def compiled() -> Artifact:
+    return compile_scene(pendulum(), pendulum().scenes["rest"])
+
+
+@pytest.mark.parametrize(
+    ("figures", "message"),
+    [
+        ({"dt": -1e-3}, "dt: -0.001 is not above 0; write a larger number"),
+        ({"dt": 0.0}, "dt: 0 is not above 0; write a larger number"),
+        ({"dt": nan}, "dt: nan is not a finite number; write a plain number in SI units"),
+        ({"end": inf}, "end: inf is not a finite number; write a plain number in SI units"),
+        ({"end": -1.0}, "end: -1 is below 0; write a larger number"),
+        ({"at": -1.0}, "at: -1 is below 0; write a larger number"),
+        ({"tolerance": nan}, "tolerance: nan is not a finite number; write a plain number in SI units"),
+        ({"penalty": -inf}, "penalty: -inf is not a finite number; write a plain number in SI units"),
+        ({"iterations": 0}, "iterations: 0 is not above 0; write a larger number"),
+        ({"threads": 0}, "threads: 0 is not above 0; write a larger number"),
+    ],
+)
+def test_what_no_run_has(figures: dict[str, Any], message: str) -> None:
+    with pytest.raises(RunError) as error:
+        require_figures(**figures)
+    assert str(error.value) == message
+
+
+def test_what_runs_have() -> None:
+    require_figures(dt=1e-3, end=0.0, at=0.0, penalty=inf, tolerance=1e-9, iterations=1, threads=1)
+    require_figures()
+
+
+@pytest.mark.parametrize(
+    ("run", "name"),
+    [
+        (lambda: simulate(compiled(), dt=-1e-3), "dt"),
+        (lambda: simulate(compiled(), end=inf), "end"),
+        (lambda: simulate(compiled(), tolerance=0.0), "tolerance"),
+        (lambda: simulate(compiled(), penalty=nan), "penalty"),
+        (lambda: simulate(compiled(), iterations=0), "iterations"),
+        (lambda: simulate(compiled(), parameters={"gap": nan}), "parameter 'gap'"),
+        (lambda: run_in_real_time(compiled(), end=-1.0), "end"),
+        (lambda: find_modes(pendulum(), pendulum().scenes["rest"], at=nan), "at"),
+    ],
+)
+def test_every_run_refuses_them(run: Callable[[], object], name: str) -> None:
+    with pytest.raises(RunError, match=rf"^{name}: \S+ is (not a finite number|not above 0|below 0); write "):
+        run()
+
+
+def test_parameters_are_numbers() -> None:
+    with pytest.raises(RunError, match=r"^parameter 'gap': inf is not a finite number; write a plain number in SI units$"):
+        make_run_file(pendulum(), pendulum().scenes["rest"], {"gap": inf}, task="simulate")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["--set", "gap=nan"], 1, "--set gap=nan: nan is not a finite number; write a plain number in SI units"),
+        (["--set", "gap=1", "--set", "gap=2"], 1, "--set gap=2: 'gap' is set twice; write one of the two"),
+        (["--dt", "nan"], 2, "Invalid value for '--dt': nan is not a finite number; write a plain number in SI units"),
+        (["--end", "inf"], 2, "Invalid value for '--end': inf is not a finite number; write a plain number in SI units"),
+        (["--tolerance", "inf"], 2, "Invalid value for '--tolerance': inf is not a finite number; write a plain number in SI units"),
+    ],
+)
+def test_the_command_names_the_option(arguments: list[str], status: int, message: str, tmp_path: Path) -> None:
+    """Of a run that is kept as of one that is not."""
+    (tmp_path / "pendulum.yaml").write_text(PENDULUM, encoding="utf-8")
+    plain = ["simulate", str(tmp_path / "pendulum.yaml"), "--out", str(tmp_path / "run.csv")]
+    for _ in range(2):
+        done = CliRunner().invoke(main, [*plain, *arguments])
+        assert done.exit_code == status
+        assert message in done.output
+        assert CliRunner().invoke(main, plain).exit_code == 0
+
+
+@pytest.mark.parametrize("arguments", [["modes", "--at", "nan"], ["reduce", "--dt", "inf"], ["realtime", "--end", "nan"]])
+def test_other_commands_do_as_well(arguments: list[str], tmp_path: Path) -> None:
+    (tmp_path / "pendulum.yaml").write_text(PENDULUM, encoding="utf-8")
+    done = CliRunner().invoke(main, [arguments[0], str(tmp_path / "pendulum.yaml"), *arguments[1:]])
+    assert done.exit_code == 2
+    assert f"Invalid value for '{arguments[1]}'" in done.output
