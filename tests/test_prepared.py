@@ -331,6 +331,12 @@ def test_the_package_has_what_it_names() -> None:
         _ = cutjoint.compile_modle
 
 
+def test_what_commands_tell_of_is_in_the_package() -> None:
+    """Whoever calls it from Python can catch it by name."""
+    told = {error for error in options._user_errors() if error is not OSError}
+    assert told == {found for name in cutjoint.__all__ if isinstance(found := getattr(cutjoint, name), type)}
+
+
 def test_help_names_all_commands() -> None:
     output = CliRunner().invoke(main, ["--help"]).output
     modules = {p.stem for p in Path(preparing.__file__).parent.glob("*.py")} - {"__init__", "batches", "options", "preparing"}

@@ -103,7 +103,9 @@ def generate(
         TopologyError: the cuts that the model gives cannot be honoured.
         NoInertiaError: some motion moves no mass.
         GuideError: guides tear a loop open.
-        ModelError: an output that the method does not know.
+        ModelError: an output or an element that the method does not know.
+        RunError: the method's equations depend on each other.
+        MissingLibraryError: a library that orders the method's matrices is not installed.
     """
     closure, reported = (scene.numerics.closure, tuple(outputs)) if method == "recursive" else ("penalty", ())
     recursive = derive(model, scene, reported, closure=closure)
@@ -147,8 +149,9 @@ def compile_model(path: Path, *, scene: str | None = None, **how: Any) -> Artifa
     """Compile a model file for one scene; ``how`` as in `compile_scene`.
 
     Raises:
-        ModelError, TopologyError: the file is wrong.
-        RunError: there is no such scene or method.
+        ModelError, TopologyError, NoInertiaError, GuideError: the file is wrong.
+        RunError: there is no such scene, method or precision, or the method does not take the model.
+        MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side failed.
     """
     # model.yaml -> Model
@@ -167,8 +170,9 @@ def compile_scene(
     is one of PRECISIONS, the number type of the run; the start is found in double.
 
     Raises:
-        ModelError, TopologyError: the model is wrong.
-        RunError: there is no such method or precision, or the generic twin is asked to run a reduced model.
+        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
+        RunError: there is no such method or precision, or the method or the generic twin does not take the model.
+        MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side failed.
     """
     if method not in METHODS:

@@ -35,7 +35,10 @@ def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mappin
 
     Raises:
         NoEquilibriumError: none was found near the design position.
-        ModelError, TopologyError, RunError, ToolchainError: as for compile_model.
+        ModelError, TopologyError, NoInertiaError, GuideError: the file is wrong.
+        RunError: there is no such scene, or a parameter cannot be set.
+        ToolchainError: the C++ side failed.
+        SimulatorError: the simulator could not begin.
     """
     model = read_model(path)
     chosen = find_scene(model, scene)
@@ -58,7 +61,8 @@ def find_modes(
         NoEquilibriumError: none was found near the design position.
         RunError: a time or a parameter that cannot be, the run ends before it, a direction moves no mass, or the loops have more freedom
             there than nearby.
-        ModelError, TopologyError, ToolchainError: as for compile_scene.
+        ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, ToolchainError: as for compile_scene.
+        SimulatorError: the simulator could not begin.
     """
     require_figures(at=at)
     # Model -> Binary

@@ -47,6 +47,7 @@ def prepare_and_play(request: Request, parameters: Mapping[str, float], play: Pl
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
         RunError: what is asked for does not go together, or the model does not have it.
+        MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError, SimulatorError: the C++ side failed.
     """
     model, scene, method = read_request(request)

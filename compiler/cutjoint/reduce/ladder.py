@@ -91,7 +91,10 @@ def climb(model: Model, scene: Scene, method: str = "recursive", *, approximate:
     """The full model first, then a rung for every pass that lowers the operations of a method.
 
     Raises:
-        ModelError, TopologyError, RunError: the full model is wrong, or the method does not take it.
+        ModelError, TopologyError, NoInertiaError, GuideError: the full model is wrong.
+        RunError: the method does not take the full model.
+        MissingLibraryError: a library that orders the method's matrices is not installed.
+        ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
     """
     whole = Outcome(model=model, scene=scene)
     rungs = _descend("full", "exact", whole, method)
