@@ -14,6 +14,18 @@ from tests.conftest import MODELS, ROOT
 
 FOUR_BAR, ILTIS = str(MODELS / "four_bar.yaml"), str(MODELS / "iltis.yaml")
 
+#: A block on a spring.
+SLIDE = """
+cutjoint: 1
+name: slide
+gravity: [0, 0, 0]
+bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {rail: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces: {spring: {kind: joint_force, joint: rail, law: 2 - 4*position}}
+outputs: [block.x]
+scenes: {still: {end: 0.1}, moved: {end: 0.1, positions: {rail.displacement: 0.5}}}
+"""
+
 
 def call(*arguments: object) -> Result:
     return CliRunner().invoke(main, [str(a) for a in arguments])
@@ -107,3 +119,27 @@ def test_a_run_that_fails_keeps_its_results_and_says_where(tmp_path: Path) -> No
 
 def test_schema_prints_what_the_docs_keep() -> None:
     assert call("schema").output == (ROOT / "docs" / "model.schema.json").read_text()
+
+
+@pytest.mark.parametrize("command", ["check", "equilibrium", "explain", "modes"])
+def test_the_first_of_several_scenes_is_told(command: str, tmp_path: Path) -> None:
+    """What asks for a state takes the first scene; what runs one, and modes of a motion, want its name."""
+    model = tmp_path / "slide.yaml"
+    model.write_text(SLIDE, encoding="utf-8")
+    result = call(command, model)
+    assert result.exit_code == 0, result.output
+    assert result.stderr.strip() == "scene still, the first of 2; --scene takes another"
+    named = call(command, model, "--scene", "still")
+    assert named.stdout == result.stdout
+    assert named.stderr.strip() == ""
+    assert "the first otherwise" in " ".join(call(command, "--help").output.split())
+    wrong = call(command, model, "--scene", "there")
+    assert wrong.exit_code == 1
+    assert wrong.output.strip() == f"{model}: no scene 'there'; the model has still, moved"
+
+
+def test_modes_of_a_motion_want_a_scene_by_name(tmp_path: Path) -> None:
+    (tmp_path / "slide.yaml").write_text(SLIDE, encoding="utf-8")
+    result = call("modes", tmp_path / "slide.yaml", "--at", "0.1")
+    assert result.exit_code == 1
+    assert "name a scene; the model has still, moved" in result.output

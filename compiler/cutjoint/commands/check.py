@@ -15,20 +15,20 @@ from cutjoint.commands import options
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model
 from cutjoint.report import tables
-from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
 
 
 @click.command("check")
 @options.model
+@options.some_scene
 @options.reports_errors
-def command(model: Path) -> None:
+def command(model: Path, scene: str | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     checked = read_model(model)
-    scene = next(iter(checked.scenes), None)
+    chosen = options.take_scene(checked, scene)
     topology = build_topology(checked)
-    equations = formulate_recursive(topology, find_scene(checked, scene), ())
+    equations = formulate_recursive(topology, chosen, ())
     require_inertia(equations)
     poses = explore(equations)
     mobility = find_mobility(equations, poses)

@@ -14,14 +14,14 @@ from cutjoint.states import find_equilibrium
 
 @click.command("equilibrium")
 @options.model
-@options.scene
+@options.some_scene
 @options.changes
 @options.reports_errors
 def command(model: Path, scene: str | None, changes: tuple[str, ...]) -> None:
     """Find the static equilibrium of MODEL and print every element's force."""
     parameters = options.read_parameters(changes)
-    if scene is None:
-        scene = next(iter(read_model(model).scenes), None)
+    checked = read_model(model)
+    chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
-        found = find_equilibrium(model, scene=scene, parameters=parameters)
+        found = find_equilibrium(model, scene=chosen.name if checked.scenes else None, parameters=parameters)
     options.out.print(tables.equilibrium_table(found))

@@ -10,12 +10,11 @@ from cutjoint.commands import options
 from cutjoint.model.read import read_model
 from cutjoint.reduce.ladder import climb
 from cutjoint.report.explain.document import explain
-from cutjoint.run.scenes import find_scene
 
 
 @click.command("explain")
 @options.model
-@options.scene
+@options.some_scene
 @options.method
 @click.option("--reduced", is_flag=True, help="What the exact and guarded passes leave of MODEL.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Markdown file; standard output otherwise.")
@@ -23,7 +22,7 @@ from cutjoint.run.scenes import find_scene
 def command(model: Path, scene: str | None, method: str, reduced: bool, out: Path | None) -> None:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
     checked = read_model(model)
-    chosen = find_scene(checked, next(iter(checked.scenes), None) if scene is None else scene)
+    chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"explaining {model.name}"):
         rung = climb(checked, chosen, method)[-1] if reduced else None
         text = explain(rung.model, rung.scene, method, done=rung.done) if rung else explain(checked, chosen, method)

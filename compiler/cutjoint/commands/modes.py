@@ -15,7 +15,8 @@ from cutjoint.states import find_modes
 
 @click.command("modes")
 @options.model
-@options.scene
+@click.option("--scene", metavar="NAME",
+              help="Scene of the model file; the first otherwise. With --at it may be left out if there is only one.")
 @click.option("--at", type=options.FiniteRange(min=0), metavar="T",
               help="Linearise about the scene's motion at T seconds; otherwise about the static equilibrium.")
 @options.changes
@@ -24,7 +25,7 @@ from cutjoint.states import find_modes
 def command(model: Path, scene: str | None, at: float | None, changes: tuple[str, ...], out: Path | None) -> None:
     """Linearise MODEL and print eigenvalues, frequencies, damping and mode shapes."""
     checked = read_model(model)
-    chosen = find_scene(checked, next(iter(checked.scenes), None) if scene is None and at is None else scene)
+    chosen = options.take_scene(checked, scene) if at is None else find_scene(checked, scene)
     with options.progress_bar(f"linearising {model.name}") as progress:
         found = find_modes(checked, chosen, at=at, parameters=options.read_parameters(changes), progress=progress)
     for table in mode_tables(found):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -15,6 +15,9 @@ from rich.progress import Progress
 from cutjoint.methods import METHODS
 from cutjoint.run.figures import fault_of
 from cutjoint.run.results import FailureReport
+
+if TYPE_CHECKING:
+    from cutjoint.model.records import Model, Scene
 
 
 class FiniteRange(click.FloatRange):
@@ -33,6 +36,7 @@ err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 model = click.argument("model", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
+some_scene = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
 method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
 changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
 dt = click.option("--dt", type=FiniteRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
@@ -75,6 +79,20 @@ def _user_errors() -> tuple[type[Exception], ...]:
         ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
         NoEquilibriumError, OSError,
     )  # fmt: skip
+
+
+def take_scene(model: Model, name: str | None) -> Scene:
+    """The scene of that name, else the first one, which is told where there are others.
+
+    Raises:
+        RunError: there is no such scene.
+    """
+    from cutjoint.run.scenes import find_scene
+
+    chosen = find_scene(model, next(iter(model.scenes), None) if name is None else name)
+    if name is None and len(model.scenes) > 1:
+        err.print(f"scene {chosen.name}, the first of {len(model.scenes)}; --scene takes another", markup=False)
+    return chosen
 
 
 def describe_failure(failure: FailureReport, scene: str, places: Mapping[str, str], model: Path) -> str:
