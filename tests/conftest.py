@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ DATA = ROOT / "tests" / "data"
 
 os.environ.setdefault("CUTJOINT_FLAGS", "-O1")
 os.environ.setdefault("CUTJOINT_STRICT", "1")
+
+#: What compiles generated code.
+needs_cpp = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
 
 
 def with_heavy(cases: Iterable[Any], *heavy: Any) -> list[Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from math import cos, pi, sin, sqrt
 from pathlib import Path
 
@@ -20,9 +19,7 @@ from cutjoint.model.read import read_model
 from cutjoint.run.scenes import find_scene
 from cutjoint.states import find_modes
 from tests.analysis.linearised import Array, implicit, linearised
-from tests.conftest import MODELS, ROOT
-
-compiled = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+from tests.conftest import MODELS, ROOT, needs_cpp
 
 G = 9.81
 
@@ -224,7 +221,7 @@ def test_unequal_four_bar() -> None:
 # Compiled
 
 
-@compiled
+@needs_cpp
 def test_flyball_governor_after_a_second() -> None:
     """A published stiff problem: -8075, -1444, -20.5 1/s (benchmark A05); the whole turns about its shaft without resistance."""
     model = read_model(MODELS / "flyball.yaml")
@@ -240,7 +237,7 @@ def command(*arguments: object) -> tuple[int, str]:
     return result.exit_code, result.output
 
 
-@compiled
+@needs_cpp
 def test_vehicle(tmp_path: Path) -> None:
     """Bounce, pitch, roll, four wheel hops; at rest its tyres hold neither x nor y nor yaw."""
     out = tmp_path / "modes.json"
@@ -257,7 +254,7 @@ def test_vehicle(tmp_path: Path) -> None:
     assert [row[2:4] for row in rows] == [[f"{m['frequency']:.3f}", f"{m['damping_ratio']:.3f}"] for m in found["modes"]]
 
 
-@compiled
+@needs_cpp
 def test_errors_say_what_to_do(tmp_path: Path) -> None:
     status, output = command(MODELS / "flyball.yaml")
     assert status == 1

@@ -23,13 +23,13 @@ from cutjoint.model.read import read_model_text
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.build import build, find_compiler, write_source
+from tests.conftest import needs_cpp
 
 from .models import NASTY, ODD_NAMES, any_model, make_document, write
 from .pipeline import Outcome, compile_text
 
 CORPUS = Path(__file__).parent / "corpus"
 SHARE = float(os.environ.get("CUTJOINT_FUZZ", "1"))
-needs_cpp = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
 
 
 @given(st.randoms(use_true_random=False).map(any_model))

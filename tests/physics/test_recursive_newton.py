@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,9 +12,9 @@ from scipy.integrate import solve_ivp
 
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.run.results import Trajectory, read_table
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 
-pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+pytestmark = needs_cpp
 
 
 def compiled(name: str, scene: str | None = None) -> Artifact:

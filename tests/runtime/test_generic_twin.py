@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,8 +23,9 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
+from tests.conftest import needs_cpp
 
-pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+pytestmark = needs_cpp
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.conftest import needs_cpp
 from tests.runtime.points import (
     AUGMENTED,
     CLASSICAL,
@@ -29,7 +29,7 @@ from tests.runtime.points import (
     redundant,
 )
 
-pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+pytestmark = needs_cpp
 
 
 def solve(rate: Callable[[float, np.ndarray], np.ndarray], start: list[float], t: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from cutjoint.run.results import read_effort, read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from cutjoint.toolchain.build import Kind, build
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.runtime.points import (
     AUGMENTED,
     CLASSICAL,
@@ -32,7 +31,7 @@ from tests.runtime.points import (
     summary_of,
 )
 
-pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+pytestmark = needs_cpp
 
 WEIGHTS = {"damping": 0.5, "stiffness": 0.25, "constraint": 30.0}
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.conftest import needs_cpp
 from tests.runtime.points import (
     AUGMENTED,
     CLASSICAL,
@@ -27,7 +27,7 @@ from tests.runtime.points import (
     start,
 )
 
-pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+pytestmark = needs_cpp
 
 
 @pytest.mark.parametrize("solver", SOLVERS[CLASSICAL])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,8 +16,9 @@ import pytest
 
 from cutjoint.emit.source import Source
 from cutjoint.toolchain.build import Binary, build
+from tests.conftest import needs_cpp
 
-pytestmark = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+pytestmark = needs_cpp
 
 #: A simulator and the driver's parts, whose project notes what it is asked to build and then waits until it may.
 PROJECT = """
