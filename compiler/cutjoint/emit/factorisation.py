@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from cutjoint.emit.factor_blocks import Block, factor_blocks, solve_blocks
 from cutjoint.emit.factor_tables import make_tables, pivot_rows
-from cutjoint.emit.source import Page
+from cutjoint.emit.source import FACTORISATION, Page
 from cutjoint.sparse.plan import Plan, Trial
 from cutjoint.sparse.tiles import WIDTH
 
@@ -36,7 +36,7 @@ def emit_factorisation(plan: Plan, names: Sequence[str], page: Page, *, straight
         page: renders templates, with the banner of all files.
         straight_line: predicted multiply-adds from which on the code is index data and a loop.
     """
-    files = {"factorisation.hpp": page.render("factorisation.hpp.jinja", **_header(plan))}
+    files = {f"{FACTORISATION}.hpp": page.render("factorisation.hpp.jinja", **_header(plan))}
     symmetric = "true" if plan.pattern.symmetric else "false"
     room = WIDTH * len(plan.tiling)
     if plan.multiply_adds > straight_line:

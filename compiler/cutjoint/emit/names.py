@@ -8,13 +8,19 @@ from itertools import chain, zip_longest
 
 from cutjoint.program.records import Program
 
+#: Macros of C and C++ headers that look like the names that are made here.
+MACROS = frozenset((
+    "F_LOCK", "F_OK", "F_TEST", "F_TLOCK", "F_ULOCK", "L_INCR", "L_SET", "L_XTND", "M_1_PI", "M_2_PI", "M_2_SQRTPI", "M_E", "M_LN10",
+    "M_LN2", "M_LOG10E", "M_LOG2E", "M_PI", "M_PI_2", "M_PI_4", "M_SQRT1_2", "M_SQRT2", "R_OK", "W_OK", "X_OK",
+))  # fmt: skip
+
 _AXES = {3: ("x", "y", "z"), 6: ("vx", "vy", "vz", "wx", "wy", "wz")}
 
 
 def name_scalars(program: Program) -> dict[int, str]:
     """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_0``."""
     names: dict[int, str] = {}
-    taken: set[str] = set()
+    taken = set(MACROS)
     for block, label in sorted(program.labels.items(), key=lambda item: item[0].number):
         if block not in program.elements:
             continue

@@ -24,8 +24,14 @@ _USING = ("std::abs", "std::acos", "std::asin", "std::atan", "std::atan2", "std:
 #: The length (characters) from which on a file is compiled by itself: about where its own text takes longer than the headers.
 LARGE = 40_000
 
-#: Names of the runtime and of the generated class's own members.
-_TAKEN = frozenset({"AnyMechanism", "Chart", "Column", "Description", "Loaded", "Parameter", "Real", "Road", "Stabilisation", "Step"})
+#: Names of the runtime that generated code uses, and of the generated class's own members.
+_TAKEN = frozenset((
+    "AnyMechanism", "AnySystem", "Chart", "Column", "Description", "Loaded", "Mask", "Parameter", "Precision", "Real", "Road",
+    "Stabilisation", "Step", "SystemDescription", "Weights",
+))  # fmt: skip
+
+#: The header of a factorisation, without its ending.
+FACTORISATION = "factorisation"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +69,12 @@ class Page:
     def of(cls, equations: Equations, formulation: str) -> Page:
         """The page of a model."""
         stem = equations.topology.model.name
-        return cls(stem=stem, class_name=_class_name(stem), formulation=formulation)
+        return cls(stem=stem, class_name=mechanism_class(stem), formulation=formulation)
+
+    @property
+    def header(self) -> str:
+        """The header of the model's mechanism, without its ending; that of a factorisation may stand beside it."""
+        return f"{self.stem}_model" if self.stem == FACTORISATION else self.stem
 
     @property
     def driver(self) -> str:
@@ -88,7 +99,7 @@ class Page:
     def render(self, template: str, **view: object) -> str:
         """One file."""
         common = {
-            "stem": self.stem, "class_name": self.class_name, "name": self.stem,
+            "stem": self.header, "class_name": self.class_name, "name": self.stem,
             "banner": "\n".join(f"// {line}" for line in self.banner), "banner_hash": "\n".join(f"# {line}" for line in self.banner),
         }  # fmt: skip
         return environment().get_template(template).render(**{**common, **view})
@@ -107,8 +118,8 @@ def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[
     """The class of a mechanism in relative coordinates."""
     viewer = Viewer(program, equations, page.conditions)
     names = [f.name for f in equations.functions]
-    files = page.functions(viewer, names, header=page.stem)
-    files[f"{page.stem}.hpp"] = page.render(
+    files = page.functions(viewer, names, header=page.header)
+    files[f"{page.header}.hpp"] = page.render(
         "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.",
         operations={name: program.operations(name) for name in names}, conditions=page.conditions, **members(viewer, equations),
     )  # fmt: skip
@@ -177,10 +188,16 @@ def environment() -> jinja2.Environment:
     )  # fmt: skip
 
 
-def _class_name(stem: str) -> str:
-    """The model's name in capitals, unless that has a meaning of its own where the class stands, or may be a macro."""
+def mechanism_class(stem: str) -> str:
+    """The model's name in capitals, unless that or its system's has a meaning of its own where the class stands, or may be a macro."""
     name = "".join(part[:1].upper() + part[1:] for part in stem.split("_"))
-    return f"{name}Model" if name in _TAKEN or name.startswith("Lanes") or (name.isupper() and len(name) > 1) else name
+    taken = not _TAKEN.isdisjoint((name, system_class(name))) or name.startswith("Lanes") or (name.isupper() and len(name) > 1)
+    return f"{name}Model" if taken else name
+
+
+def system_class(name: str) -> str:
+    """The class of a system, by that of the mechanism that starts its runs."""
+    return f"{name}System"
 
 
 def _function(view: FunctionView) -> dict[str, object]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
-from cutjoint.emit.source import Page, Source, description, mechanism_files, members, project_file, switches_of
+from cutjoint.emit.source import Page, Source, description, mechanism_files, members, project_file, switches_of, system_class
 from cutjoint.emit.view import Viewer
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import SystemEquations
@@ -35,10 +35,10 @@ def emit_system(
     """
     page = Page.of(equations.start, "recursive, for the start")
     mechanism = mechanism_files(page, start, equations.start)
-    own = replace(page, class_name=f"{page.class_name}System", formulation=equations.method)
+    own = replace(page, class_name=system_class(page.class_name), formulation=equations.method)
     files = _system_files(own, program, equations, plan) | emit_factorisation(plan, equations.row_names, own, straight_line=straight_line)
     main = own.render(
-        "lagrangian_main.cpp.jinja", start_header=f"{page.stem}.hpp", start_class_name=page.class_name, header=f"{_header(own)}.hpp"
+        "lagrangian_main.cpp.jinja", start_header=f"{page.header}.hpp", start_class_name=page.class_name, header=f"{_header(own)}.hpp"
     )
     return own.source({**mechanism, **files, "main.cpp": main, "CMakeLists.txt": project_file(own, mechanism, files)})
 

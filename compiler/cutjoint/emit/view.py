@@ -9,7 +9,7 @@ from textwrap import wrap
 from types import MappingProxyType
 
 from cutjoint.emit.loops import Written, index, read_by_loops, write_loops
-from cutjoint.emit.names import common_name, identifier, name_scalars, road_names, unique
+from cutjoint.emit.names import MACROS, common_name, identifier, name_scalars, road_names, unique
 from cutjoint.emit.printer import Printer, Statement, kept_type, lanes_type
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import BindingTime, Section
@@ -214,7 +214,7 @@ class Viewer:
 
     def _taken(self) -> set[str]:
         """The names that a function may not give again."""
-        return set(self._names.values()) | set(self._locals.values())
+        return {*self._names.values(), *self._locals.values(), *self._roads.values(), *MACROS}
 
     def _place(self, symbol: str, index: int) -> tuple[str, int]:
         """Array and element of an input or a result."""

@@ -1,0 +1,104 @@
+"""Whatever a model and its elements are called, the generated code compiles."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from cutjoint.emit.source import emit, mechanism_class, system_class
+from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.locations import runtime_folder
+from cutjoint.methods import METHODS
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import derive, generate, only_starting
+from cutjoint.toolchain.build import find_compiler
+from tests.conftest import MODELS, needs_cpp
+from tests.reduce.test_rolling import CART
+
+FOUR_BAR = (MODELS / "four_bar.yaml").read_text(encoding="utf-8")
+
+#: What makes code for several instances of the mechanism of a batch.
+_BATCH = ("-DCUTJOINT_REAL=cutjoint::batch::Real", "-include", "cutjoint/batch/road.hpp")
+
+
+def files_of(text: str, kind: str) -> Mapping[str, str]:
+    """The generated files of a model, for a method or for batches."""
+    model = read_model_text(text, "m.yaml")
+    scene = next(iter(model.scenes.values()))
+    if kind != "batch":
+        return generate(model, scene, scene.outputs, method=kind)[2].files
+    equations = only_starting(derive(model, scene, scene.outputs))
+    return emit(schedule_recursive(equations, lanes=False), equations, batch=True).files
+
+
+def named(name: str, kind: str) -> Mapping[str, str]:
+    return files_of(FOUR_BAR.replace("name: four_bar", f"name: {name}"), kind)
+
+
+def libraries(files: Mapping[str, str], kind: str) -> list[tuple[list[str], tuple[str, ...]]]:
+    """The sources that CMake compiles as one, with the options of each."""
+    project = files["CMakeLists.txt"]
+    start, system = (re.findall(r"\w+\.cpp", project.partition(f"set({name}")[2].partition(")\n")[0]) for name in ("starting", "running"))
+    batch = [(start, _BATCH)] if kind == "batch" else []
+    return [(start, ()), (["main.cpp"], ()), *([(system, ())] if system else []), *batch]
+
+
+def check(files: Mapping[str, str], kind: str, folder: Path) -> None:
+    """The compiler takes the files as the build gives them to it."""
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for number, (sources, options) in enumerate(libraries(files, kind)):
+        whole = folder / f"unity_{number}.cxx"
+        whole.write_text("".join(f'#include "{name}"\n' for name in sources), encoding="utf-8")
+        command = [find_compiler(), "-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-march=native", *options]
+        places = [f"-I{runtime_folder() / 'include'}", f"-I{folder}"]
+        done = subprocess.run([*command, *places, str(whole)], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+
+@needs_cpp
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("precision", "recursive"), ("factorisation", "augmented"), ("any", "recursive-newton"), ("any_system", "recursive-newton"),
+        ("weights", "augmented"), ("system_description", "recursive-newton"), ("mask", "batch"),
+    ],
+)  # fmt: skip
+def test_a_model_may_be_called_as_what_the_runtime_has(name: str, kind: str, tmp_path: Path) -> None:
+    check(named(name, kind), kind, tmp_path)
+
+
+def with_tyres(*names: str) -> str:
+    """The cart with tyres of such names on its wheel; what a tyre shares with itself is numbered."""
+    before, _, after = CART.partition("  tyre:\n")
+    tyre, after = after.partition("outputs:")[0], after.partition("scenes:")[2]
+    outputs = ", ".join(f"{name}.Fy" for name in names)
+    return f"{before}{''.join(f'  {name}:{chr(10)}{tyre}' for name in names)}outputs: [{outputs}]\nscenes:{after}"
+
+
+@needs_cpp
+def test_what_is_numbered_is_no_macro_and_no_road(tmp_path: Path) -> None:
+    """M_PI_2, M_PI_4 and M_SQRT1_2 are macros, and `road_w_1` is the road of the tyre `w_1`."""
+    files = files_of(with_tyres("M_PI", "M_SQRT1", "road_w", "w_1"), "recursive")
+    for expected in ("const Real M_PI_1 = ", "const Real M_SQRT1_1 = ", "const Real road_w_2 = ", "roads_[road_w_1]"):
+        assert expected in files["report.cpp"]
+    check(files, "recursive", tmp_path)
+
+
+@pytest.mark.parametrize("kind", [*METHODS, "batch"])
+def test_no_class_hides_a_name_that_generated_code_uses(kind: str) -> None:
+    """A model that is called as what the runtime declares, and a header or the mechanism's sources name, has a class of another name."""
+    headers = "".join(p.read_text(encoding="utf-8") for p in (runtime_folder() / "include" / "cutjoint").rglob("*.hpp"))
+    declared = set(re.findall(r"^\s*(?:class|struct|using|enum class|concept) ([A-Z]\w*)", headers, re.M))
+    used = set()
+    for name, text in named("thing", kind).items():
+        if name.endswith(".hpp") or (name.endswith(".cpp") and not name.startswith(("system_", "factor", "solve", "main"))):
+            used |= set(re.findall(r"(?<![\w.:])[A-Z]\w*", re.sub(r'//.*|"[^"]*"', "", text))) & declared
+    assert {"AnyMechanism", "Precision"} <= used
+    for name in used:
+        own = mechanism_class(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
+        assert name not in (own, system_class(own))
