@@ -54,7 +54,7 @@ def _around(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def forget_digests() -> None:
-    for cached in (prepared._code_digest, prepared._versions):
+    for cached in (prepared.code_digest, prepared.versions):
         cached.cache_clear()
 
 

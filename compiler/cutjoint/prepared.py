@@ -107,15 +107,25 @@ def keep_prepared(request: Request, text: str, prepared: Prepared) -> None:
 
 
 def _place(request: Request, content: bytes) -> Path:
-    compiler = find_compiler()
     asked = {**asdict(request), "model": str(request.model)}
-    toolchain = [compiler, compiler_version(compiler), resolve(FLAGS)]
-    about = [sha256(content).hexdigest(), asked, _code_digest(code_folders()), _versions(), *toolchain]
+    about = [sha256(content).hexdigest(), asked, *made_with()]
     return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
 
 
+def made_with() -> tuple[Any, ...]:
+    """What all that is kept follows from besides the model: sources, versions, the C++ compiler, its flags and
+    the processor that they mean.
+
+    Raises:
+        ToolchainError: a tool is missing.
+        PackageNotFoundError: what is installed does not tell its version.
+    """
+    compiler = find_compiler()
+    return code_digest(code_folders()), versions(), compiler, compiler_version(compiler), resolve(FLAGS)
+
+
 @cache
-def _code_digest(folders: tuple[Path, ...]) -> str:
+def code_digest(folders: tuple[Path, ...]) -> str:
     """Of the sources in folders, as they were when it was first asked for."""
     code = sha256()
     for folder in folders:
@@ -126,7 +136,7 @@ def _code_digest(folders: tuple[Path, ...]) -> str:
 
 
 @cache
-def _versions() -> tuple[str, ...]:
+def versions() -> tuple[str, ...]:
     """Of Python, of this package and of what it requires."""
     required = [re.split(r"[^\w.-]", line)[0] for line in requires("cutjoint") or () if "extra ==" not in line]
     return (sys.version, *(f"{name} {version(name)}" for name in ("cutjoint", *required)))

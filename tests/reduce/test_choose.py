@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from cutjoint import prepared
 from cutjoint.bench.exact.chain import Chain, crank_motion
 from cutjoint.bench.exact.elliptic import quarter_period
 from cutjoint.cli import main
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
-from cutjoint.reduce.choose import Choice, choose, chosen_rung
+from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_rung
 from cutjoint.reduce.measure import distance
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
@@ -68,10 +71,80 @@ def test_the_chain_keeps_its_tolerance_across_its_singular_pose() -> None:
     assert np.abs(run["tip.y"] - np.cos(angle)).max() <= 1e-3
 
 
-def test_a_choice_is_kept() -> None:
+MADE = Choice(picked=Candidate(rung="full", method="recursive", dt=0.01, error=1e-4, seconds=0.1), evidence=(), settled=1e-6)
+
+
+@pytest.fixture
+def calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """The models that were calibrated, with a cache of their own; the calibration is a stand-in's."""
+    calibrated: list[str] = []
+
+    def calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
+        calibrated.append(model.name)
+        return MADE
+
+    monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("cutjoint.reduce.choose._calibrate", calibrate)
+    yield calibrated
+    prepared.code_digest.cache_clear()
+
+
+def choose_again() -> Choice:
     model = read_model_text(PENDULUM, "pendulum.yaml")
-    scene = model.scenes["swing"]
-    assert choose(model, scene) == choose(model, scene)
+    return choose(model, model.scenes["swing"])
+
+
+def test_a_choice_is_kept(calibrations: list[str]) -> None:
+    assert [choose_again(), choose_again()] == [MADE, MADE]
+    assert calibrations == ["pendulum"]
+
+
+@pytest.mark.parametrize("content", ["", '{"picked": {"rung": "fu', "{}", "[]"])
+def test_half_a_file_is_no_choice(content: str, calibrations: list[str], tmp_path: Path) -> None:
+    choose_again()
+    (kept,) = (tmp_path / "cache" / "choices").iterdir()
+    kept.write_text(content, encoding="utf-8")
+    assert [choose_again(), choose_again()] == [MADE, MADE]
+    assert len(calibrations) == 2
+
+
+def another_source(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "source").mkdir()
+    (folder / "source" / "more.py").write_text("", encoding="utf-8")
+    folders = (*prepared.code_folders(), folder / "source")
+    monkeypatch.setattr(prepared, "code_folders", lambda: folders)
+
+
+def another_flag(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prepared, "FLAGS", ("-O2",))
+
+
+def another_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prepared, "compiler_version", lambda compiler: "another")
+
+
+def another_processor(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.reduce.choose.machine", lambda: {"processor": "another"})
+
+
+@pytest.mark.parametrize("change", [another_source, another_flag, another_compiler, another_processor])
+def test_what_has_changed_is_calibrated_anew(
+    change: Callable[[Path, pytest.MonkeyPatch], None], calibrations: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    choose_again()
+    change(tmp_path, monkeypatch)
+    choose_again()
+    assert len(calibrations) == 2
+
+
+def test_without_versions_nothing_is_kept(calibrations: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise PackageNotFoundError
+
+    monkeypatch.setattr(prepared, "versions", fail)
+    assert [choose_again(), choose_again()] == [MADE, MADE]
+    assert len(calibrations) == 2
+    assert not (tmp_path / "cache" / "choices").exists()
 
 
 def test_an_impossible_tolerance_says_what_came_nearest() -> None:

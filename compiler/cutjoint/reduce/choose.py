@@ -10,21 +10,23 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
+from importlib.metadata import PackageNotFoundError
 from math import ceil, inf, log
-from typing import Any
+from pathlib import Path
 
 from cutjoint.bench.cases import common_step
+from cutjoint.bench.measure import machine
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
-from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
+from cutjoint.prepared import made_with
+from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import distance, time_run
-from cutjoint.reduce.truth import SETTLED, Truth, at_step, find_truth, fraction, run_at
+from cutjoint.reduce.truth import Truth, at_step, find_truth, fraction, run_at
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
-from cutjoint.toolchain.build import cache_folder, runtime_digest
-from cutjoint.version import __version__
+from cutjoint.toolchain.build import cache_folder, keep, workplace
 
 #: The share of the tolerance that a choice may use, since it is measured against a truth that has an error of its own.
 SHARE = 0.8
@@ -68,12 +70,12 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
     Raises:
         RunError: nothing keeps the tolerance or the budget; the message says what came nearest.
     """
-    kept = cache_folder() / "choices" / f"{_key(model, scene, parameters)}.json"
-    if not kept.exists():
-        made = _calibrate(model, scene, parameters or {})
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_text(json.dumps(asdict(made)), encoding="utf-8")
-    return _from_json(json.loads(kept.read_text(encoding="utf-8")))
+    try:
+        place = _place(model, scene, parameters or {})
+    except PackageNotFoundError:
+        return _calibrate(model, scene, parameters or {})  # installed in a way that does not tell the versions
+    kept = _read(place)
+    return kept if kept is not None else _keep(_calibrate(model, scene, parameters or {}), place)
 
 
 def chosen_rung(model: Model, scene: Scene, choice: Choice) -> Rung:
@@ -89,16 +91,27 @@ def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
     return {**scene.numerics.methods.get(picked.method, {}), "dt": picked.dt}
 
 
-def _key(model: Model, scene: Scene, parameters: Mapping[str, float] | None) -> str:
-    passes = [step.name for step in (*STEPS, *APPROXIMATIONS, ROLLING)]
-    figures = (SHARE, SETTLED, LONGEST, SHORTEST, RATIO, PATIENCE, SETTLING, ROUNDS)
-    about = (__version__, passes, figures, runtime_digest(), model.text, repr(scene), sorted((parameters or {}).items()))
-    return sha256(repr(about).encode()).hexdigest()[:32]
+def _place(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
+    """Where a choice is kept: the model, what compiles it, and the machine that times it."""
+    about = (model.text, repr(scene), sorted(parameters.items()), made_with(), machine())
+    return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 
 
-def _from_json(data: dict[str, Any]) -> Choice:
-    evidence = tuple(Candidate(**c) for c in data["evidence"])
-    return Choice(picked=Candidate(**data["picked"]), evidence=evidence, settled=data["settled"])
+def _read(place: Path) -> Choice | None:
+    """A choice that was made before; None where there is none, or not in one piece."""
+    try:
+        data = json.loads(place.read_text(encoding="utf-8"))
+        evidence = tuple(Candidate(**c) for c in data["evidence"])
+        return Choice(picked=Candidate(**data["picked"]), evidence=evidence, settled=data["settled"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _keep(made: Choice, place: Path) -> Choice:
+    with workplace() as folder:
+        (folder / place.name).write_text(json.dumps(asdict(made)), encoding="utf-8")
+        keep(folder / place.name, place)
+    return made
 
 
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
