@@ -92,8 +92,7 @@ def find_modes(
 
 def _everything(model: Model) -> list[Output]:
     """The pose of each body and every force."""
-    joints = {j.name: j for j in model.joints}
     pose = ("x", "y", "z", "roll", "pitch", "yaw")
-    bodies = [(b, [q for q in quantities(b, joints) if q in pose]) for b in model.bodies]
-    others = [(e, list(quantities(e, joints))) for e in (*model.forces, *model.reactions)]
+    bodies = [(b, [q for q in quantities(b) if q in pose]) for b in model.bodies]
+    others = [(e, list(quantities(e))) for e in (*model.forces, *model.reactions)]
     return [Output(element=e.name, quantity=q, span=e.span) for e, names in (*bodies, *others) for q in names]

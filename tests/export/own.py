@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +12,7 @@ import numpy as np
 import sympy
 
 from cutjoint.export.columns import known_outputs
-from cutjoint.export.peers import PEERS, run_peer, start_accelerations, write_export
+from cutjoint.export.peers import PEERS, Peer, run_peer, write_export
 from cutjoint.export.start import run_generic
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model, read_model_text
@@ -92,6 +94,15 @@ def exported(peer: str, case: Case, folder: Path) -> Path:
     """The case in a folder, ready to run."""
     write_export(PEERS[peer].export(case.model, case.scene, case.parameters, case.outputs), folder)
     return folder
+
+
+def start_accelerations(peer: Peer, folder: Path) -> dict[str, tuple[float, float, float]]:
+    """The accelerations of the bodies' centres of mass at the start of an export in a folder, m/s2."""
+    command = [*peer.build(folder), "--task", "accelerations", "--integrator", peer.integrators[0]]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert "message" not in found, found["message"]
+    return {body: (x, y, z) for body, (x, y, z) in found.items()}
 
 
 def both_accelerations(peer: str, case: Case, folder: Path) -> tuple[Array, Array]:

@@ -109,12 +109,11 @@ def make_pair(
 
 def told(model: Model) -> tuple[Output, ...]:
     """Every quantity that natural coordinates tell, but reactions."""
-    joints = {j.name: j for j in model.joints}
     rods = {j.name for j in model.joints if j.kind is K.DISTANCE}
     tree = [t.joint for t in build_topology(model).tree if t.joint.name not in rods]
     forces = [f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)]
     elements = (*model.bodies, *model.markers, *forces, *tree)
-    return tuple(Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e, joints))
+    return tuple(Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e))
 
 
 def without_rod_forces(model: Model) -> Model:

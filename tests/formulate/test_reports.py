@@ -21,10 +21,9 @@ TANGENTS = ("stiffness", "damping")
 
 def all_outputs(model: Model) -> tuple[Output, ...]:
     """Every quantity of every element but fixed and cut joints."""
-    joints = {j.name: j for j in model.joints}
     tree = [j for j in model.joints if not j.cut]
     elements = (*model.bodies, *model.markers, *model.reactions, *model.forces, *tree)
-    return tuple(Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e, joints))
+    return tuple(Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e))
 
 
 def compare(model: Model, seed: int) -> None:

@@ -42,7 +42,7 @@ def test_the_frame_is_right_handed_by_any_two_directions() -> None:
 
 
 def test_quantities() -> None:
-    units = quantities(bushing(f"stiffness: {SIX}"), {})
+    units = quantities(bushing(f"stiffness: {SIX}"))
     assert list(units) == ["Fx", "Fy", "Fz", "Mx", "My", "Mz", "dx", "dy", "dz", "rx", "ry", "rz"]
     assert [units[name] for name in ("Fx", "Mx", "dx", "rx")] == ["N", "N*m", "m", "rad"]
 

@@ -122,11 +122,11 @@ def test_loads() -> None:
     force = read(DRAG, 'push: {kind: load, body: arm, at: tip, force: ["-vx", 0, 1], axes: body}').forces[0]
     assert isinstance(force, BodyLoad)
     assert (force.axes, force.moving_only) == ("body", False)
-    assert set(quantities.quantities(force, {})) == {"Fx", "Fy", "Fz"}
+    assert set(quantities.quantities(force)) == {"Fx", "Fy", "Fz"}
     torque = read(DRAG, "push: {kind: load, body: arm, torque: [0, sin(t), 0], moving_only: true}").forces[0]
     assert torque.moving_only
     assert torque.point is None
-    assert set(quantities.quantities(torque, {})) == {"Mx", "My", "Mz"}
+    assert set(quantities.quantities(torque)) == {"Mx", "My", "Mz"}
 
 
 def test_units_of_outputs() -> None:

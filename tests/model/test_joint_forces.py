@@ -37,7 +37,7 @@ def test_coordinates_by_name(coordinate: str, unit: str) -> None:
     text = PENDULUM.replace(HINGE, PLATE).replace("joint: hinge, law", f"joint: hinge, coordinate: {coordinate}, law")
     (force,) = read_model_text(text, "m.yaml").forces
     assert force.coordinate == coordinate
-    assert quantities(force, {})["force"] == unit
+    assert quantities(force)["force"] == unit
 
 
 def test_a_joints_own_spring() -> None:

@@ -36,9 +36,8 @@ def carriage(old: str = "", new: str = "") -> tuple[Model, Scene]:
 
 
 def everything(model: Model) -> Iterator[Output]:
-    joints = {j.name: j for j in model.joints}
     for element in (*model.bodies, *model.joints, *model.forces, *model.reactions, *model.markers):
-        for quantity in quantities(element, joints):
+        for quantity in quantities(element):
             if f"{element.name}.{quantity}" not in UNTOLD:
                 yield Output(element=element.name, quantity=quantity, span=element.span)
 

@@ -127,7 +127,7 @@ def all_outputs(model: Model) -> list[Output]:
     rods = {j.name for j in model.joints if j.kind is K.DISTANCE}
     forces = [f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)]
     elements = (*model.bodies, *model.markers, *reactions, *forces, *tree)
-    return [Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e, joints)]
+    return [Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e)]
 
 
 # States and both evaluations

@@ -271,12 +271,11 @@ def small_model(**parts: Any) -> Model:
 def all_outputs(model: Model) -> tuple[Output, ...]:
     """Every quantity of every element that has any."""
     topology = build_topology(model)
-    joints = {joint.name: joint for joint in model.joints}
     tree = [t.joint for t in topology.tree]
     cut = {joint.name for joint in topology.cuts}
     reactions = [r for r in model.reactions if r.joint in cut]
     elements = (*model.bodies, *tree, *model.forces, *reactions, *model.markers)
-    return tuple(Output(element=e.name, quantity=q, span=e.span) for e in elements for q in quantities(e, joints))
+    return tuple(Output(element=e.name, quantity=q, span=e.span) for e in elements for q in quantities(e))
 
 
 def check_small(generic: Path, folder: Path, **parts: Any) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse
 
-from cutjoint.sparse.pattern import Pattern, dense, make_pattern, positions, verify_pattern
+from cutjoint.sparse.pattern import Pattern, dense, make_pattern, positions
 from tests.sparse.matrices import kkt_matrix, pattern_of, values_of
 
 
@@ -16,7 +16,6 @@ def test_compressed_columns_are_those_of_scipy() -> None:
     scipys = scipy.sparse.csc_array(matrix)
     assert pattern.first == tuple(scipys.indptr.tolist())
     assert pattern.row == tuple(scipys.indices.tolist())
-    verify_pattern(pattern)
 
 
 def test_either_half_of_a_symmetric_pattern_gives_the_lower_triangle() -> None:
@@ -37,17 +36,3 @@ def test_values_find_their_places() -> None:
 def test_entries_outside_are_refused() -> None:
     with pytest.raises(ValueError, match=r"entry \(3, 0\) is outside of a matrix of size 3"):
         make_pattern(3, [(3, 0)], symmetric=False)
-
-
-@pytest.mark.parametrize(
-    ("first", "row", "message"),
-    [
-        ((0, 1), (0,), "first has to lead from 0 to 1 in 3 offsets"),
-        ((0, 2, 1), (0,), "first has to ascend"),
-        ((0, 2, 3), (1, 0, 1), "the rows of column 0 have to ascend"),
-        ((0, 1, 2), (0, 0), r"column 1 has rows outside of 1 .. 1: \[0\]"),
-    ],
-)
-def test_contradictions_are_named(first: tuple[int, ...], row: tuple[int, ...], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        verify_pattern(Pattern(size=2, symmetric=True, first=first, row=row))

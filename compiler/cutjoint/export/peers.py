@@ -92,18 +92,6 @@ def run_peer(peer: Peer, folder: Path, *, dt: float, end: float, integrator: str
     )  # fmt: skip
 
 
-def start_accelerations(peer: Peer, folder: Path) -> dict[str, tuple[float, float, float]]:
-    """The accelerations of the bodies' centres of mass at the start of an export in a folder, m/s2.
-
-    Raises:
-        ToolchainError, SimulatorError: as for :func:`run_peer`.
-    """
-    found = _call([*peer.build(folder), "--task", "accelerations", "--integrator", peer.integrators[0]], folder)
-    if "message" in found:
-        raise SimulatorError(f"{peer.name}: {found['message']}")
-    return {body: (x, y, z) for body, (x, y, z) in found.items()}
-
-
 def _call(command: Sequence[str], folder: Path) -> dict[str, Any]:
     """The line of JSON that a program prints last."""
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

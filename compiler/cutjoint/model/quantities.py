@@ -78,8 +78,8 @@ def _joint_units(kind: JointKind) -> Mapping[str, str]:
 JOINT_QUANTITIES: Mapping[JointKind, Mapping[str, str]] = {kind: _joint_units(kind) for kind in JointKind}
 
 
-def quantities(element: Element, joints: Mapping[str, Joint]) -> Mapping[str, str]:
-    """The quantities of an element and their units, none for a cut joint; ``joints`` by name."""
+def quantities(element: Element) -> Mapping[str, str]:
+    """The quantities of an element and their units, none for a cut joint."""
     match element:
         case Joint(cut=True):
             return {}
@@ -95,7 +95,6 @@ def quantities(element: Element, joints: Mapping[str, Joint]) -> Mapping[str, st
 
 def unit_of(model: Model, output: Output) -> str:
     """The unit of an output of a validated model."""
-    joints = {j.name: j for j in model.joints}
     groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints)
     element = next(e for group in groups for e in group if e.name == output.element)
-    return quantities(element, joints)[output.quantity]
+    return quantities(element)[output.quantity]

@@ -298,7 +298,7 @@ def _output(where: Element, name: str, prefix: str, span: Span, stage: _Stage) -
             message = f"output '{name}': unknown element '{local or name}'"
             where.scope.problems.add(span, where.label, message, hint)
         return None
-    allowed = quantities(stage.known[full], stage.joints)
+    allowed = quantities(stage.known[full])
     if quantity not in allowed:
         hint = nearest(quantity, allowed, "quantities") or "a joint without coordinates has no quantities"
         message = f"output '{name}': '{local}' has no quantity '{quantity}'"

@@ -21,19 +21,19 @@ _SECTIONS = ("bodies", "joints", "forces", "reactions", "markers", "instances")
 
 def check_names(source: Source, problems: Problems, model: document.Document) -> None:
     """Note names that stand for two elements, in the model or in one submodel."""
-    _check_unique(source, problems, _named(source, model, ()))
+    _check_unique(problems, _named(source, model, ()))
     for name, submodel in model.submodels.items():
         path = ("submodels", name)
         connectors = [
             (connector, "connector", source.value_span((*path, "connectors", index)))
             for index, connector in enumerate(submodel.connectors)
         ]
-        _check_unique(source, problems, [*connectors, *_named(source, submodel, path)])
+        _check_unique(problems, [*connectors, *_named(source, submodel, path)])
         arguments = [
             (parameter, "parameter", source.value_span((*path, "parameters", index)))
             for index, parameter in enumerate(submodel.parameters)
         ]
-        _check_unique(source, problems, arguments)
+        _check_unique(problems, arguments)
 
 
 def _named(source: Source, part: document.Elements, path: Path) -> list[tuple[str, str, Span]]:
@@ -51,7 +51,7 @@ def _named(source: Source, part: document.Elements, path: Path) -> list[tuple[st
     ]
 
 
-def _check_unique(source: Source, problems: Problems, found: list[tuple[str, str, Span]]) -> None:
+def _check_unique(problems: Problems, found: list[tuple[str, str, Span]]) -> None:
     first: dict[str, Span] = {}
     for name, kind, span in sorted(found, key=lambda item: item[2]):
         if name in first:

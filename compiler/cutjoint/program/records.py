@@ -64,16 +64,3 @@ class Program:
         if node.op == "lane_sum":
             return self.graph.nodes[node.args[0]].lanes - 1
         return 0 if node.op in FREE else max(node.lanes, 1)
-
-    def operations_by_section(self, name: str) -> dict[Section, int]:
-        """The operations of one call by the section that introduced them."""
-        counts: dict[int, int] = {}
-        for n in self.function(name).statements:
-            weight = self._weight(n)
-            if weight:
-                section = self.graph.nodes[n].section
-                counts[section] = counts.get(section, 0) + weight
-        by_section: dict[Section, int] = {}
-        for i in sorted(counts):  # an element may have several sections alike
-            by_section[self.sections[i]] = by_section.get(self.sections[i], 0) + counts[i]
-        return by_section

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,30 +64,3 @@ def dense(pattern: Pattern, values: Sequence[float] | Array) -> Array:
         if pattern.symmetric:
             matrix[j, i] = value
     return matrix
-
-
-def verify_pattern(pattern: Pattern) -> None:
-    """Check that the record does not contradict itself.
-
-    Raises:
-        ValueError: it does; the message has all that is wrong.
-    """
-    problems = []
-    if len(pattern.first) != pattern.size + 1 or pattern.first[0] != 0 or pattern.first[-1] != len(pattern.row):
-        problems.append(f"first has to lead from 0 to {len(pattern.row)} in {pattern.size + 1} offsets")
-    elif any(a > b for a, b in pairwise(pattern.first)):
-        problems.append("first has to ascend")
-    else:
-        problems += [problem for column in range(pattern.size) if (problem := _problem(pattern, column))]
-    if problems:
-        raise ValueError("; ".join(problems))
-
-
-def _problem(pattern: Pattern, column: int) -> str:
-    """What is wrong with a column; empty when nothing is."""
-    rows = pattern.row[pattern.first[column] : pattern.first[column + 1]]
-    if any(a >= b for a, b in pairwise(rows)):
-        return f"the rows of column {column} have to ascend"
-    lowest = column if pattern.symmetric else 0
-    outside = [i for i in rows if not lowest <= i < pattern.size]
-    return f"column {column} has rows outside of {lowest} .. {pattern.size - 1}: {outside}" if outside else ""

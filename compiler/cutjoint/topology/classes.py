@@ -37,7 +37,7 @@ def find_classes(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint])
     members = {t.child: _subtree(t.child, children) for t in tree}
     groups: dict[Signature, list[str]] = {}
     for t in tree:
-        groups.setdefault(_signature(t.child, model, tree, cuts, members[t.child]), []).append(t.child)
+        groups.setdefault(_signature(members[t.child], model, tree, cuts), []).append(t.child)
     classes = []
     covered: set[str] = set()
     for roots in sorted(groups.values(), key=lambda g: (-len(members[g[0]]), g[0])):
@@ -73,9 +73,7 @@ def _subtree(body: str, children: Mapping[str, Sequence[str]]) -> tuple[str, ...
     return tuple(bodies)
 
 
-def _signature(
-    root: str, model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint], bodies: tuple[str, ...]
-) -> Signature:
+def _signature(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Signature:
     place = {b: i for i, b in enumerate(bodies)}
 
     def where(body: str) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
@@ -100,8 +100,3 @@ def in_coordinates(form: Form) -> dict[Node, Scalar]:
     for node, coefficient in form.items():
         terms.append((coefficient, {node: 1} if node.parts is None else in_coordinates(node.parts)))
     return combine(*terms)
-
-
-def coordinates_of(nodes: Iterable[Node]) -> list[Node]:
-    """The nodes that are coordinates, in their order."""
-    return [node for node in nodes if node.is_coordinate]

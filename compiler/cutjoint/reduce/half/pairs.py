@@ -36,7 +36,7 @@ def find_pairs(elements: Elements, plane: Plane, same: Same = is_same) -> Pairs:
     for body in queue:
         for joint in elements.joints:
             if body in (joint.base, joint.follower) and joint.name not in pairs.joints:
-                queue.extend(pairs.follow(joint, body))
+                queue.extend(pairs.follow(joint))
     return pairs
 
 
@@ -64,7 +64,7 @@ class Pairs:
         """How the axes of a joint's image are turned against a candidate's, see `axis_signs`."""
         return axis_signs(self.reflection(joint), candidate, self.same)
 
-    def follow(self, joint: Joint, body: str) -> list[str]:
+    def follow(self, joint: Joint) -> list[str]:
         """Find the image of a joint at a body whose image is known, and so that of the body at its other end; returns what is new."""
         candidates = [c for c in self.elements.joints if self._may_be_image(joint, c)]
         if not candidates:
