@@ -97,6 +97,6 @@ clean:
 # The examples of generated code and explanations that are kept in git for reading.
 .PHONY: generated
 generated: setup
-	$(BIN)/python -c 'from pathlib import Path; from tests.emit.test_source import source; from cutjoint.toolchain.build import write_source; write_source(source("four_bar", "swing"), Path("generated/four_bar"))'
+	$(BIN)/python scripts/generate models/four_bar.yaml swing generated/four_bar
 	$(BIN)/cutjoint explain models/four_bar.yaml --out docs/explain-four-bar.md
 	$(BIN)/cutjoint explain models/four_bar.yaml --method augmented --out docs/explain-four-bar-augmented.md
