@@ -16,13 +16,10 @@ from rich.table import Table
 
 from cutjoint.bench.measure import machine
 from cutjoint.bench.progress import progress_bar
-from cutjoint.methods import ITERATIONS, METHODS, SOLVERS
+from cutjoint.methods import ITERATIONS, METHODS, SOLVERS, SYMMETRIC_SOLVERS
 from cutjoint.pipeline import Artifact, compile_model, time_solver
 
 MODEL = Path(__file__).resolve().parent.parent / "models" / "iltis.yaml"
-
-#: Solvers that need a symmetric matrix.
-SYMMETRIC = ("eigen-ldlt", "cholmod")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +55,7 @@ def main(out: Path | None) -> None:
 def measure_parts(artifact: Artifact, say: Callable[[str], None]) -> Iterator[Parts]:
     """Every solver that suits a method's tangent."""
     for solver in SOLVERS:
-        if artifact.method == "augmented" or solver not in SYMMETRIC:
+        if artifact.method == "augmented" or solver not in SYMMETRIC_SOLVERS:
             say(f"{artifact.method}, {solver}")
             times = time_solver(artifact, solver)
             yield Parts(

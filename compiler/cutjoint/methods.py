@@ -16,6 +16,9 @@ ITERATIONS = {"recursive": "evaluate", "augmented": "linearise", "classical": "l
 #: Linear solvers of the Lagrangian methods: the emitted factorisation, and libraries.
 SOLVERS = ("emitted", "eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack")
 
+#: Those that need a symmetric matrix.
+SYMMETRIC_SOLVERS = frozenset({"eigen-ldlt", "cholmod"})
+
 #: Those of SuiteSparse, some of them under the GPL: simulators that have them are for comparison.
 COMPARISON_SOLVERS = frozenset({"cholmod", "klu", "umfpack"})
 

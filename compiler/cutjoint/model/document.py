@@ -10,6 +10,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
 
+from cutjoint.methods import EXPLICIT
 from cutjoint.model import records
 from cutjoint.model.body_parts import Body
 from cutjoint.model.force_parts import Force
@@ -204,7 +205,7 @@ class Scene(Part):
             raise shape_error("'method: auto' and 'tolerance' go together", "write both, such as method: auto, tolerance: 1 mm")
         if self.budget is not None and self.method != "auto":
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
-        owner = "recursive" if self.numerics.integrator in ("rk4", "dormand-prince") else "recursive-newton"
+        owner = "recursive" if self.numerics.integrator in EXPLICIT else "recursive-newton"
         if self.numerics.integrator != "trapezoidal" and self.method not in (None, owner):
             message = f"the integrator {self.numerics.integrator} belongs to the method {owner}"
             raise shape_error(message, "leave 'method' or 'integrator' away")
