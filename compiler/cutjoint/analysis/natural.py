@@ -66,8 +66,7 @@ def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
 
 
 def _moving(equations: LagrangianEquations, pose: Pose, rng: np.random.Generator) -> NaturalState:
-    m, n = pose.jacobian.shape
-    free = np.linalg.svd(pose.jacobian, full_matrices=m < n)[2][pose.rank :].T if m and n else np.eye(n)
+    free = pose.free
     speeds = free @ rng.standard_normal(free.shape[1])
     placed = call(equations, "place", {"relative_q": pose.q, "relative_v": speeds})
     return NaturalState(q=placed["q"], v=placed["v"])

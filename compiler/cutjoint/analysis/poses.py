@@ -37,6 +37,12 @@ class Pose:
         """The largest singular value by the smallest that is not zero; one where all are."""
         return float(self.singular_values[0] / self.singular_values[self.rank - 1]) if self.rank else 1.0
 
+    @property
+    def free(self) -> Array:
+        """The speeds that the equations leave free, as columns."""
+        m, n = self.jacobian.shape
+        return np.linalg.svd(self.jacobian, full_matrices=m < n)[2][self.rank :].T if m and n else np.eye(n)
+
 
 def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:
     """The design position, closed again where guides have moved it, then up to four poses that random steps along free motions reach.
@@ -48,7 +54,7 @@ def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:
     if start is None:
         return (_pose(design, evaluate_closures(equations, design)[1], closed=False),)
     poses = [_pose(*start)]
-    free, rng, step = _free_motions(poses[0]), np.random.default_rng(0), _STEP
+    free, rng, step = poses[0].free, np.random.default_rng(0), _STEP
     for _ in range(_ATTEMPTS if free.size else 0):
         way = free @ rng.standard_normal(free.shape[1])
         way /= np.abs(way).max()
@@ -65,9 +71,3 @@ def explore(equations: RecursiveEquations) -> tuple[Pose, ...]:
 def _pose(q: Array, jacobian: Array, closed: bool = True) -> Pose:
     values = np.asarray(np.linalg.svd(jacobian, compute_uv=False) if jacobian.size else [], dtype=np.float64)
     return Pose(q=q, closed=closed, jacobian=jacobian, singular_values=values)
-
-
-def _free_motions(pose: Pose) -> Array:
-    """The speeds that the equations leave free, as columns."""
-    m, n = pose.jacobian.shape
-    return np.linalg.svd(pose.jacobian, full_matrices=m < n)[2][pose.rank :].T if m and n else np.eye(n)

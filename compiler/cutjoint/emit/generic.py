@@ -10,7 +10,7 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.records import Chart
 from cutjoint.formulate.recursive.closures import derive_closure
-from cutjoint.model.quantities import unit_of
+from cutjoint.model.quantities import reported_element, unit_of
 from cutjoint.model.records import (
     COORDINATES,
     SPEEDS,
@@ -22,7 +22,6 @@ from cutjoint.model.records import (
     Joint,
     JointForce,
     Marker,
-    Model,
     Output,
     PointSpring,
     Reaction,
@@ -149,12 +148,6 @@ def _load(trees: Trees, load: BodyLoad) -> Json:
 def _output(trees: Trees, output: Output, topology: Topology, scene: Scene) -> Json:
     source = _source(trees, output, reported_element(topology.model, output), topology, scene)
     return {"name": output.column, "unit": unit_of(topology.model, output), **source}
-
-
-def reported_element(model: Model, output: Output) -> Any:
-    """The element that an output is a quantity of."""
-    groups = (model.bodies, model.markers, model.reactions, model.forces, model.joints)
-    return next(e for group in groups for e in group if e.name == output.element)
 
 
 def _source(trees: Trees, output: Output, element: Any, topology: Topology, scene: Scene) -> Json:

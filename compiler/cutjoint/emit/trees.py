@@ -14,6 +14,7 @@ import sympy
 
 from cutjoint.formulate.inputs import guide_rates, make_translator
 from cutjoint.formulate.translate import Translator
+from cutjoint.model.expressions import variable
 from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, JointForce, Model, PointSpring, Scalar, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
@@ -68,11 +69,6 @@ class Trees:
     def only_moving(load: BodyLoad, trees: list[Any]) -> list[Any]:
         """Trees of a load, zero at rest if it acts in motion only."""
         return [in_motion(tree) for tree in trees] if load.moving_only else trees
-
-
-def variable(name: str) -> Any:
-    """The symbol of a law's variable."""
-    return sympy.Symbol(name, real=True)
 
 
 def in_motion(tree: Any) -> Any:

@@ -128,8 +128,7 @@ def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
 def _force(mirror: Mirror, force: Force, signs: Mapping[str, Mapping[str, int]]) -> Force:
     match force:
         case JointForce():
-            same_way = signs.get(force.joint, {}).get(force.coordinate, 1) > 0
-            return force if same_way else replace(force, law=_turned_over(force.law))
+            return replace(force, law=turned_law(force.law, signs.get(force.joint, {}).get(force.coordinate, 1)))
         case PointSpring():
             return replace(force, start=mirror.vector(force.start), end=mirror.vector(force.end))
         case AxialForce():
@@ -148,7 +147,7 @@ def _bushing(mirror: Mirror, force: Bushing) -> Bushing:
     """Its axes change their sign along the mirror's axis once more, which keeps them right-handed, and global axes global."""
     x, y, z = (_times(sign, mirror.vector(axis)) for sign, axis in zip(mirror.signs, force.axes, strict=True))
     signs = (*mirror.signs, *(-sign for sign in mirror.signs))
-    laws = tuple(law if sign > 0 else _turned_over(law) for sign, law in zip(signs, force.laws, strict=True))
+    laws = tuple(turned_law(law, sign) for sign, law in zip(signs, force.laws, strict=True))
     return replace(force, point=mirror.vector(force.point), axes=(x, y, z), laws=laws)
 
 
@@ -156,8 +155,10 @@ def _times(sign: int, v: Vector) -> Vector:
     return (sign * v[0], sign * v[1], sign * v[2])
 
 
-def _turned_over(law: Scalar) -> Scalar:
-    """A law in which position, rate and force count the other way."""
+def turned_law(law: Scalar, sign: int) -> Scalar:
+    """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""
+    if sign > 0:
+        return law
     return -law.xreplace({variable(name): -variable(name) for name in ("position", "rate")})
 
 

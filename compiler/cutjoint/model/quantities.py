@@ -95,6 +95,10 @@ def quantities(element: Element) -> Mapping[str, str]:
 
 def unit_of(model: Model, output: Output) -> str:
     """The unit of an output of a validated model."""
+    return quantities(reported_element(model, output))[output.quantity]
+
+
+def reported_element(model: Model, output: Output) -> Element:
+    """The element that an output is a quantity of."""
     groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints)
-    element = next(e for group in groups for e in group if e.name == output.element)
-    return quantities(element)[output.quantity]
+    return next(e for group in groups for e in group if e.name == output.element)

@@ -31,6 +31,7 @@ from cutjoint.model.records import (
     Vector,
 )
 from cutjoint.reduce.records import Note, Outcome
+from cutjoint.reduce.rename import bodies_of
 from cutjoint.topology.build import build_topology
 
 _BALLS = (JointKind.SPHERICAL, JointKind.UNIVERSAL)
@@ -137,13 +138,9 @@ def _moved(force: Force, link: _Link) -> Force:
             return replace(force, follower=_bearer(link, force.follower, force.point, force))
         case BodyLoad() if link.body.name == force.body and force.point is not None and force.axes == "global":
             return replace(force, body=_bearer(link, force.body, force.point, force))
-    if link.body.name in _bodies(force):
+    if link.body.name in bodies_of(force):
         raise _StaysError(f"stays: the force '{force.name}' acts on it")
     return force
-
-
-def _bodies(force: Force) -> Sequence[str]:
-    return [getattr(force, name) for name in ("base", "follower", "body") if hasattr(force, name)]
 
 
 def _bearer(link: _Link, body: str, point: Vector, element: Force | Marker) -> str:

@@ -60,7 +60,7 @@ def _elements(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], cu
 
     closures = sorted((c for c in cuts if c.base in place or c.follower in place), key=lambda c: (c.kind, where(c.base), where(c.follower)))
     forces = sorted(
-        (f for f in model.forces if any(b in place for b in _bodies(f, child_of))), key=lambda f: _force(f, where, child_of)
+        (f for f in model.forces if any(b in place for b in force_bodies(f, child_of))), key=lambda f: _force(f, where, child_of)
     )
     return (*bodies, *(joint_of[b] for b in bodies), *(c.name for c in closures), *(f.name for f in forces))
 
@@ -85,11 +85,12 @@ def _signature(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], c
     )
     closures = sorted((c.kind, where(c.base), where(c.follower)) for c in cuts if c.base in place or c.follower in place)
     child_of = {t.joint.name: t.child for t in tree}
-    forces = sorted(_force(f, where, child_of) for f in model.forces if any(b in place for b in _bodies(f, child_of)))
+    forces = sorted(_force(f, where, child_of) for f in model.forces if any(b in place for b in force_bodies(f, child_of)))
     return massless, joints, tuple(closures), tuple(forces)
 
 
-def _bodies(force: Force, child_of: Mapping[str, str]) -> tuple[str, ...]:
+def force_bodies(force: Force, child_of: Mapping[str, str]) -> tuple[str, ...]:
+    """The bodies that a force acts on; ``child_of`` has the one that each tree joint carries."""
     if isinstance(force, PointSpring | AxialForce | Bushing):
         return force.base, force.follower
     if isinstance(force, JointForce):
@@ -107,7 +108,7 @@ def _force(force: Force, where: Any, child_of: Mapping[str, str]) -> tuple[str, 
         shape = ";".join(_shape(c) for c in force.components)
     else:
         assert isinstance(force, Tyre)
-    return type(force).__name__, tuple(where(b) for b in _bodies(force, child_of)), shape
+    return type(force).__name__, tuple(where(b) for b in force_bodies(force, child_of)), shape
 
 
 def _shape(law: Scalar) -> str:

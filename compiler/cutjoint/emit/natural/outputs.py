@@ -8,7 +8,6 @@ from typing import Any
 
 import sympy
 
-from cutjoint.emit.generic import reported_element
 from cutjoint.emit.natural.forces import ForceElement
 from cutjoint.emit.natural.forms import FormTable, is_ground
 from cutjoint.emit.natural.masses import masses_of
@@ -20,7 +19,7 @@ from cutjoint.formulate.natural.constraints import slide_axis
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
 from cutjoint.formulate.natural.parting import Bearer, find_bearer, share
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.quantities import unit_of
+from cutjoint.model.quantities import reported_element, unit_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Body, Joint, Marker, Output, Reaction, Scalar, Vector
 
 

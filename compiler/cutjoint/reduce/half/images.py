@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
-from cutjoint.model.expressions import variable
-from cutjoint.model.mirror import coordinate_signs
+from cutjoint.model.mirror import coordinate_signs, turned_law
 from cutjoint.model.records import (
     COORDINATES,
     SPEEDS,
@@ -16,7 +15,6 @@ from cutjoint.model.records import (
     JointForce,
     JointKind,
     PointSpring,
-    Scalar,
 )  # fmt: skip
 from cutjoint.reduce.half.pairs import Pairs
 from cutjoint.reduce.half.plane import AsymmetryError, Plane, Same, is_same
@@ -154,10 +152,3 @@ def _is_image(pairs: Pairs, force: Force, reflection: Force, candidate: Force, t
     if isinstance(force, PointSpring) and tuple(pairs.bodies[body] for body in ends(force)) != ends(candidate):
         shown |= {"start": shown["end"], "end": shown["start"]}
     return all(pairs.same(value, getattr(candidate, name)) for name, value in shown.items())
-
-
-def turned_law(law: Scalar, sign: int) -> Scalar:
-    """A law over ``position`` and ``rate`` of a coordinate that counts the other way where ``sign`` is -1."""
-    if sign > 0:
-        return law
-    return -law.xreplace({variable(name): -variable(name) for name in ("position", "rate")})

@@ -13,9 +13,9 @@ import sympy
 from cutjoint.model.elements import Elements
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.geometry import unit
-from cutjoint.model.mirror import mirror_elements
+from cutjoint.model.mirror import mirror_elements, turned_law
 from cutjoint.model.records import Body, Force, Joint, JointForce, Model, PointSpring, Scalar, Vector
-from cutjoint.reduce.half.images import NAMING, Images, ends, turned_law
+from cutjoint.reduce.half.images import NAMING, Images, ends
 from cutjoint.reduce.half.pairs import Pairs
 from cutjoint.reduce.half.plane import is_same
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from cutjoint.model.mirror import turned_law
 from cutjoint.model.records import (
     COORDINATES,
     GROUND,
@@ -17,7 +18,7 @@ from cutjoint.model.records import (
     Scene,
 )  # fmt: skip
 from cutjoint.reduce.half.halves import halve_body, halve_force
-from cutjoint.reduce.half.images import Images, turned_law
+from cutjoint.reduce.half.images import Images
 from cutjoint.reduce.half.in_plane import InPlane, restrict
 from cutjoint.reduce.half.plane import AsymmetryError, Plane
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.quantities import JOINT_QUANTITIES, reported_element
 from cutjoint.model.records import (
     AxialForce,
     Body,
@@ -91,9 +91,7 @@ def _in_plane_state(half: Half, joint: Joint, component: str, value: Scalar) -> 
 
 def _output(half: Half, output: Output) -> Output:
     """The column of the half from which one of the whole follows."""
-    model = half.model
-    groups = (model.bodies, model.joints, model.forces, model.reactions, model.markers)
-    element = next(e for group in groups for e in group if e.name == output.element)
+    element = reported_element(half.model, output)
     match element:
         case Marker():
             return _scaled(output, half.plane.sign(output.quantity) if element.body in half.removed else 1)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TypeAlias
 
-from cutjoint.model.records import GROUND, AxialForce, Bushing, Force, JointForce, PointSpring
+from cutjoint.model.records import GROUND
+from cutjoint.topology.classes import force_bodies
 from cutjoint.topology.records import SubtreeClass, Topology
 
 #: Names of elements that play the same part, one for each member of a class.
@@ -52,13 +53,6 @@ def _elements(topology: Topology, root: str) -> list[str]:
     )
     inside = [topology.cuts[i].name for key, i in cuts if max(key[1:]) >= 0]
     return [*bodies, *joints, *inside, *(topology.model.forces[i].name for key, i in forces if max(key[1]) >= 0)]
-
-
-def force_bodies(force: Force, child_of: dict[str, str]) -> tuple[str, ...]:
-    """The bodies that a force acts on."""
-    if isinstance(force, PointSpring | AxialForce | Bushing):
-        return force.base, force.follower
-    return (child_of[force.joint],) if isinstance(force, JointForce) else (force.body,)
 
 
 def group(
