@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, get_args, get_type_hints
 
-from cutjoint.bench import own
 from cutjoint.methods import CLOSURES, COMPARISON_SOLVERS, EVENTS, EXPLICIT, IMPLICIT, METHODS, SOLVERS, SYMMETRIC_SOLVERS
 from cutjoint.model.document import Numerics, Scene
 
@@ -29,6 +28,5 @@ def test_model_files_take_the_names_of_methods() -> None:
 
 
 def test_solvers_are_of_the_kinds_that_there_are() -> None:
-    assert own._SYMMETRIC == SYMMETRIC_SOLVERS
     assert SYMMETRIC_SOLVERS.issubset(SOLVERS)
     assert COMPARISON_SOLVERS.issubset(SOLVERS)

@@ -13,7 +13,7 @@ from typing import Any
 from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
 from cutjoint.emit.source import Source
-from cutjoint.methods import ADAPTIVE, COMPARISON_SOLVERS, EXPLICIT, IMPLICIT, LOCATING, METHODS, SOLVERS, TWINS
+from cutjoint.methods import ADAPTIVE, COMPARISON_SOLVERS, EXPLICIT, IMPLICIT, LOCATING, METHODS, SOLVERS, SYMMETRIC_SOLVERS, TWINS
 from cutjoint.pipeline import Artifact, compile_scene, generate, generate_for, simulate
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.run.results import Trajectory
@@ -25,9 +25,6 @@ TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 
 
 #: Integrators besides the trapezoidal rule, by the method that they take.
 _INTEGRATORS = (("recursive", EXPLICIT), ("recursive-newton", IMPLICIT))
-
-#: Solvers that need a symmetric matrix.
-_SYMMETRIC = frozenset({"eigen-ldlt", "cholmod"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +102,7 @@ def own_contenders() -> Iterator[Contender]:
             )  # fmt: skip
     for method in METHODS[1:]:
         for solver in SOLVERS:
-            if solver != "emitted" and (method == "augmented" or solver not in _SYMMETRIC):
+            if solver != "emitted" and (method == "augmented" or solver not in SYMMETRIC_SOLVERS):
                 yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
     for method in TWINS:
         yield _contender(f"{method}/generic", f"{method}, generic twin", "generic", method=method, implementation="generic")
