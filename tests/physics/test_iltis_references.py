@@ -14,7 +14,7 @@ from cutjoint.pipeline import compile_model
 from cutjoint.run.results import Trajectory
 from cutjoint.states import find_equilibrium
 from cutjoint.topology.build import build_topology
-from tests.conftest import DATA, MODELS
+from tests.conftest import DATA, MODELS, with_heavy
 from tests.physics.simulation import compile_text, completed, read_reference, simulate
 
 ILTIS = MODELS / "iltis.yaml"
@@ -70,10 +70,18 @@ def check(run: Trajectory, reference: dict[str, np.ndarray], tyres: dict[str, st
 WHEELS = {"front_right": "Fz_front_a", "front_left": "Fz_front_b", "rear_left": "Fz_rear_a", "rear_right": "Fz_rear_b"}
 
 
-def test_in_phase_bump() -> None:
-    run = completed(simulate(compile_model(ILTIS, scene="iavsd_inphase_5")))
+def check_in_phase_bump(run: Trajectory) -> None:
     limits = {"x": 1e-4, "y": 1e-6, "z": 5e-5, "pitch": 0.003, "roll": 1e-5, "yaw": 1e-5}
     check(run, read_reference(DATA / "iavsd_inphase_5ms.csv"), WHEELS, limits)
+
+
+#: A method, and whether suspensions are evaluated side by side; `augmented` and `classical` are in test_lagrangian.py.
+MODES = [("recursive", True), ("recursive", False), ("recursive-newton", True)]
+
+
+@pytest.mark.parametrize(("method", "lanes"), with_heavy(MODES, *MODES[1:]))
+def test_in_phase_bump(method: str, lanes: bool) -> None:
+    check_in_phase_bump(completed(simulate(compile_model(ILTIS, scene="iavsd_inphase_5", method=method, lanes=lanes))))
 
 
 def test_sine_steer() -> None:

@@ -57,6 +57,19 @@ def test_fourth_order(name: str, end: float, steps: tuple[float, ...]) -> None:
     assert orders(errors) == pytest.approx([4, 4], abs=0.2), errors
 
 
+def test_fourth_order_on_andrews_mechanism() -> None:
+    """The mean of three halvings, which one by one show 3.4, 3.7 and 5.2: its crank turns 34 rad with jerks."""
+    errors = [error_of("A03", integrator="sdirk4-fixed", dt=dt, end=0.05, tolerance=1e-11) for dt in (1.25e-4, 1.5625e-5)]
+    assert orders(errors)[0] / 3 > 3.8, errors
+
+
+@pytest.mark.parametrize(("tolerance", "lowest", "highest"), [(1e-8, 2e-6, 5e-5), (1e-10, 0.0, 1e-8)])
+def test_a_loose_iteration_leads_at_small_steps(tolerance: float, lowest: float, highest: float) -> None:
+    """How far the slider-crank at 1.25e-4 s is from a run with 1e-12: 7.5e-6 m of an error of 1.2e-5 m with 1e-8, 1.5e-11 m with 1e-10."""
+    run, tight = (run_of("SC3D", integrator="trapezoidal", dt=1.25e-4, tolerance=x) for x in (tolerance, 1e-12))
+    assert lowest <= np.abs(run["slider.x"] - tight["slider.x"]).max() < highest
+
+
 def test_order_of_a_body_that_spins_in_space(tmp_path: Path) -> None:
     """Integrating rotation vectors as if their rate were the angular velocity would be of order 2."""
     path = tmp_path / "book.yaml"
@@ -78,7 +91,7 @@ def test_errors_follow_the_tolerance(name: str, end: float) -> None:
     runs = [run_of(name, integrator="sdirk4", tolerance=tolerance, end=end) for tolerance in tolerances]
     ratios = [measure_errors(BY_NAME[name], run).largest / tolerance for run, tolerance in zip(runs, tolerances, strict=True)]
     assert max(ratios) < 30 * min(ratios), ratios
-    assert all(run.effort.residuals.position < 1e-10 or not compiled(BY_NAME[name].path).topology.cut_joints for run in runs)
+    assert all(run.effort.residuals.position < 1e-10 for run in runs)
 
 
 def test_rows_do_not_limit_steps() -> None:
@@ -100,14 +113,21 @@ def test_few_factorisations() -> None:
     assert run.effort.factorisations < 2 * run.steps
 
 
-@pytest.mark.parametrize(("name", "end", "steps"), [("A02", 0.6, (2e-3, 1e-3)), ("A05", 5.0, (5e-3, 2.5e-3)), ("A01", 2.0, (2e-3, 1e-3))])
+SECOND_ORDER = [
+    ("A01", 2.0, (2e-3, 1e-3)), ("A02", 0.6, (2e-3, 1e-3)), ("A03", 0.05, (1.25e-5, 6.25e-6)), ("A05", 5.0, (5e-3, 2.5e-3)),
+    ("SC3D", 5.0, (2.5e-4, 1.25e-4)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "end", "steps"), SECOND_ORDER)
 @pytest.mark.parametrize("radius", [1.0, 0.8])
 def test_generalised_alpha_is_of_second_order(name: str, end: float, steps: tuple[float, ...], radius: float) -> None:
+    """At a tolerance that does not lead."""
     problem = BY_NAME[name]
     artifact = with_radius(compiled(problem.path), radius)
     runs = [completed(simulate(artifact, integrator="generalised-alpha", dt=dt, end=end, tolerance=1e-10)) for dt in steps]
     assert orders([measure_errors(problem, run).largest for run in runs]) == pytest.approx([2], abs=0.1)
-    assert all(not run.effort.residuals.position > 1e-10 for run in runs)
+    assert all(run.effort.residuals.position < 1e-10 for run in runs)  # 0 of a tree, nan of what was not measured
 
 
 SPRING = """

@@ -16,6 +16,7 @@ from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.verification import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.physics.simulation import completed, simulate, with_numerics
+from tests.physics.test_iltis_references import check_in_phase_bump
 
 LAGRANGIAN = ("augmented", "classical")
 BY_NAME = {p.name: p for p in PROBLEMS}
@@ -83,6 +84,12 @@ def test_residuals_are_reported_for_each_step(method: str, tmp_path: Path) -> No
     assert rows[:, 4].max() < 1e-7
     assert run.effort.residuals.position >= rows[:, 2].max() > 0.0
     assert 1 <= rows[:, 1].mean() < 5
+
+
+@each_method
+def test_in_phase_bump(method: str) -> None:
+    """As near to the published run as `recursive`: places 2e-5 m and wheel loads 0.7 %."""
+    check_in_phase_bump(completed(simulate(compiled("iltis", "iavsd_inphase_5", method))))
 
 
 #: Three steps over which the error's dt^2 term leads; those of the recursive method where nothing is said.
