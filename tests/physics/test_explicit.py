@@ -124,6 +124,28 @@ def test_loops_stay_closed(model: str, how: dict[str, float | str], tmp_path: Pa
     assert run.effort.residuals.velocity < 1e-9
 
 
+#: Ends of runs; the four-bar's before its first singular pose.
+SWEPT = [("four_bar", None, 0.6), ("slider_crank", None, 2.0), ("andrews", None, 0.05), ("iltis", "iavsd_inphase_5", 0.3)]
+
+
+@pytest.mark.parametrize("penalty", [1e6, 1e9, 1e12])
+@pytest.mark.parametrize(("model", "scene", "end"), SWEPT, ids=[x[0] for x in SWEPT])
+def test_constraints_hold_at_any_penalty(model: str, scene: str | None, end: float, penalty: float, tmp_path: Path) -> None:
+    """The issue's bound is 1e-10 m; projections end with less than 1e-12.  What the motion loses is the next test's."""
+    artifact, ways = compiled(model, scene), [{"integrator": "dormand-prince", "tolerance": 1e-4}, {"integrator": "rk4"}]
+    for how in ways if (model, penalty) != ("andrews", 1e12) else ways[:1]:  # rk4 has no finite accelerations there after 29 ms
+        run = completed(simulate(artifact, end=end, penalty=penalty, steps=tmp_path / "steps.csv", **how))  # type: ignore[arg-type]
+        assert run.effort.residuals.position < 1e-12, how
+
+
+def test_a_larger_penalty_leaves_fewer_digits() -> None:
+    """Errors of the four-bar at 1 ms: 3e-11, 3e-8 and 3e-5 m at 1e6, 1e9 and 1e12; and fewer passes."""
+    runs = [completed(simulate(compiled("four_bar"), integrator="rk4", dt=1e-3, end=0.6, penalty=x)) for x in (1e6, 1e9, 1e12)]
+    errors = [measure_errors(BY_NAME["A02"], run).largest for run in runs]
+    assert errors[0] < 1e-9 < errors[1] < 1e-6 < errors[2] < 1e-4
+    assert runs[0].evaluations > 1.5 * runs[1].evaluations
+
+
 def vehicle(tmp_path: Path, **how: float | str) -> Trajectory:
     """Over the bump, bumpers on: kinks of the shock absorbers' laws, breaks of the road, slip that changes sign."""
     return completed(simulate(compiled("iltis", "iavsd_inphase_5"), end=0.6, steps=tmp_path / "steps.csv", **how))  # type: ignore[arg-type]

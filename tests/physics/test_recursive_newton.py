@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from tests.conftest import MODELS, needs_cpp
 pytestmark = needs_cpp
 
 
+@cache
 def compiled(name: str, scene: str | None = None) -> Artifact:
     return compile_model(MODELS / f"{name}.yaml", scene=scene, method="recursive-newton")
 
@@ -147,6 +149,39 @@ def test_four_bar_says_where_it_meets_a_singular_pose(dt: float, integrator: str
     assert run.failure.advice == "take --method augmented or recursive, which cross such poses"
     assert np.abs(run.columns["tip.y"] - np.cos(parallelogram(run.t))).max() < 10 * dt**2
     assert run.effort.residuals.position < 2e-9
+
+
+def with_penalty(artifact: Artifact, penalty: float) -> Artifact:
+    """As a scene says it: methods: {recursive-newton: {penalty: ...}}."""
+    numerics = replace(artifact.scene.numerics, methods={"recursive-newton": {"penalty": penalty}})
+    return replace(artifact, scene=replace(artifact.scene, numerics=numerics))
+
+
+#: A model, the length of its run, and the least penalty of those tried that its steps go with: dt^2/4 of it is about the masses.
+LEAST_PENALTIES = [
+    ("four_bar", None, 0.6, 1e8), ("slider_crank", None, 2.0, 1e8), ("andrews", None, 0.05, 1e9), ("iltis", "simul1", 1.5, 1e8),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "scene", "end", "least"), LEAST_PENALTIES, ids=[x[0] for x in LEAST_PENALTIES])
+def test_constraints_hold_at_any_penalty_from_the_least_on(model: str, scene: str | None, end: float, least: float) -> None:
+    """The issue's bound is 1e-10 m; 2e-12 is the most of these, Andrews' mechanism at 1e9."""
+    runs = [finished(with_penalty(compiled(model, scene), penalty), end=end) for penalty in (least, 1e10, 1e12)]
+    assert [run.effort.penalty for run in runs] == [least, 1e10, 1e12]
+    assert all(run.effort.residuals.position < 1e-11 for run in runs)
+    assert runs[0].effort.iterations > runs[1].effort.iterations  # it does act
+    for column in runs[0].columns:
+        size = np.abs(runs[2].columns[column]).max()
+        assert runs[0].columns[column] == pytest.approx(runs[2].columns[column], abs=1e-4 * (1 + size)), column
+
+
+@pytest.mark.parametrize(("model", "scene", "penalty"), [("slider_crank", None, 1e6), ("andrews", None, 1e8), ("iltis", "simul1", 1e6)])
+def test_a_penalty_below_the_masses_ends_the_run_at_its_first_step(model: str, scene: str | None, penalty: float) -> None:
+    """Known, and docs/mechanics.md says so: what is left of a gap by one projection is taken for a singular pose."""
+    failure = simulate(with_penalty(compiled(model, scene), penalty), end=0.1).failure
+    assert failure is not None
+    assert failure.step == 1
+    assert "the pose is singular, or nearly" in failure.message
 
 
 def parallelogram(t: np.ndarray) -> np.ndarray:
