@@ -86,6 +86,15 @@ def test_residuals_are_reported_for_each_step(method: str, tmp_path: Path) -> No
     assert 1 <= rows[:, 1].mean() < 5
 
 
+def test_operations_of_assembly_stay_what_they_are() -> None:
+    """Figures to notice changes by, 2 % above those of today; instructions take four suspensions in lanes for one."""
+    program = compiled("iltis", "simul1s", "augmented").program
+    assert program.operations("linearise") < 1.02 * 26859
+    assert program.instructions("linearise") < 1.02 * 7923
+    assert program.operations("balance") < 1.02 * 4511
+    assert program.instructions("balance") < 1.02 * 1370
+
+
 @each_method
 def test_in_phase_bump(method: str) -> None:
     """As near to the published run as `recursive`: places 2e-5 m and wheel loads 0.7 %."""

@@ -38,10 +38,20 @@ def test_long_steps_on_stiff_bumpers() -> None:
         assert np.isfinite(np.array(list(run.columns.values()))).all()
 
 
-@pytest.mark.parametrize(("dt", "at_most"), [(0.005, 3.2), (0.0075, 4.2), (0.01, 4.4)])
+@pytest.mark.parametrize(("dt", "at_most"), [(0.005, 3.2), (0.0075, 4.0), (0.01, 4.4)])
 def test_iterations_on_stiff_bumpers(dt: float, at_most: float) -> None:
+    """Measured: 3.02, 3.70, 4.29 on average.  Four were asked for at each; 10 ms is the known shortfall."""
     run = finished(compiled("iltis", "simul1s"), dt=dt)
     assert run.effort.iterations < at_most * run.steps
+
+
+def test_operations_of_an_iteration_stay_what_they_are() -> None:
+    """Figures to notice changes by, 2 % above those of today; instructions take four suspensions in lanes for one."""
+    program = compiled("iltis", "simul1s").program
+    assert program.operations("balance") < 1.02 * 6019
+    assert program.instructions("balance") < 1.02 * 1669
+    assert program.operations("linearise") < 1.02 * 49611
+    assert program.instructions("linearise") < 1.02 * 13182
 
 
 @pytest.mark.parametrize("dt", [0.015, 0.02, 0.03])
