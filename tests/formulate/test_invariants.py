@@ -39,7 +39,7 @@ def momentum_rates(dense: DenseMechanism, motion: Motion, vdot: Array) -> tuple[
         force = mass * (J @ vdot + drift)
         moment = np.cross(x, force) + inertia @ (W @ vdot + w_drift) + np.cross(w, inertia @ w)
         linear, angular = linear + force, angular + moment
-        largest = max(largest, np.abs(force).max(), np.abs(moment).max())
+        largest = np.max([largest, *np.abs(force), *np.abs(moment)])
     return linear, angular, largest
 
 
@@ -73,7 +73,7 @@ def consistent(dense: DenseMechanism, rng: np.random.Generator) -> tuple[Instant
     v = v - np.linalg.pinv(c.jacobian, rcond=1e-6) @ (c.jacobian @ v)
     at = Instant(q=q, v=v)
     closed = dense.closures(at)
-    assert max(np.abs(closed.residual).max(), np.abs(closed.rate).max()) < 1e-11
+    assert np.abs([*closed.residual, *closed.rate]).max() < 1e-11
     assert np.abs(v).max() > 0.1
     return at, closed.jacobian
 

@@ -81,8 +81,8 @@ def test_order_of_a_body_that_spins_in_space(tmp_path: Path) -> None:
         w = np.stack([run[f"book.w{a}"] for a in "xyz"], axis=1)
         momentum = np.einsum("nij,j,nkj,nk->ni", R, [1.0, 2.0, 3.0], R, w)
         rates = np.abs(np.einsum("nji,nj->ni", R, w) - body_rates(run.t)).max()
-        errors.append(float(max(rates, np.abs(momentum - momentum[0]).max())))
-    assert min(orders(errors)) > 3.8, errors
+        errors.append(float(np.max([rates, np.abs(momentum - momentum[0]).max()])))
+    assert all(order > 3.8 for order in orders(errors)), errors
 
 
 @pytest.mark.parametrize(("name", "end"), [("A01", 10.0), ("A02", 0.6), ("SC3D", 1.0), ("A03", 0.05)])
@@ -90,7 +90,7 @@ def test_errors_follow_the_tolerance(name: str, end: float) -> None:
     tolerances = (1e-4, 1e-6, 1e-8)
     runs = [run_of(name, integrator="sdirk4", tolerance=tolerance, end=end) for tolerance in tolerances]
     ratios = [measure_errors(BY_NAME[name], run).largest / tolerance for run, tolerance in zip(runs, tolerances, strict=True)]
-    assert max(ratios) < 30 * min(ratios), ratios
+    assert np.max(ratios) < 30 * np.min(ratios), ratios  # of nan too, which max passes over
     assert all(run.effort.residuals.position < 1e-10 for run in runs)
 
 

@@ -124,6 +124,22 @@ def test_figures_that_no_run_has_are_refused(how: dict[str, Any]) -> None:
         simulate_batch(compiled(), [{"load": float("inf")}])
 
 
+def has_wide_vectors() -> bool:
+    """Whether this machine has the registers of AVX-512, in which eight runs fit."""
+    described = Path("/proc/cpuinfo")
+    return described.exists() and "avx512f" in described.read_text(encoding="utf-8").split()
+
+
+@pytest.mark.heavy
+@pytest.mark.skipif(not has_wide_vectors(), reason="needs a machine with AVX-512")
+def test_each_run_is_that_of_its_parameters_alone_in_wide_registers() -> None:
+    """Instructions of this very machine, as users have them by default; the runs alone have the plain ones of all tests."""
+    batch = simulate_batch(compile_batch(model(), ride(), flags=("-O1", "-march=native")), CASES, threads=2)
+    assert batch.failures == (None,) * len(CASES)
+    for i, case in enumerate(CASES):
+        check_same(batch, i, alone(case))
+
+
 def test_threads_change_nothing() -> None:
     one, two = (simulate_batch(compiled(), CASES, threads=threads) for threads in (1, 100))
     for name in one.end:
