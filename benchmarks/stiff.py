@@ -26,7 +26,7 @@ from cutjoint.program.interpret import Array, interpret_blocks
 MODELS = Path(__file__).parents[1] / "models"
 #: Of the slider at the start, m.
 HEIGHT = 0.5
-TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)
+TOLERANCES = (1e-3, 1e-4, 1e-5)
 Rate = Callable[[Array], Array]
 
 
