@@ -52,14 +52,14 @@ def main() -> None:
         found = {n: measure(Path(name), n) for n in WINDOWS}
     table = Table(
         "N", "characters of evaluate", "read, s", "generate, s", "compile, s", "operations", "evaluation, us", "evaluations a step",
-        "step, us", "exponent of an evaluation",
+        "step, us", "exponent of an evaluation", "of a step",
     )  # fmt: skip
     last = None
     for n, f in found.items():
-        grown = "" if last is None else f"{log(f['evaluation'] / found[last]['evaluation']) / log(n / last):.2f}"
+        grown = ["" if last is None else f"{log(f[what] / found[last][what]) / log(n / last):.2f}" for what in ("evaluation", "step")]
         table.add_row(
             str(n), f"{f['code']:.0f}", f"{f['read']:.2f}", f"{f['generate']:.2f}", f"{f['compile']:.2f}", f"{f['operations']:.0f}",
-            f"{f['evaluation'] * 1e6:.3g}", f"{f['evaluations']:.2f}", f"{f['step'] * 1e6:.3g}", grown,
+            f"{f['evaluation'] * 1e6:.3g}", f"{f['evaluations']:.2f}", f"{f['step'] * 1e6:.3g}", *grown,
         )  # fmt: skip
         last = n
     console.print(table)
