@@ -21,10 +21,10 @@ fuzz: setup
 	$(BIN)/python -m benchmarks.fuzz 300
 
 bench: setup
-	$(BIN)/python benchmarks/iltis.py
+	$(BIN)/python -m benchmarks.iltis
 
 flags: setup
-	$(BIN)/python benchmarks/flags.py
+	$(BIN)/python -m benchmarks.flags
 
 batch: setup
 	$(BIN)/python -m benchmarks.batch

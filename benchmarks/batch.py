@@ -16,11 +16,11 @@ from time import perf_counter
 from typing import Any
 
 from benchmarks.distance import distance
+from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
 from cutjoint.batch import BatchArtifact, compile_batch, simulate_batch
-from cutjoint.bench.measure import machine
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import Artifact, compile_scene, simulate
@@ -108,7 +108,7 @@ def steps_of_batch(artifact: BatchArtifact, **how: float) -> tuple[float, float]
 def main() -> None:
     """Print the tables."""
     console = Console(highlight=False, width=140)
-    console.print(", ".join([*machine().values(), " ".join(FLAGS)]), markup=False)
+    console.print(f"{provenance()}; medians of {REPETITIONS} runs", markup=False)
     throughput = Table("simul1", "runs", "steps of a run, ms", "all of a run, ms", "steps, over the batch's", "all, over the batch's")
     limit = Table("simul1", "width", "operations, 1e9/s", "peak of multiply-adds, 1e9/s", "share")
     model = read_model(ROOT / "models" / "iltis.yaml")

@@ -15,11 +15,11 @@ from statistics import median, quantiles
 from typing import Any, NamedTuple
 
 import click
+from benchmarks.provenance import provenance
 from benchmarks.report import PAGE, STUDIES
 
 from cutjoint.bench.contenders import choose
 from cutjoint.bench.findings import TARGETS
-from cutjoint.bench.measure import machine
 from cutjoint.bench.records import Case, Runner
 from cutjoint.bench.study import timed
 
@@ -75,7 +75,7 @@ WITH_PEERS = ("vehicle", "chain", "verification", "governor")
 @click.option("--kept", type=click.Path(exists=True, path_type=Path), default=PAGE, show_default=True, help="Data of a report with peers.")
 def main(studies: tuple[str, ...], kept: Path) -> None:
     """Print a row for each case and error, as soon as it is measured."""
-    click.echo(", ".join(machine().values()))
+    click.echo(provenance())
     _print("case", "error, m", "ours", "ms", "peer", "ms", "peer over ours", "quartiles")
     for study in studies:
         lines_of = {case["name"]: case["lines"] for case in json.loads(kept.read_text(encoding="utf-8"))["studies"][study]["cases"]}

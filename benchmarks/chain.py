@@ -12,11 +12,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
+from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
 from cutjoint.bench.exact.chain import Chain, write_chain
-from cutjoint.bench.measure import machine
 from cutjoint.model.read import read_model
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.scenes import find_scene
@@ -45,7 +45,7 @@ def measure(folder: Path, windows: int) -> dict[str, float]:
 def main() -> None:
     """Print the table."""
     console = Console(highlight=False, width=140)
-    console.print(", ".join(machine().values()), markup=False)
+    console.print(provenance(), markup=False)
     with TemporaryDirectory() as name:
         os.environ["CUTJOINT_CACHE"] = str(Path(name) / "cache")
         measure(Path(name), 2)  # compiles the driver

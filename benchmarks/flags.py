@@ -7,6 +7,7 @@ from pathlib import Path
 from statistics import median
 
 import click
+from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
@@ -20,17 +21,19 @@ FLAGS = ("-O3 -march=native", "-O2 -march=native", "-O1 -march=native", "-O3 -ma
 @click.option("--scene", default="simul1", show_default=True)
 @click.option("--repetitions", default=7, show_default=True)
 def main(model: Path, scene: str, repetitions: int) -> None:
-    """Print the least and the median time of an evaluation for each set of flags."""
+    """Print the least, the median and the largest time of an evaluation for each set of flags."""
     artifacts = {flags: compile_model(model, scene=scene, flags=tuple(shlex.split(flags))) for flags in FLAGS}
     times: dict[str, list[float]] = {flags: [] for flags in FLAGS}
     for _ in range(repetitions):
         for flags, artifact in artifacts.items():
             run = simulate(artifact, dt=0.001)
             times[flags].append(1e6 * run.seconds / run.evaluations)
-    table = Table("flags", "least, us", "median, us", title=f"{model.stem}, {scene}: {artifacts[FLAGS[0]].binary.compiler}", box=None)
+    table = Table("flags", "least, us", "median, us", "largest, us", title=f"{model.stem}, {scene}", box=None)
     for flags, found in times.items():
-        table.add_row(flags, f"{min(found):.3f}", f"{median(found):.3f}")
-    Console().print(table)
+        table.add_row(flags, f"{min(found):.3f}", f"{median(found):.3f}", f"{max(found):.3f}")
+    console = Console(highlight=False, width=140)
+    console.print(f"{provenance(())}; {repetitions} runs in turns", markup=False)
+    console.print(table)
 
 
 if __name__ == "__main__":

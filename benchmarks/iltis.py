@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import click
-import iltis_figures as measure
-from iltis_figures import Compared, Difference, Peak, Provenance, Race, spread
+from benchmarks import iltis_figures as measure
+from benchmarks.iltis_figures import Compared, Difference, Peak, Provenance, Race, spread
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table

@@ -15,6 +15,7 @@ from shutil import which
 from tempfile import TemporaryDirectory
 
 import click
+from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
@@ -62,7 +63,9 @@ def main() -> None:
             inside = f"{per_step(artifact, ends, '*::evaluate*'):.0f}" if method == "recursive" else ""
             dt = artifact.scene.numerics.of_method(method).dt
             table.add_row(f"{model} {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
-    Console(highlight=False, width=140).print(table)
+    console = Console(highlight=False, width=140)
+    console.print(provenance(FLAGS), markup=False)
+    console.print(table)
 
 
 if __name__ == "__main__":

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.distance import distance
+from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.bench.measure import machine
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.run.results import Trajectory
 
@@ -89,7 +89,7 @@ def run(artifact: Artifact, **how: Any) -> Trajectory:
 def main() -> None:
     """Print the table."""
     console = Console(highlight=False, width=160)
-    console.print(", ".join(machine().values()), markup=False)
+    console.print(f"{provenance()}; the least of {RUNS} runs", markup=False)
     counted = (f"iterations at {1e3 * ROW / part:g} ms" for part in COUNTED)
     table = Table(
         "scene", "method", "longest step, ms", *counted, f"step for {ERROR:g} m, ms", "time, ms", "times as fast", "references apart, m"

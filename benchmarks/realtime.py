@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from benchmarks.distance import distance
+from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.bench.measure import machine
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.realtime import run_in_real_time
 
@@ -43,7 +43,7 @@ def times(artifact: Artifact) -> Table:
 def main() -> None:
     """Print the tables."""
     console = Console(highlight=False, width=140)
-    console.print(", ".join(machine().values()), f"{SCENE} in steps of {STEP * 1e3:g} ms", sep="; ", markup=False)
+    console.print(provenance(), f"{SCENE} in steps of {STEP * 1e3:g} ms", sep="; ", markup=False)
     artifact = compile_model(MODEL, scene=SCENE)
     for table in (accuracy(artifact), times(artifact)):
         console.print(table)

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 from scipy.integrate import solve_ivp
@@ -139,7 +140,9 @@ def main() -> None:
         for name, rule in (("Rosenbrock 4(3)", rosenbrock), ("Radau IIA, order 5", radau)):
             states, took = rule(rate, start, times, tolerance)
             add(name, tolerance, took, np.abs(states[:, slide] + HEIGHT - exact).max())
-    Console(highlight=False, width=120).print(table)
+    console = Console(highlight=False, width=140)
+    console.print(provenance(), markup=False)
+    console.print(table)
 
 
 if __name__ == "__main__":
