@@ -15,8 +15,9 @@ from cutjoint.model.read import read_model_text
 from .conftest import MODELS, ROOT, needs_cpp
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-#: The commands that compile more than one simulator are tried elsewhere: `reduce` and `--method auto`.
-COMMANDS = [line for line in re.findall(r"^    \.venv/bin/cutjoint (.*)$", README, re.MULTILINE) if "reduce" not in line and "auto" not in line]
+#: Commands that compile more than one simulator; they are tried elsewhere.
+LONG = ("reduce", "auto")
+COMMANDS = [line for line in re.findall(r"^    \.venv/bin/cutjoint (.*)$", README, re.MULTILINE) if not any(word in line for word in LONG)]
 
 
 def listing(language: str) -> str:
