@@ -20,7 +20,7 @@ from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.run.results import Array
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import with_figures
-from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.errors import ToolchainError
 
 
 @dataclass(frozen=True, kw_only=True)
