@@ -24,7 +24,7 @@ from cutjoint.toolchain import compiler
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from tests.conftest import MODELS
 from tests.toolchain.damage import DAMAGE, damaged_records
-from tests.toolchain.test_paths import can_mount, run_read_only
+from tests.toolchain.test_paths import can_mount, run_mounted
 
 #: A block on a spring: one parameter changes the law alone, the other one where the block starts.
 SLIDE = """
@@ -319,7 +319,7 @@ def test_a_run_needs_no_cache_to_write_to(model: Path, tmp_path: Path, monkeypat
     rows = table(model)
     for _ in range(2):  # with the simulator alone in the cache, and with the run
         (model.parent / "run.csv").unlink()
-        done = run_read_only(cache_folder(), script)
+        done = run_mounted(cache_folder(), script)
         assert done.returncode == 0, done.stderr
         assert table(model) == rows
         _kept(model)

@@ -78,8 +78,8 @@ can_mount = pytest.mark.skipif(
 )
 
 
-def run_read_only(folder: Path, script: str, options: str = "ro") -> subprocess.CompletedProcess[str]:
-    """Python run where nothing can be written to a folder, by no user."""
+def run_mounted(folder: Path, script: str, options: str = "ro") -> subprocess.CompletedProcess[str]:
+    """Python run where a folder is mounted with these options, which hold for every user."""
     mount = 'mount --bind "$0" "$0" && mount -o "remount,bind,$1" "$0" && exec "$2" -c "$3"'
     command = ["unshare", "-rm", "sh", "-c", mount, folder, options, sys.executable, script]
     return subprocess.run(command, capture_output=True, text=True, check=False)
@@ -103,7 +103,7 @@ def test_a_cache_that_cannot_be_written_does_for_what_it_has(site: Site) -> None
     site.open_gate()
     site.build("one")
     before = sorted((site.folder / "cache").rglob("*"))
-    done = run_read_only(site.folder / "cache", FIND.format(folder=str(site.folder)))
+    done = run_mounted(site.folder / "cache", FIND.format(folder=str(site.folder)))
     assert done.stdout.splitlines() == [
         "False",
         f"the cache {site.folder / 'cache'} cannot be written: Read-only file system; set $CUTJOINT_CACHE to a folder that can",
