@@ -72,7 +72,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError
-    from cutjoint.toolchain.build import ToolchainError
+    from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.spanning_tree import TopologyError
 
     return (

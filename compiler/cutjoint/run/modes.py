@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import ceil
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from cutjoint.analysis.linearisation import Linearisation
@@ -16,6 +15,7 @@ from cutjoint.model.records import Scene
 from cutjoint.run.results import FailureReport
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.toolchain.temporary import temporary_folder
 
 METHOD = "recursive-newton"
 
@@ -41,8 +41,8 @@ def linearise_at(
         RunError: a parameter that cannot be set, or a held coordinate carries a force at the equilibrium.
     """
     scene = equations.scene
-    with TemporaryDirectory() as folder:
-        run_file = {**_run_file(equations, scene, at, parameters, Path(folder)), "with_state": True}
+    with temporary_folder() as folder:
+        run_file = {**_run_file(equations, scene, at, parameters, folder), "with_state": True}
         summary = call_simulator(binary, run_file, progress)
         if (failure := failure_of(summary)) is not None:
             raise NotReachedError(failure)

@@ -40,7 +40,7 @@ def call_simulator(binary: Path, run_file: Mapping[str, Any], progress: Progress
 def _follow(command: Sequence[str], complaint: IO[str], progress: Progress | None) -> tuple[int, dict[str, Any]]:
     """The status that a simulator ends with and the last record that it writes; those before tell its progress."""
     summary: dict[str, Any] = {}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaint, encoding="utf-8", errors="replace") as process:
+    with _begin(command, stdout=subprocess.PIPE, stderr=complaint, encoding="utf-8", errors="replace") as process:
         try:
             assert process.stdout is not None
             for line in process.stdout:
@@ -52,6 +52,19 @@ def _follow(command: Sequence[str], complaint: IO[str], progress: Progress | Non
             return process.wait(), summary
         finally:
             process.kill()  # who follows it has given up; one that has ended is left alone
+
+
+def _begin(command: Sequence[str], **how: Any) -> subprocess.Popen[str]:
+    """A simulator that has begun.
+
+    Raises:
+        SimulatorError: the system does not run it, as where the cache is on a disk whose programs must not be run.
+    """
+    try:
+        return subprocess.Popen(command, **how)
+    except OSError as error:
+        advice = "set $CUTJOINT_CACHE to a folder whose programs may be run"
+        raise SimulatorError(f"the simulator {command[0]} cannot be run: {error.strerror}; {advice}") from error
 
 
 def _read_record(line: str) -> dict[str, Any]:
