@@ -15,10 +15,10 @@
 namespace cutjoint {
 
 /// The failure of a step that leads to where a law has no value.
-inline Failure left_domain(const Domain& domain, double t, double margin, const Failure& failure) {
-  const std::string what = std::string(domain.what) + " leaves its domain in '" + std::string(domain.element) + "' (" +
-                           std::string(domain.place) + "): the law has no value there";
-  return Failure(what, t, failure.step, std::string(domain.element), margin,
+inline Failure left_domain(const Domain& domain, double margin, const Failure& failure) {
+  const std::string what = "the law of '" + std::string(domain.element) + "' (" + std::string(domain.place) + ") has no finite value: " +
+                           std::string(domain.what) + " leaves its domain";
+  return Failure(what, failure.time, failure.step, std::string(domain.element), margin,
                  "give the law a value wherever the motion may lead, with where(condition, value, other), or keep the motion out");
 }
 
@@ -42,7 +42,7 @@ class Domains {
     }
     subject_.begin_step(from_.t, Real(1));
     if (!left) return failure;
-    return left_domain(*left, static_cast<double>(at_.t), static_cast<double>(inside_[static_cast<std::size_t>(left - domains_.data())]), failure);
+    return left_domain(*left, static_cast<double>(inside_[static_cast<std::size_t>(left - domains_.data())]), failure);
   }
 
  private:
