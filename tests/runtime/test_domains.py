@@ -16,8 +16,8 @@ from tests.conftest import needs_cpp
 
 pytestmark = needs_cpp
 
-#: A body that falls from 0.5 m to `zero`, below which the root of its height has no value; free it would take sqrt(2 0.8/9.81) s = 0.40 s, and
-#: the logarithm, that of a branch that is not taken where it has no value, pulls a little.
+#: A body that falls from 0.5 m to `zero`, below which the root of its height has no value; free it would take
+#: sqrt(2 0.8/9.81) s = 0.40 s, and the logarithm, that of a branch that is not taken where it has no value, pulls a little.
 FALLING = """\
 cutjoint: 1
 name: falling
