@@ -12,6 +12,13 @@ _COMMANDS = ("bench", "check", "compile", "equilibrium", "explain", "export", "m
 class _Commands(click.Group):
     """Commands that are imported when they are asked for: one does not wait for what others need."""
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """The arguments; names of files stand in tables, run files and messages, which are UTF-8."""
+        for text in args:
+            if not _is_utf_8(text):
+                ctx.fail(f"the argument {text!a} is not UTF-8; rename the file, or write another name")
+        return super().parse_args(ctx, args)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
 
@@ -21,6 +28,14 @@ class _Commands(click.Group):
         command = import_module(f"cutjoint.commands.{cmd_name}").command
         assert isinstance(command, click.Command)
         return command
+
+
+def _is_utf_8(text: str) -> bool:
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 @click.group(cls=_Commands)

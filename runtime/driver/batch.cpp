@@ -29,7 +29,7 @@ class Batch {
     {
       const std::size_t groups = (cases_.size() + width - 1) / width;
       std::vector<std::jthread> threads;  // joined at the end of the block
-      for (std::size_t i = 0; i < std::min(groups, file_.at("threads").get<std::size_t>()); ++i) threads.emplace_back([this] { work(); });
+      for (std::size_t i = 0; i < std::min(groups, static_cast<std::size_t>(read_integer(file_, "threads", 1, 4096))); ++i) threads.emplace_back([this] { work(); });
     }
     if (error_) std::rethrow_exception(error_);
     return Json{{"status", "done"}, {"seconds", seconds_}, {"results", results_}};

@@ -17,9 +17,9 @@ from cutjoint.bench.records import Case
 from cutjoint.bench.reference import TOLERANCES
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
-from cutjoint.commands.options import FiniteRange
+from cutjoint.commands.options import Setting
+from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
-from cutjoint.run.figures import fault_of
 from cutjoint.run.run_file import RunError
 
 
@@ -78,7 +78,7 @@ def _seconds(text: str) -> list[float]:
         steps = [float(part) for part in _listed(text)]
     except ValueError:
         raise click.BadParameter(f"'{text}': write seconds with commas between, such as 0.01,0.005") from None
-    if faults := [fault for step in steps if (fault := fault_of(step, above=0.0))]:
+    if faults := [fault for step in steps if (fault := fault_of_setting("dt", step))]:
         raise click.BadParameter(f"'{text}': {faults[0]}")
     return steps
 
@@ -90,8 +90,8 @@ def bench_options(command: Any) -> Any:
         click.option("--scenes", default="", callback=lambda *x: _listed(x[2]), metavar="A,B", help="Scenes; all of each model otherwise."),
         click.option("--methods", default="generated,peer", show_default=True, callback=lambda *x: _listed(x[2]), metavar="A,B",
                      help=f"Contenders, or groups of them: {', '.join(groups())}."),
-        click.option("--end", type=FiniteRange(min=0, min_open=True), help="End time in s; the scenes' otherwise."),
-        click.option("--row", type=FiniteRange(min=0, min_open=True), help="Seconds between rows that are compared."),
+        click.option("--end", type=Setting("end", positive=True), help="End time in s; the scenes' otherwise."),
+        click.option("--row", type=Setting("output_step"), help="Seconds between rows that are compared."),
         click.option("--steps", default="", callback=lambda *x: _seconds(x[2]), metavar="S,S", help="Steps in s to try."),
         click.option("--repetitions", type=click.IntRange(min=1), default=5, show_default=True, help="Timed runs of each point."),
         click.option("--reference", type=click.Choice([*TOLERANCES, "none"]), default="quad", show_default=True,

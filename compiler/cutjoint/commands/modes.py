@@ -17,7 +17,7 @@ from cutjoint.states import find_modes
 @options.model
 @click.option("--scene", metavar="NAME",
               help="Scene of the model file; the first otherwise. With --at it may be left out if there is only one.")
-@click.option("--at", type=options.FiniteRange(min=0), metavar="T",
+@click.option("--at", type=options.Setting("at"), metavar="T",
               help="Linearise about the scene's motion at T seconds; otherwise about the static equilibrium.")
 @options.changes
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file for all figures.")

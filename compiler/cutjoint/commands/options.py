@@ -13,20 +13,25 @@ from rich.console import Console
 from rich.progress import Progress
 
 from cutjoint.methods import METHODS
-from cutjoint.run.figures import fault_of
+from cutjoint.model.ranges import WHOLE, fault_of, fault_of_setting
 from cutjoint.run.results import FailureReport
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Scene
 
 
-class FiniteRange(click.FloatRange):
-    """Numbers of a range without infinity and nan, which click takes for numbers of any range."""
+class Setting(click.types.FloatParamType):
+    """The value of a setting, in its range."""
+
+    def __init__(self, setting: str, *, positive: bool = False) -> None:
+        self.name = "integer" if setting in WHOLE else "float"
+        self._setting, self._positive = setting, positive
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, as click has it."""
-        number = super().convert(value, param, ctx)
-        if fault := fault_of(number):
+        number = (click.INT if self._setting in WHOLE else click.FLOAT).convert(value, param, ctx)
+        fault = fault_of_setting(self._setting, number) or (fault_of(number, above=0.0) if self._positive else "")
+        if fault:
             self.fail(fault, param, ctx)
         return number
 
@@ -39,9 +44,9 @@ scene = click.option("--scene", metavar="NAME", help="Scene of the model file; m
 some_scene = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
 method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
 changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
-dt = click.option("--dt", type=FiniteRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
-end = click.option("--end", type=FiniteRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
-iterations = click.option("--iterations", type=click.IntRange(min=1),
+dt = click.option("--dt", type=Setting("dt"), help="Step in s; the scene's otherwise.")
+end = click.option("--end", type=Setting("end", positive=True), help="End time in s; the scene's otherwise.")
+iterations = click.option("--iterations", type=Setting("iterations"),
                            help="Of each step of the method recursive, no less and no more, so that all steps cost the same.")  # fmt: skip
 links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
                       help="Make a massless body a slender rod; * in BODY stands for any text.")  # fmt: skip

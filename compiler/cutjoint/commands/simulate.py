@@ -20,7 +20,7 @@ from cutjoint.toolchain.build import PRECISIONS
 @options.scene
 @click.option("--method", type=click.Choice(["auto", *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
               "by default the scene's, else recursive.")
-@click.option("--tolerance", type=options.FiniteRange(min=0, min_open=True), help="Of method auto in m and rad, of a step of "
+@click.option("--tolerance", type=options.Setting("tolerance"), help="Of method auto in m and rad, of a step of "
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
 @click.option("--implementation", type=click.Choice(IMPLEMENTATIONS), default="generated", show_default=True,
               help="Code made for the model, or a generic program that interprets it.")
@@ -42,7 +42,7 @@ from cutjoint.toolchain.build import PRECISIONS
 @click.option("--batch", type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="CSV file of parameters, a row for each run (SI units): many runs side by side; --out has a row for each, with end, "
               "smallest and largest value of each output over the scene's rows.")
-@click.option("--threads", type=click.IntRange(min=1), help="Of a batch; as many as processors otherwise.")
+@click.option("--threads", type=options.Setting("threads"), help="Of a batch; as many as processors otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")

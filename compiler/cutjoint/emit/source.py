@@ -151,6 +151,10 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
             for guard in guards_of(equations.topology.model, equations.scene)
         ],
         "columns": equations.columns,
+        "domains": [
+            {"function": d.function, "element": d.element, "place": _quotable(d.place), "strict": "true" if d.strict else "false"}
+            for d in equations.domains
+        ],
     }
 
 

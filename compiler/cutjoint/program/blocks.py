@@ -99,6 +99,7 @@ class Builder:
         self._nodes: dict[Hashable, Block] = {}
         self._section = 0
         self._mark = ""
+        self.restricted: set[Block] = set()
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
         self.labels: dict[Block, str] = {}
 
@@ -121,6 +122,12 @@ class Builder:
             yield
         finally:
             self._mark = before
+
+    def restrict(self, block: Block) -> Block:
+        """Note that a law calls a function whose arguments must lie in its domain."""
+        if block.op == "call":
+            self.restricted.add(block)
+        return block
 
     def label(self, block: Block, name: str) -> Block:
         """Name a block as the literature does; the first name stays."""

@@ -3,6 +3,7 @@
 
 #include <exception>
 #include <iostream>
+#include <new>
 #include <stdexcept>
 #include <string>
 
@@ -17,6 +18,9 @@ int run_program(int argc, char** argv, const char* name, Perform perform) {
   try {
     if (argc != 2) throw std::runtime_error(std::string("usage: ") + name + " RUN.json");
     return conclude(perform(read_json(argv[1])));
+  } catch (const std::bad_alloc&) {
+    std::cerr << "error: the run needs more memory than there is; write an earlier end, or a larger dt or output_step" << std::endl;
+    return 2;
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << std::endl;
     return 2;

@@ -17,6 +17,7 @@
 #include "cutjoint/launch.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/pace.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/table.hpp"
 
@@ -30,6 +31,7 @@ namespace cutjoint {
 /// - `begin`, which takes over a start, `prepare`, which reads the figures of steps, and `step` with the step's number; they throw Failure,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
+/// - `explain`, which tells more of a failure of a step,
 /// - `evaluate`, the results of its functions at the run file's states,
 /// - if others may know it, `state`, that of its last step,
 /// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state,
@@ -51,7 +53,7 @@ class Run {
         if (file_.value("with_state", false)) summary["state"] = method_.state();
     } catch (const Failure& failure) {
       summary = counts();
-      report(failure, summary);
+      report(begun_ ? method_.explain(failure) : launch_.explain(failure), summary);
     }
     return summary;
   }
@@ -60,6 +62,7 @@ class Run {
   Json do_task(const std::string& task) {
     if constexpr (requires { method_.evaluate(); })
       if (task == "evaluate") return Json{{"results", method_.evaluate()}};
+    require_task(task);
     if (task == "equilibrium") {
       const auto& start = launch_.at_rest();
       if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
@@ -69,9 +72,21 @@ class Run {
     const auto& start = launch_.in_motion();
     if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
     method_.begin(start, 1.0);
+    begun_ = true;
     if constexpr (requires { method_.time_solver(); })
       if (task == "factor") return method_.time_solver();
     return task == "realtime" ? keep_pace() : simulate();
+  }
+
+  /// Throws runtime_error for what no method does, or this one does not.
+  void require_task(const std::string& task) const {
+    std::vector<std::string_view> tasks{"simulate", "realtime", "equilibrium"};
+    if constexpr (requires { method_.evaluate(); }) tasks.push_back("evaluate");
+    if constexpr (requires { method_.time_solver(); }) tasks.push_back("factor");
+    if (std::find(tasks.begin(), tasks.end(), task) != tasks.end()) return;
+    std::string list;
+    for (const std::string_view known : tasks) list.append(list.empty() ? "" : ", ").append(known);
+    refuse("task", "is '" + task + "' and not one of " + list);
   }
 
   Json columns() {
@@ -86,8 +101,8 @@ class Run {
   /// Steps in blocks: from one row of the table to the next, or one by one where each is measured.  Only the steps themselves are timed.
   Json simulate() {
     method_.prepare();
-    const double dt = file_.at("numerics").at("dt"), end = file_.at("end"), every = file_.at("output_step");
-    const long steps = std::lround(std::ceil(end / dt - 1e-9)), stride = std::max(1L, std::lround(every / dt));
+    const double dt = read_number<double>(file_.at("numerics"), "dt");
+    const auto [steps, stride] = read_steps<Real>(file_);
     Table table(file_.at("out"));
     table.header(std::span(method_.columns()));
     values_.resize(method_.columns().size());
@@ -114,8 +129,8 @@ class Run {
   /// Steps against the wall clock, without rows; the times of the steps are a table, also where a step fails.
   Json keep_pace() {
     method_.prepare();
-    const double dt = file_.at("numerics").at("dt"), end = file_.at("end");
-    const long steps = std::lround(std::ceil(end / dt - 1e-9));
+    const double dt = read_number<double>(file_.at("numerics"), "dt");
+    const long steps = read_steps<Real>(file_, true).number;
     const std::string out = file_.at("out");
     Pace pace(steps, dt);
     try {
@@ -181,6 +196,7 @@ class Run {
   std::vector<Real> values_;
   std::optional<Table> steps_table_;
   std::ofstream tangents_;  ///< a line of JSON a row
+  bool begun_ = false;  ///< whether the method has taken over a start
   long steps_ = 0, mark_ = -1;
   double seconds_ = 0.0, written_ = 0.0;  ///< written_: the time of the last row
 };
