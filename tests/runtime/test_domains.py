@@ -12,6 +12,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.pipeline import Artifact, compile_scene, generate, simulate
 from cutjoint.run.results import FailureReport
+from cutjoint.run.run_file import RunError
 from tests.conftest import needs_cpp
 
 pytestmark = needs_cpp
@@ -104,3 +105,16 @@ def test_runs_of_a_batch_name_the_law() -> None:
     done = simulate_batch(artifact, [{"zero": -0.3}, {"zero": -100.0}], threads=1)
     check(done.failures[0], MESSAGE, 0.39)
     assert done.failures[1] is None
+
+
+@pytest.mark.parametrize("zero", ["0", "-0.3"])
+def test_pivots_are_chosen_in_poses_in_which_laws_have_values(zero: str, recwarn: pytest.WarningsRecorder) -> None:
+    model = read_model_text(FALLING.replace("value: -0.3", f"value: {zero}"), "falling.yaml")
+    generate(model, model.scenes["fall"], model.scenes["fall"].outputs, method="classical")
+    assert not recwarn.list
+
+
+def test_a_law_without_a_value_in_any_of_them_is_refused() -> None:
+    model = read_model_text(FALLING.replace("value: -0.3", "value: 0.6"), "falling.yaml")
+    with pytest.raises(RunError, match="falling.yaml: classical: a law has no finite value in the design position and near it"):
+        generate(model, model.scenes["fall"], model.scenes["fall"].outputs, method="classical")
