@@ -116,5 +116,5 @@ def test_pivots_are_chosen_in_poses_in_which_laws_have_values(zero: str, recwarn
 
 def test_a_law_without_a_value_in_any_of_them_is_refused() -> None:
     model = read_model_text(FALLING.replace("value: -0.3", "value: 0.6"), "falling.yaml")
-    with pytest.raises(RunError, match="falling.yaml: classical: a law has no finite value in the design position and near it"):
+    with pytest.raises(RunError, match="classical: a law has no finite value in the design position and near it"):
         generate(model, model.scenes["fall"], model.scenes["fall"].outputs, method="classical")
