@@ -6,6 +6,8 @@ from importlib import import_module
 
 import click
 
+from cutjoint.run.stopping import Terminated
+
 _COMMANDS = ("bench", "check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate")
 
 
@@ -21,6 +23,14 @@ class _Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Call a command; a signal that ends it is no error, and its message says what there is of the results."""
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, Terminated) as stop:
+            click.echo("\n".join([str(stop) or "interrupted", *getattr(stop, "__notes__", ())]), err=True)
+            raise SystemExit(stop.code if isinstance(stop, Terminated) else 130) from None
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:

@@ -21,7 +21,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.guards import guard_forces
-from cutjoint.run.cases import read_cases, write_results
+from cutjoint.run.cases import read_cases
 from cutjoint.run.results import Batch, Trajectory
 from cutjoint.run.run_file import RunError
 
@@ -288,8 +288,7 @@ def test_the_command_writes_a_row_for_each_run(tmp_path: Path) -> None:
 
 
 def test_what_did_not_start_has_no_values(tmp_path: Path) -> None:
-    batch = simulate_batch(compiled(), [{"slack": -1.0}])
-    write_results(batch, tmp_path / "table.csv")
+    batch = simulate_batch(compiled(), [{"slack": -1.0}], out=tmp_path / "table.csv")
     header, row = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()
     assert header.startswith("slack,run.failure,run.evaluations,chassis.z.end,chassis.z.min,chassis.z.max,")
     assert row.endswith(",0" + "," * 3 * len(batch.units))

@@ -20,6 +20,8 @@ from cutjoint.bench.study import Plan, perform
 from cutjoint.commands.options import Setting
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.run_file import RunError
 
 
@@ -35,18 +37,22 @@ def run_bench(
     """
     from cutjoint.report.bench.page import render_page
 
+    measurements, data_file, page_file = (out / name for name in ("measurements.jsonl", "bench.json", "bench.html"))
+    require_apart(
+        {f"the model {path}": path for path in models},
+        documents=[(f"--out {out}: file", path) for path in (measurements, data_file, page_file)],
+    )
     plan = Plan(
         cases=list(_cases(models, scenes, end=end, row=row, parameters=parameters, link_masses=link_masses)),
         contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
         drift=drift, atlas=atlas, vary=vary,
     )  # fmt: skip
-    measurements = out / "measurements.jsonl"
     with progress_bar() as say:
         make_ready([plan], measurements, say)
         data = perform(plan, Store(measurements), say)
         say("drawing")
         page = render_page({"bench": data})
-    return [write_whole(out / "bench.json", json.dumps(data, indent=1) + "\n"), write_whole(out / "bench.html", page)]
+    return [write_whole(data_file, json.dumps(data, indent=1) + "\n"), write_whole(page_file, page)]
 
 
 def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterator[Case]:
@@ -58,15 +64,6 @@ def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterato
     for path, found in known.items():
         for scene in [s for s in found if not scenes or s in scenes] if found else [None]:
             yield make_case(path, scene, **how)
-
-
-def write_whole(path: Path, text: str) -> Path:
-    """Write a file so that nobody sees half of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(text, encoding="utf-8", newline="\n")
-    part.replace(path)
-    return path
 
 
 def _listed(text: str) -> list[str]:

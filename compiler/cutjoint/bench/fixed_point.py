@@ -12,6 +12,7 @@ import numpy as np
 from cutjoint.bench.cases import make_rows
 from cutjoint.bench.records import Case
 from cutjoint.pipeline import Artifact, simulate
+from cutjoint.run.outputs import partial_of
 from cutjoint.run.results import Array
 from cutjoint.toolchain.temporary import temporary_folder
 
@@ -54,8 +55,8 @@ def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Ar
     with temporary_folder() as folder:
         path = folder / "tangents.jsonl"
         own = replace(artifact, scene=replace(case.scene, output_step=make_rows(case.scene.output_step, case.scene.end, MOST_STATES)))
-        simulate(own, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path)
-        with path.open(encoding="utf-8") as lines:
+        run = simulate(own, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path)
+        with (path if run.failure is None else partial_of(path)).open(encoding="utf-8") as lines:
             for line in lines:
                 found = json.loads(line)
                 columns = (np.array(found[name], dtype=float) for name in ("stiffness", "damping"))

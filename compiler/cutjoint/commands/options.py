@@ -14,6 +14,7 @@ from rich.progress import Progress
 
 from cutjoint.methods import METHODS
 from cutjoint.model.ranges import WHOLE, fault_of, fault_of_setting
+from cutjoint.run.outputs import OutputError, descriptor_of
 from cutjoint.run.results import FailureReport
 
 if TYPE_CHECKING:
@@ -62,10 +63,20 @@ def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         except (click.ClickException, KeyboardInterrupt, SystemExit):
             raise
         except _user_errors() as error:
-            err.print(str(error), markup=False)
+            err.print(describe_error(error), markup=False)
             raise SystemExit(1) from None
 
     return wrapped
+
+
+def describe_error(error: BaseException) -> str:
+    """What an error says, and on further lines what became of the results."""
+    return "\n".join([str(error), *getattr(error, "__notes__", ())])
+
+
+def console_beside(*outputs: Path | None) -> Console:
+    """Where a command writes what is for people: standard error if standard output takes results."""
+    return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
 
 
 def _user_errors() -> tuple[type[Exception], ...]:
@@ -82,7 +93,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
 
     return (
         ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
-        NoEquilibriumError, OSError,
+        NoEquilibriumError, OutputError, OSError,
     )  # fmt: skip
 
 
@@ -104,6 +115,11 @@ def describe_failure(failure: FailureReport, scene: str, places: Mapping[str, st
     """What failed, with the place of its joint in the model file."""
     where = places.get(failure.element.rpartition(".")[0], str(model))
     return f"{where}: scene '{scene}': {failure}"
+
+
+def describe_rest(table: Path | None) -> str:
+    """Where the rows of a run are that failed."""
+    return f"the rows up to then are in {table}" if table else "no file has rows of it"
 
 
 @contextmanager

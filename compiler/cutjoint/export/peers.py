@@ -15,6 +15,7 @@ from cutjoint.export import exudyn, mujoco, pinocchio
 from cutjoint.export.records import Export
 from cutjoint.model.quantities import QUANTITIES
 from cutjoint.model.records import Body, Model, Output, Scene
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import FailureReport, Trajectory, read_table
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.temporary import temporary_folder
@@ -61,9 +62,8 @@ def available(peer: Peer) -> bool:
 
 def write_export(export: Export, folder: Path) -> None:
     """Put an export's files into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
     for name, text in export.files.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        write_whole(folder / name, text)
 
 
 def run_peer(peer: Peer, folder: Path, *, dt: float, end: float, integrator: str, output_step: float) -> Trajectory:

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
 #include <iostream>
 #include <optional>
 #include <span>
@@ -16,9 +15,11 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/launch.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/output_file.hpp"
 #include "cutjoint/pace.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/state.hpp"
+#include "cutjoint/stop.hpp"
 #include "cutjoint/table.hpp"
 
 namespace cutjoint {
@@ -43,18 +44,22 @@ class Run {
 
   Run(M& mechanism, Method& method, const Json& file) : launch_(mechanism, file), method_(method), file_(file) {}
 
-  /// Do the run's task and return its summary; a Failure ends in the summary, what was computed stays in the table.
+  /// Do the run's task and return its summary.  A Failure or a request to stop ends in the summary, and the table has the rows up to then.
+  /// Throws where a file cannot be written.
   Json perform() {
     Json summary;
     try {
       summary = do_task(file_.at("task"));
-      summary["status"] = "done";
+      summary["status"] = stopped_ ? "interrupted" : "done";
+      if (stopped_) summary["time"] = number_or_null(static_cast<double>(method_.time()));
       if constexpr (requires { method_.state(); })
         if (file_.value("with_state", false)) summary["state"] = method_.state();
     } catch (const Failure& failure) {
       summary = counts();
       report(begun_ ? method_.explain(failure) : launch_.explain(failure), summary);
     }
+    if (table_) summary["rows"] = table_->rows();
+    close_files();
     return summary;
   }
 
@@ -103,12 +108,9 @@ class Run {
     method_.prepare();
     const double dt = read_number<double>(file_.at("numerics"), "dt");
     const auto [steps, stride] = read_steps<Real>(file_);
-    Table table(file_.at("out"));
-    table.header(std::span(method_.columns()));
-    values_.resize(method_.columns().size());
-    open_steps();
-    if (file_.contains("tangents_out")) tangents_.open(file_.at("tangents_out").template get<std::string>());
-    write(table);
+    heed_stop_requests();
+    open_tables();
+    write();
     const long block = steps_table_ ? 1 : stride;
     for (long first = 0; first < steps; first += block) {
       const long last = std::min(first + block, steps);
@@ -116,11 +118,16 @@ class Run {
         advance(first, last);
       } catch (Failure& failure) {
         number(failure);
-        if (failure.guards.empty() && static_cast<double>(method_.time()) > written_ + 1e-9 * dt) write(table);  // the last state that converged
+        if (failure.guards.empty()) write_last(dt);
         throw;
       }
+      if (steps_ < last) {
+        stopped_ = true;
+        write_last(dt);
+        break;
+      }
       if (steps_table_) steps_table_->row(method_.time(), method_.measure_step());
-      if (last % stride == 0 || last == steps) write(table);
+      if (last % stride == 0 || last == steps) write();
       progress(last, steps);
     }
     return counts();
@@ -131,20 +138,21 @@ class Run {
     method_.prepare();
     const double dt = read_number<double>(file_.at("numerics"), "dt");
     const long steps = read_steps<Real>(file_, true).number;
-    const std::string out = file_.at("out");
+    heed_stop_requests();
     Pace pace(steps, dt);
     try {
-      for (; steps_ < steps; ++steps_) {
+      for (; steps_ < steps && !stop_requested(); ++steps_) {
         pace.wait(steps_);
         method_.step(steps_ + 1);
         pace.finish(steps_);
       }
     } catch (Failure& failure) {
       number(failure);
-      pace.write(out, steps_);
+      write(pace);
       throw;
     }
-    pace.write(out, steps_);
+    stopped_ = steps_ < steps;
+    write(pace);
     return counts();
   }
 
@@ -153,27 +161,49 @@ class Run {
     if (failure.step == 0) failure.step = steps_ + 1;
   }
 
+  /// Steps up to `last`, fewer where a stop is requested.
   void advance(long first, long last) {
     const auto begin = std::chrono::steady_clock::now();
-    for (long n = first; n < last; ++n) {
+    for (long n = first; n < last && !stop_requested(); ++n) {
       method_.step(n + 1);
       steps_ = n + 1;
     }
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   }
 
-  void open_steps() {
-    if (!file_.contains("steps_out")) return;
-    steps_table_.emplace(file_.at("steps_out").template get<std::string>());
-    steps_table_->header(std::span<const std::string_view>(Method::step_columns));
+  void open_tables() {
+    table_.emplace(file_, "out");
+    table_->header(std::span(method_.columns()));
+    values_.resize(method_.columns().size());
+    if (file_.contains("steps_out")) {
+      steps_table_.emplace(file_, "steps_out");
+      steps_table_->header(std::span<const std::string_view>(Method::step_columns));
+    }
+    if (file_.contains("tangents_out")) tangents_.emplace(file_.at("tangents_out"));
   }
 
-  void write(Table& table) {
+  void close_files() {
+    if (table_) table_->close();
+    if (steps_table_) steps_table_->close();
+    if (tangents_) tangents_->close();
+  }
+
+  void write() {
     method_.report(values_.data());
-    table.row(method_.time(), values_);
+    table_->row(method_.time(), values_);
     written_ = static_cast<double>(method_.time());
     if constexpr (requires { method_.differentiate(); })
-      if (tangents_.is_open()) tangents_ << method_.differentiate() << '\n';
+      if (tangents_) tangents_->write(method_.differentiate().dump() + '\n');
+  }
+
+  /// The row of the last state that converged, unless it has one.
+  void write_last(double dt) {
+    if (static_cast<double>(method_.time()) > written_ + 1e-9 * dt) write();
+  }
+
+  void write(const Pace& pace) {
+    table_.emplace(file_, "out");
+    pace.write(*table_, steps_);
   }
 
   Json counts() const {
@@ -194,9 +224,10 @@ class Run {
   Method& method_;
   const Json& file_;
   std::vector<Real> values_;
-  std::optional<Table> steps_table_;
-  std::ofstream tangents_;  ///< a line of JSON a row
-  bool begun_ = false;  ///< whether the method has taken over a start
+  std::optional<Table> table_, steps_table_;
+  std::optional<OutputFile> tangents_;  ///< a line of JSON a row
+  bool begun_ = false;                  ///< whether the method has taken over a start
+  bool stopped_ = false;                ///< by request, before the end
   long steps_ = 0, mark_ = -1;
   double seconds_ = 0.0, written_ = 0.0;  ///< written_: the time of the last row
 };

@@ -17,6 +17,7 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/launch.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/stop.hpp"
 
 namespace cutjoint::batch {
 
@@ -30,7 +31,8 @@ class Group {
         parameters_(d_.parameters.size()), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
         largest_(values_) {}
 
-  /// At most `width` cases: how each ended, with `end`, `smallest` and `largest` value of each column.
+  /// At most `width` cases: how each ended, with `end`, `smallest` and `largest` value of each column.  After a request to stop they have not
+  /// come to their ends.
   std::vector<Json> run(std::span<const Json> cases) {
     results_.assign(cases.size(), Json::object());
     going_ = Mask{};
@@ -51,7 +53,7 @@ class Group {
 
   void start(std::span<const Json> cases) {
     cases_.assign(width, {});
-    for (std::size_t k = 0; k < cases.size(); ++k) {
+    for (std::size_t k = 0; k < cases.size() && !stop_requested(); ++k) {
       Json own = file_;
       own.update(cases[k]);
       try {
@@ -97,7 +99,7 @@ class Group {
     end_ = smallest_ = largest_ = values_;
     watch(0);
     const auto begin = std::chrono::steady_clock::now();
-    for (long n = 1; n <= steps && any(going_); ++n) {
+    for (long n = 1; n <= steps && any(going_) && !stop_requested(); ++n) {
       const Mask failed = integrator_->step(state_, going_);
       state_.t = where(going_ & ~failed, Real(static_cast<double>(n) * dt), state_.t);
       if (any(failed)) {
