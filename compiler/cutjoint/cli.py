@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
+from typing import Any
 
 import click
+
+from cutjoint.model.printing import escaped_lines
 
 _COMMANDS = ("bench", "check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate")
 
@@ -21,6 +26,24 @@ class _Commands(click.Group):
         command = import_module(f"cutjoint.commands.{cmd_name}").command
         assert isinstance(command, click.Command)
         return command
+
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        with _plain_errors():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        with _plain_errors():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """What click says of wrong use repeats what was typed: without control characters."""
+    try:
+        yield
+    except click.ClickException as error:
+        error.message = escaped_lines(error.message)  # type: ignore[misc]
+        raise
 
 
 @click.group(cls=_Commands)

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from cutjoint.methods import METHODS
+from cutjoint.model.numbers import is_number, is_whole, read_number
+from cutjoint.model.printing import escaped_lines
 from cutjoint.run.figures import fault_of
 from cutjoint.run.results import FailureReport
 
@@ -21,18 +24,37 @@ if TYPE_CHECKING:
 
 
 class FiniteRange(click.FloatRange):
-    """Numbers of a range without infinity and nan, which click takes for numbers of any range."""
+    """Plain decimal numbers of a range: no infinity, no nan, no underscores, no digits of other scripts, all of which click takes."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, as click has it."""
+        if isinstance(value, str) and not is_number(value):
+            self.fail(f"{value!r} is not a plain decimal number.", param, ctx)
         number = super().convert(value, param, ctx)
         if fault := fault_of(number):
             self.fail(fault, param, ctx)
         return number
 
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+class WholeRange(click.IntRange):
+    """Whole numbers of a range in plain digits."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, as click has it."""
+        if isinstance(value, str) and not is_whole(value):
+            self.fail(f"{value!r} is not a whole number in plain digits.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class _PlainConsole(Console):
+    """Prints texts with their control characters escaped, so that names of files and of what is asked for do not move a terminal."""
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), **how)
+
+
+out = _PlainConsole(highlight=False, soft_wrap=True)
+err = _PlainConsole(stderr=True, highlight=False, soft_wrap=True)
 
 model = click.argument("model", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
@@ -41,7 +63,7 @@ method = click.option("--method", type=click.Choice(METHODS), default="recursive
 changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
 dt = click.option("--dt", type=FiniteRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
 end = click.option("--end", type=FiniteRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
-iterations = click.option("--iterations", type=click.IntRange(min=1),
+iterations = click.option("--iterations", type=WholeRange(min=1),
                            help="Of each step of the method recursive, no less and no more, so that all steps cost the same.")  # fmt: skip
 links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
                       help="Make a massless body a slender rod; * in BODY stands for any text.")  # fmt: skip
@@ -68,6 +90,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.model.errors import ModelError
+    from cutjoint.program.blocks import ConstantError
     from cutjoint.run.run_file import RunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
@@ -76,7 +99,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.topology.spanning_tree import TopologyError
 
     return (
-        ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
+        ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
         NoEquilibriumError, OSError,
     )  # fmt: skip
 
@@ -105,7 +128,7 @@ def describe_failure(failure: FailureReport, scene: str, places: Mapping[str, st
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     """A progress bar on standard error; it yields the function that moves it."""
     with Progress(console=err, transient=True) as bar:
-        task = bar.add_task(label, total=None)
+        task = bar.add_task(escape(escaped_lines(label)), total=None)
         yield lambda share: bar.update(task, total=1.0, completed=share)
 
 
@@ -119,7 +142,7 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
     for change in changes:
         name, _, text = change.partition("=")
         try:
-            value = float(text)
+            value = read_number(text)
             fault = fault_of(value)
         except ValueError:
             fault = "write NAME=NUMBER"

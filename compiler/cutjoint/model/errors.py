@@ -6,9 +6,8 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from cutjoint.model.printing import printable
 from cutjoint.model.records import Span
-
-MAX_MESSAGE = 300
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,12 +56,6 @@ def worded(field: str, message: str) -> str:
     if not field:
         return message
     return f"{field} {message}" if message.startswith(("needs ", "has ")) else f"{field}: {message}"
-
-
-def printable(text: str) -> str:
-    """Text from a file made safe to print: no control characters, no endless lines."""
-    plain = "".join(c if c.isprintable() else "?" for c in text)
-    return plain if len(plain) <= MAX_MESSAGE else plain[: MAX_MESSAGE - 3] + "..."
 
 
 def nearest(word: str, options: Iterable[str], what: str = "choose from") -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from math import inf
+from math import inf, isfinite
 from typing import Any
 
 from cutjoint.model import document
@@ -33,7 +33,7 @@ from cutjoint.model.records import (
     SegmentKind,
     Span,
 )
-from cutjoint.model.scope import Element, element
+from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
 from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, TIME, Dimension
 
@@ -118,8 +118,12 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     }
     steps = {numbers["dt"], *(figures["dt"] for figures in methods.values() if "dt" in figures)}
     for key, law in laws.items():
-        for dt in steps:
-            _in_range(where, key, evaluate(law, {_STEP: dt}), ("numerics", key))
+        for dt in sorted(steps):
+            value = evaluate(law, {_STEP: dt})
+            if isfinite(value):
+                _in_range(where, key, value, ("numerics", key))
+            elif isfinite(dt) and law is not FAILED:
+                where.fail(f"numerics.{key} has no finite value at dt = {dt:g} s", "", ("numerics", key))
         numbers[key] = evaluate(law, {_STEP: numbers["dt"]})
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
     if part.closure == "proximal":

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 
+from cutjoint.model.numbers import read_number
 from cutjoint.model.records import Model
 from cutjoint.run.results import Array, Batch
 from cutjoint.run.run_file import RunError, parameter_values
@@ -52,7 +53,7 @@ def _case(place: str, names: Sequence[str], row: Sequence[str]) -> dict[str, flo
 
 def _number(place: str, name: str, text: str) -> float:
     try:
-        value = float("nan" if "_" in text else text)
+        value = read_number(text)
     except ValueError:
         value = float("nan")
     if not isfinite(value):
