@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.errors import MAX_PROBLEMS, ModelError, Problem
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Span
 
@@ -384,3 +384,12 @@ def test_numerics_that_follow_the_step_are_finite(law: str, message: str) -> Non
 def test_a_frequency_that_follows_the_step_is_finite(law: str) -> None:
     message = "@: scene 'fall': numerics.frequency has no finite value at dt = 0.001 s"
     check("fall: {end: 2}", f'fall: {{end: 2, numerics: {{frequency: §"{law}"}}}}', message)
+
+
+def test_problems_without_end_are_cut_short() -> None:
+    names = [f"body_{i}" for i in range(3000)]
+    bodies = ", ".join(f"{name}: {{massless: true}}" for name in names)
+    joints = ", ".join(f"j{i}: {{kind: fixed, bodies: [x{name}, y{name}], at: [0, 0, 0]}}" for i, name in enumerate(names))
+    found = problems(f"cutjoint: 1\nname: m\ngravity: [0, 0, 0]\nbodies: {{{bodies}}}\njoints: {{{joints}}}\n")
+    assert len(found) == MAX_PROBLEMS + 1
+    assert sum("there may be more problems than these; mend these first" in line for line in found) == 1
