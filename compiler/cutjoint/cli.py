@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
+from typing import Any
 
 import click
 
+from cutjoint.model.printing import escaped_lines
 from cutjoint.run.stopping import Terminated
 
 _COMMANDS = ("bench", "check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate")
@@ -27,7 +31,8 @@ class _Commands(click.Group):
     def invoke(self, ctx: click.Context) -> object:
         """Call a command; a signal that ends it is no error, and its message says what there is of the results."""
         try:
-            return super().invoke(ctx)
+            with _plain_errors():
+                return super().invoke(ctx)
         except (KeyboardInterrupt, Terminated) as stop:
             click.echo("\n".join([str(stop) or "interrupted", *getattr(stop, "__notes__", ())]), err=True)
             raise SystemExit(stop.code if isinstance(stop, Terminated) else 130) from None
@@ -38,6 +43,20 @@ class _Commands(click.Group):
         command = import_module(f"cutjoint.commands.{cmd_name}").command
         assert isinstance(command, click.Command)
         return command
+
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        with _plain_errors():
+            return super().make_context(*args, **kwargs)
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """What click says of wrong use repeats what was typed: without control characters."""
+    try:
+        yield
+    except click.ClickException as error:
+        error.message = escaped_lines(error.message)  # type: ignore[misc]
+        raise
 
 
 def _is_utf_8(text: str) -> bool:

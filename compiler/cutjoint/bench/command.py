@@ -17,7 +17,8 @@ from cutjoint.bench.records import Case
 from cutjoint.bench.reference import TOLERANCES
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
-from cutjoint.commands.options import Setting
+from cutjoint.commands.options import Setting, WholeRange
+from cutjoint.model.numbers import read_number
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
 from cutjoint.run.outputs import require_apart
@@ -72,7 +73,7 @@ def _listed(text: str) -> list[str]:
 
 def _seconds(text: str) -> list[float]:
     try:
-        steps = [float(part) for part in _listed(text)]
+        steps = [read_number(part) for part in _listed(text)]
     except ValueError:
         raise click.BadParameter(f"'{text}': write seconds with commas between, such as 0.01,0.005") from None
     if faults := [fault for step in steps if (fault := fault_of_setting("dt", step))]:
@@ -90,7 +91,7 @@ def bench_options(command: Any) -> Any:
         click.option("--end", type=Setting("end", positive=True), help="End time in s; the scenes' otherwise."),
         click.option("--row", type=Setting("output_step"), help="Seconds between rows that are compared."),
         click.option("--steps", default="", callback=lambda *x: _seconds(x[2]), metavar="S,S", help="Steps in s to try."),
-        click.option("--repetitions", type=click.IntRange(min=1), default=5, show_default=True, help="Timed runs of each point."),
+        click.option("--repetitions", type=WholeRange(min=1), default=5, show_default=True, help="Timed runs of each point."),
         click.option("--reference", type=click.Choice([*TOLERANCES, "none"]), default="quad", show_default=True,
                      help="Number type in which references are integrated; extended is faster, and enough where roads have kinks."),
         click.option("--limits/--no-limits", default=True, help="Look for the largest step of each method."),

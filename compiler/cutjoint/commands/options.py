@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from cutjoint.methods import METHODS
+from cutjoint.model.numbers import is_number, is_whole, read_number
+from cutjoint.model.printing import escaped_lines
 from cutjoint.model.ranges import WHOLE, fault_of, fault_of_setting
 from cutjoint.run.outputs import OutputError, descriptor_of
 from cutjoint.run.results import FailureReport
@@ -22,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Setting(click.types.FloatParamType):
-    """The value of a setting, in its range."""
+    """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts."""
 
     def __init__(self, setting: str, *, positive: bool = False) -> None:
         self.name = "integer" if setting in WHOLE else "float"
@@ -30,15 +33,35 @@ class Setting(click.types.FloatParamType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, as click has it."""
-        number = (click.INT if self._setting in WHOLE else click.FLOAT).convert(value, param, ctx)
+        whole = self._setting in WHOLE
+        if isinstance(value, str) and not (is_whole if whole else is_number)(value):
+            self.fail(f"{value!r} is not a {'whole' if whole else 'plain decimal'} number.", param, ctx)
+        number = (click.INT if whole else click.FLOAT).convert(value, param, ctx)
         fault = fault_of_setting(self._setting, number) or (fault_of(number, above=0.0) if self._positive else "")
         if fault:
             self.fail(fault, param, ctx)
         return number
 
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+class WholeRange(click.IntRange):
+    """Whole numbers of a range in plain digits."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, as click has it."""
+        if isinstance(value, str) and not is_whole(value):
+            self.fail(f"{value!r} is not a whole number in plain digits.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class _PlainConsole(Console):
+    """Prints texts with their control characters escaped, so that names of files and of what is asked for do not move a terminal."""
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), **how)
+
+
+out = _PlainConsole(highlight=False, soft_wrap=True)
+err = _PlainConsole(stderr=True, highlight=False, soft_wrap=True)
 
 model = click.argument("model", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
@@ -84,6 +107,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.model.errors import ModelError
+    from cutjoint.program.blocks import ConstantError
     from cutjoint.run.run_file import RunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
@@ -92,7 +116,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.topology.spanning_tree import TopologyError
 
     return (
-        ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
+        ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
         NoEquilibriumError, OutputError, OSError,
     )  # fmt: skip
 
@@ -126,7 +150,7 @@ def describe_rest(table: Path | None) -> str:
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     """A progress bar on standard error; it yields the function that moves it."""
     with Progress(console=err, transient=True) as bar:
-        task = bar.add_task(label, total=None)
+        task = bar.add_task(escape(escaped_lines(label)), total=None)
         yield lambda share: bar.update(task, total=1.0, completed=share)
 
 
@@ -140,7 +164,7 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
     for change in changes:
         name, _, text = change.partition("=")
         try:
-            value = float(text)
+            value = read_number(text)
             fault = fault_of(value)
         except ValueError:
             fault = "write NAME=NUMBER"

@@ -148,7 +148,7 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     }
     steps = {numbers["dt"], *(figures["dt"] for figures in methods.values() if "dt" in figures)}
     for key, law in laws.items():
-        for dt in steps:
+        for dt in sorted(steps):
             _require_value(where, key, law, dt)
         numbers[key] = evaluate(law, {_STEP: numbers["dt"]})
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}

@@ -36,6 +36,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from math import isfinite
 from typing import Any
 
 
@@ -72,6 +73,17 @@ class Section:
     def title(self) -> str:
         """One line for a heading."""
         return f"{self.stage}: {self.element}" if self.element else self.stage
+
+
+class ConstantError(ArithmeticError):
+    """A constant of the equations is too large for a floating-point number.  The text has the place in the model file and the element."""
+
+    def __init__(self, sections: Sequence[Section], number: int) -> None:
+        section = sections[number]
+        place = section.source or next((s.source for s in sections if s.source and s.element == section.element), "")
+        what = f"'{section.element}': " if section.element else ""
+        message = f"{what}a constant of its equations ({section.stage}) is too large for a floating-point number"
+        super().__init__(f"{place + ': ' if place else ''}{message}; write smaller numbers")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -150,8 +162,14 @@ class Builder:
     # Leaves
 
     def const(self, values: Sequence[Sequence[float]]) -> Block:
-        """A matrix of numbers, given by rows."""
+        """A matrix of numbers, given by rows.
+
+        Raises:
+            ConstantError: one of them is not finite.
+        """
         rows = tuple(tuple(float(x) + 0.0 for x in row) for row in values)
+        if not all(isfinite(x) for row in rows for x in row):
+            raise ConstantError(self.sections, self._section)
         n, m = len(rows), len(rows[0])
         symmetric = n == m and all(rows[i][j] == rows[j][i] for i in range(n) for j in range(i))
         return self._make("const", (), (n, m), data=rows, symmetric=symmetric)

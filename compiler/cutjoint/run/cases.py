@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from cutjoint.model.numbers import read_number
 from cutjoint.model.records import Model
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import open_table, write_all
@@ -59,7 +60,7 @@ def _case(place: str, names: Sequence[str], row: Sequence[str]) -> dict[str, flo
 
 def _number(place: str, name: str, text: str) -> float:
     try:
-        value = float("nan" if "_" in text else text)
+        value = read_number(text)
     except ValueError:
         value = float("nan")
     if not isfinite(value):
