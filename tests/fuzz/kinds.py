@@ -24,8 +24,8 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="models", suffix=".yaml", make=any_model, check=lambda text: compile_text(text).problems, share=1),
         Kind(name="run_files", suffix=".run.json", make=run_files.make, check=run_files.check, share=0.2),
         Kind(name="calls", suffix=".call.json", make=calls.make, check=calls.check, share=0.03),
-        Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, share=0.002),
-        Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, share=0.001, limit=600),
-        Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, share=0.001, limit=120),
+        Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, share=0.002, limit=240),
+        Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, share=0.0005, limit=1200),
+        Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, share=0.001, limit=240),
     )
 }
