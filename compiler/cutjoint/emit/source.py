@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import jinja2
 
@@ -184,6 +185,7 @@ def _sources(files: Mapping[str, str]) -> list[str]:
     return sorted(f for f in files if f.endswith(".cpp") and f != "main.cpp")
 
 
+@cache
 def environment() -> jinja2.Environment:
     """How templates are rendered."""
     return jinja2.Environment(
