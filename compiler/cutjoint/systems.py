@@ -68,7 +68,7 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
         RunError: the equations depend on each other in one of the states.
         MissingLibraryError: a library that orders matrices is not installed.
     """
-    families = find_corresponding(equations.correspondence, equations.topology) if lanes else []
+    families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
     functions = [
         (f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions
     ]

@@ -32,6 +32,7 @@ construction, the binding time of what it depends on, and the section (a body, j
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -74,6 +75,17 @@ class Section:
         return f"{self.stage}: {self.element}" if self.element else self.stage
 
 
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a block is: ``symbol`` as in the formulation's equations, of which ``parts`` of the model, ``which`` of those that one part has,
+    such as its first coordinate, and its ``number`` among all that are called the same."""
+
+    symbol: str
+    parts: tuple[str, ...]
+    which: tuple[str | int, ...]
+    number: int
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Block:
     """A node of the block IR; made by a :class:`Builder` only."""
@@ -93,7 +105,7 @@ class Block:
 
 
 class Builder:
-    """Makes blocks, one object an expression, and keeps their names and sections."""
+    """Makes blocks, one object an expression, and knows what they are: labels, for readers only, quantities, and sections."""
 
     def __init__(self) -> None:
         self._nodes: dict[Hashable, Block] = {}
@@ -101,6 +113,8 @@ class Builder:
         self._mark = ""
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
         self.labels: dict[Block, str] = {}
+        self.quantities: dict[Quantity, Block] = {}
+        self._counts: Counter[tuple[str, tuple[str, ...], tuple[str | int, ...]]] = Counter()
 
     @contextmanager
     def section(self, stage: str, element: str, equation: str, source: str) -> Iterator[None]:
@@ -123,9 +137,20 @@ class Builder:
             self._mark = before
 
     def label(self, block: Block, name: str) -> Block:
-        """Name a block as the literature does; the first name stays."""
+        """Name a block for readers, as the literature does; the first name stays."""
         self.labels.setdefault(block, self._mark + name)
         return block
+
+    def record(self, block: Block, symbol: str, *parts: str, which: tuple[str | int, ...] = ()) -> Block:
+        """Say what a block is, in the words of `Quantity`; the same is said of corresponding blocks, but for the parts."""
+        key = (self._mark + symbol, parts, which)
+        self.quantities[Quantity(*key, self._counts[key])] = block
+        self._counts[key] += 1
+        return block
+
+    def name(self, block: Block, symbol: str, *parts: str, which: tuple[str, ...] = ()) -> Block:
+        """Say what a block is, and label it with that."""
+        return self.label(self.record(block, symbol, *parts, which=which), "_".join((symbol, *parts, *which)).replace(".", "_"))
 
     def _make(
         self, op: str, args: tuple[Block, ...], shape: tuple[int, int], *, data: Hashable = None, symmetric: bool = False,

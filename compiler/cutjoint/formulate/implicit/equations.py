@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.correspondence import Correspondence
 from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, pulls, weights
@@ -56,7 +55,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
     system_of = _System(
         b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, penalty) for loop in loops),
-        Zdd=given_accelerations(k), correspondence=Correspondence(), M=masses, Q=weights_of_masses,
+        Zdd=given_accelerations(k), M=masses, Q=weights_of_masses,
     )  # fmt: skip
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
     balance = system_of.balance()
@@ -71,7 +70,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(*functions, *guard_function(margins), *events_function(switches)), method="recursive-newton",
         slots={**_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches)}, start=start,
-        correspondence=system_of.correspondence, load_arguments=LOAD_ARGUMENTS,
+        load_arguments=LOAD_ARGUMENTS,
         switches=describe_switches(b, switches),
     )  # fmt: skip
 
@@ -87,7 +86,6 @@ class _System:
     loops: tuple[LoopClosure, ...]
     closed: tuple[Closed, ...]
     Zdd: Mapping[str, Block]
-    correspondence: Correspondence
     M: Mapping[str, Block]
     Q: Mapping[str, Block]
 
@@ -104,16 +102,13 @@ class _System:
             ):
                 own = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
                 above = [carried[c] for c in carried if k.motions[c].tree_joint.parent == body]
-                carried[body] = b.label(b.sub(b.total([own, *above]), pulled[body]), f"F_{body.replace('.', '_')}")
+                carried[body] = b.name(b.sub(b.total([own, *above]), pulled[body]), "F", body)
                 if motion.b is not None:
                     value = b.mul(b.transpose(motion.b), carried[body])
                     if body in self.system.joint_forces:
                         value = b.sub(value, self.system.joint_forces[body])
-                    results[f"balance:{joint.name}"] = self._record(value, "balance", joint.name)
-        return results | {f"residual:{c.name}": self._record(c.loop.residual, "residual", c.name) for c in self.closed}
-
-    def _record(self, block: Block, *names: str) -> Block:
-        return self.correspondence.record(*names, block=block)
+                    results[f"balance:{joint.name}"] = b.record(value, "balance", joint.name)
+        return results | {f"residual:{c.name}": b.record(c.loop.residual, "residual", c.name) for c in self.closed}
 
     def _by_body(self, shares: Iterable[Mapping[str, Block]]) -> dict[str, Block]:
         b, sums = self.b, {body: self.b.zero(6) for body in self.k.motions}
@@ -133,7 +128,7 @@ class _System:
             entries[known] = self.b.add(entries[known], value) if known in entries else value
         results = {}
         for (j, k), value in entries.items():
-            self._record(value, "tangent", j.body, str(j.index), k.body, str(k.index))
+            self.b.record(value, "tangent", j.body, k.body, which=(j.index, k.index))
             results[f"tangent:{j.row},{k.row}"] = value
         return results
 
@@ -178,7 +173,7 @@ class _System:
                 base = b.mul(transport(b, self.k.pole_step(joint.base, joint.follower)), self.Zdd[joint.base])
                 bend = b.add(b.mul(loop.A, b.sub(self.Zdd[joint.follower], base)), loop.s)
             for name, block in (("residual", loop.residual), ("rate", loop.rate), ("curvature", bend)):
-                results[f"{name}:{joint.name}"] = self._record(block, name, joint.name)
+                results[f"{name}:{joint.name}"] = b.record(block, name, joint.name)
         return results
 
     def stretch(self) -> dict[str, Block]:
@@ -194,7 +189,7 @@ class _System:
             with b.section("closure", joint.name, "A (x_f - x_b)", joint.span.place):
                 base = b.mul(transport(b, self.k.pole_step(joint.base, joint.follower)), moved[joint.base])
                 change = b.mul(loop.A, b.sub(moved[joint.follower], base))
-            results[f"change:{joint.name}"] = self._record(change, "change", joint.name)
+            results[f"change:{joint.name}"] = b.record(change, "change", joint.name)
         return results
 
     def pull(self) -> dict[str, Block]:
@@ -209,7 +204,7 @@ class _System:
                     name = f"force:{motion.tree_joint.joint.name}"
                     results[name] = b.sub(results[name], b.mul(b.transpose(motion.b), wrench))
         for name, block in results.items():
-            self._record(block, *name.split(":"))
+            b.record(block, *name.split(":"))
         return results
 
 
