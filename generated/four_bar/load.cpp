@@ -7,7 +7,6 @@ namespace cutjoint::generated {
 template <class Real>
 void FourBar<Real>::load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) {
   (void)parameters;
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp, std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
 
   loaded_.penalty = stabilisation.penalty;
   loaded_.value_2 = Real(2.0)*(stabilisation.damping_ratio*stabilisation.frequency);
