@@ -123,11 +123,11 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real Phi_closure_1_vx_negated = R_crank_1_pin_xy_negated + (R_coupler_1_bar_xx - R_crank_0_pin_xy_negated - Real(1.0));
   const Real Phi_closure_1_vy = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
   const Real s_closure_1_vx = Z_closure_1_wz*Phid_closure_1_vy_negated - (Z_coupler_1_bar_wz*Z_base_closure_1_vy +
-      Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_vx_negated*loaded_.value_2 +
-      Phi_closure_1_vx_negated*loaded_.value_3);
+      Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_vx_negated*loaded_.rate_stabilisation +
+      Phi_closure_1_vx_negated*loaded_.residual_stabilisation);
   const Real s_closure_1_vy = bv_coupler_1_pin_vx*Z_coupler_1_bar_wz + bv_coupler_1_pin_vx*Z_closure_1_wz -
-      Z_closure_1_wz*Phid_closure_1_vx_negated + (Phi_closure_1_vy*loaded_.value_3 -
-      Phid_closure_1_vy_negated*loaded_.value_2);
+      Z_closure_1_wz*Phid_closure_1_vx_negated + (Phi_closure_1_vy*loaded_.residual_stabilisation -
+      Phid_closure_1_vy_negated*loaded_.rate_stabilisation);
 
   // closure: closure_2
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
@@ -139,11 +139,11 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real Phi_closure_2_vx_negated = R_crank_2_pin_xy_negated + (R_coupler_2_bar_xx - R_crank_1_pin_xy_negated - Real(1.0));
   const Real Phi_closure_2_vy = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
   const Real s_closure_2_vx = Z_closure_2_wz*Phid_closure_2_vy_negated - (Z_coupler_2_bar_wz*Z_base_closure_2_vy +
-      Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.value_2*Phid_closure_2_vx_negated +
-      loaded_.value_3*Phi_closure_2_vx_negated);
+      Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.rate_stabilisation*Phid_closure_2_vx_negated +
+      loaded_.residual_stabilisation*Phi_closure_2_vx_negated);
   const Real s_closure_2_vy = bv_coupler_2_pin_vx*Z_coupler_2_bar_wz + bv_coupler_2_pin_vx*Z_closure_2_wz -
-      Z_closure_2_wz*Phid_closure_2_vx_negated + (loaded_.value_3*Phi_closure_2_vy -
-      loaded_.value_2*Phid_closure_2_vy_negated);
+      Z_closure_2_wz*Phid_closure_2_vx_negated + (loaded_.residual_stabilisation*Phi_closure_2_vy -
+      loaded_.rate_stabilisation*Phid_closure_2_vy_negated);
 
   // condensation: coupler_2.pin
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S

@@ -94,11 +94,18 @@ def _derive(b: Builder, joint: Joint, kernel: ClosureKernel, terms: _Terms, numb
     """A cut joint's blocks under their names."""
     name = joint.name
     residual, rate, A = b.name(terms.residual, "Phi", name), b.name(terms.rate, "Phid", name), b.name(terms.A, "A", name)
-    doubled = b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))
-    squared = b.mul(numbers.frequency, numbers.frequency)
-    s = b.name(b.add(terms.gamma, b.add(b.scale(doubled, rate), b.scale(squared, residual))), "s", name)
+    of_rate, of_residual = _stabilisation(b, numbers)
+    s = b.name(b.add(terms.gamma, b.add(b.scale(of_rate, rate), b.scale(of_residual, residual))), "s", name)
     multipliers = b.symbol(f"lambda:{joint.name}", len(kernel.names), BindingTime.ITERATION)
     return LoopClosure(joint=joint, names=kernel.names, residual=residual, rate=rate, A=A, s=s, multipliers=multipliers)
+
+
+def _stabilisation(b: Builder, numbers: Numbers) -> tuple[Block, Block]:
+    """The factors 2 xi w of the residual's rate and w^2 of the residual, the same for all cut joints."""
+    with b.section("stabilisation", "", "2 xi w, w^2", ""):
+        of_rate = b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))
+        of_residual = b.mul(numbers.frequency, numbers.frequency)
+    return b.label(of_rate, "rate_stabilisation"), b.label(of_residual, "residual_stabilisation")
 
 
 def _values(k: Kinematics, joint: Joint, kernel: ClosureKernel, twist: Block, step: Block) -> dict[sympy.Symbol, Block]:
