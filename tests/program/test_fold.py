@@ -10,7 +10,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.pipeline import generate
-from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.blocks import BindingTime, Block, Builder, Label
 from cutjoint.program.fold import fold
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.schedule import schedule
@@ -112,8 +112,8 @@ def test_lanes_do_not_depend_on_labels(method: str, monkeypatch: pytest.MonkeyPa
     assert garbled.functions == named.functions
 
 
-def _garbled(builder: Builder, block: Block, name: str) -> Block:
-    builder.labels.setdefault(block, f"x{len(builder.labels)}")
+def _garbled(builder: Builder, block: Block, name: str, **_: tuple[str, ...]) -> Block:
+    builder.labels.setdefault(block, Label(text=f"x{len(builder.labels)}"))
     return block
 
 

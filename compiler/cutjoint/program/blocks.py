@@ -86,6 +86,15 @@ class Quantity:
     number: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class Label:
+    """What readers call a block.  ``rows`` and ``columns`` name its elements; those of three or six are axes without."""
+
+    text: str
+    rows: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Block:
     """A node of the block IR; made by a :class:`Builder` only."""
@@ -112,7 +121,7 @@ class Builder:
         self._section = 0
         self._mark = ""
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
-        self.labels: dict[Block, str] = {}
+        self.labels: dict[Block, Label] = {}
         self.quantities: dict[Quantity, Block] = {}
         self._counts: Counter[tuple[str, tuple[str, ...], tuple[str | int, ...]]] = Counter()
 
@@ -136,9 +145,9 @@ class Builder:
         finally:
             self._mark = before
 
-    def label(self, block: Block, name: str) -> Block:
+    def label(self, block: Block, name: str, *, rows: tuple[str, ...] = (), columns: tuple[str, ...] = ()) -> Block:
         """Name a block for readers, as the literature does; the first name stays."""
-        self.labels.setdefault(block, self._mark + name)
+        self.labels.setdefault(block, Label(text=self._mark + name, rows=rows, columns=columns))
         return block
 
     def record(self, block: Block, symbol: str, *parts: str, which: tuple[str | int, ...] = ()) -> Block:
@@ -148,9 +157,13 @@ class Builder:
         self._counts[key] += 1
         return block
 
-    def name(self, block: Block, symbol: str, *parts: str, which: tuple[str, ...] = ()) -> Block:
+    def name(
+        self, block: Block, symbol: str, *parts: str, which: tuple[str, ...] = (), rows: tuple[str, ...] = (),
+        columns: tuple[str, ...] = (),
+    ) -> Block:  # fmt: skip
         """Say what a block is, and label it with that."""
-        return self.label(self.record(block, symbol, *parts, which=which), "_".join((symbol, *parts, *which)).replace(".", "_"))
+        text = "_".join((symbol, *parts, *which)).replace(".", "_")
+        return self.label(self.record(block, symbol, *parts, which=which), text, rows=rows, columns=columns)
 
     def _make(
         self, op: str, args: tuple[Block, ...], shape: tuple[int, int], *, data: Hashable = None, symmetric: bool = False,

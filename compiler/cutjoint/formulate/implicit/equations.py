@@ -195,17 +195,15 @@ class _System:
     def pull(self) -> dict[str, Block]:
         """J^T w."""
         b, motions = self.b, self._motions()
-        results = {f"force:{c.joint}": b.zero(len(c.speed_names)) for c in self.start.charts}
+        forces = {c.joint: b.zero(len(c.speed_names)) for c in self.start.charts}
         for loop in self.loops:
             for _, wrench, way in ways(motions, pulls(self.k, loop, weights(self.k, loop))):
                 for body in dict.fromkeys(m.body for m in way):
                     motion = self.k.motions[body]
                     assert motion.b is not None
-                    name = f"force:{motion.tree_joint.joint.name}"
-                    results[name] = b.sub(results[name], b.mul(b.transpose(motion.b), wrench))
-        for name, block in results.items():
-            b.record(block, *name.split(":"))
-        return results
+                    joint = motion.tree_joint.joint.name
+                    forces[joint] = b.sub(forces[joint], b.mul(b.transpose(motion.b), wrench))
+        return {f"force:{joint}": b.record(block, "force", joint) for joint, block in forces.items()}
 
 
 def _place(b: Builder, start: RecursiveEquations) -> dict[str, Block]:

@@ -54,6 +54,11 @@ class JointMotion:
     rate: tuple[Block, ...]
     acceleration: tuple[Block, ...]
 
+    @property
+    def speed_names(self) -> tuple[str, ...]:
+        """The names of the k unknowns among the joint's speeds."""
+        return self.chart.speed_names if self.chart is not None else ()
+
 
 @dataclass(kw_only=True)
 class Kinematics:
@@ -148,7 +153,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, scene: Scene, chart: C
         frame, motion = _add_branch(k, t, kernel, local, turn, shift, rate)
     for block, symbol in ((frame.R, "R"), (frame.r, "r"), (frame.Z, "Z"), (motion[0], "b"), (motion[1], "d")):
         if block is not None:
-            b.name(block, symbol, t.child)
+            b.name(block, symbol, t.child, columns=chart.speed_names if chart is not None and symbol == "b" else ())
     subspace, drift, centre = motion
     if t.joint.guide is not None and subspace is not None:
         drift, subspace = b.add(drift, b.mul(subspace, b.column(acceleration))), None

@@ -92,10 +92,11 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
 
 def _derive(b: Builder, joint: Joint, kernel: ClosureKernel, terms: _Terms, numbers: Numbers) -> LoopClosure:
     """A cut joint's blocks under their names."""
-    name = joint.name
-    residual, rate, A = b.name(terms.residual, "Phi", name), b.name(terms.rate, "Phid", name), b.name(terms.A, "A", name)
+    name, rows = joint.name, kernel.names
+    residual, rate = b.name(terms.residual, "Phi", name, rows=rows), b.name(terms.rate, "Phid", name, rows=rows)
+    A = b.name(terms.A, "A", name, rows=rows)
     of_rate, of_residual = _stabilisation(b, numbers)
-    s = b.name(b.add(terms.gamma, b.add(b.scale(of_rate, rate), b.scale(of_residual, residual))), "s", name)
+    s = b.name(b.add(terms.gamma, b.add(b.scale(of_rate, rate), b.scale(of_residual, residual))), "s", name, rows=rows)
     multipliers = b.symbol(f"lambda:{joint.name}", len(kernel.names), BindingTime.ITERATION)
     return LoopClosure(joint=joint, names=kernel.names, residual=residual, rate=rate, A=A, s=s, multipliers=multipliers)
 
@@ -132,7 +133,7 @@ def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...],
             penalty = numbers.penalties[joint.name]
             weights = b.stack([[penalty]] * len(loop.names))
             K = b.name(b.gram(loop.A, weights), "K", joint.name)
-            force = b.add(loop.multipliers, b.scale(penalty, loop.s))
+            force = b.name(b.add(loop.multipliers, b.scale(penalty, loop.s)), "push", joint.name, rows=loop.names)
             wrench = b.mul(b.transpose(loop.A), force)
             step = transport(b, k.pole_step(joint.base, joint.follower))
             back = b.transpose(step)
@@ -167,7 +168,7 @@ def corrections(k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers,
     for loop in loops:
         name = loop.joint.name
         with b.section("multipliers", name, CORRECTION, loop.joint.span.place):
-            found[name] = b.name(b.scale(numbers.penalties[name], errors[name]), "correction", name)
+            found[name] = b.name(b.scale(numbers.penalties[name], errors[name]), "correction", name, rows=loop.names)
     return found
 
 

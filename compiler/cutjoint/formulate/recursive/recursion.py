@@ -138,17 +138,19 @@ def condense(system: BodySystem, kinematics: Kinematics, branches: Mapping[str, 
                 pivots[body] = _eliminate_ball(system, body, motion, motion.centre)
             else:
                 pivots[body] = _eliminate(system, body, motion, motion.b)
-            _name_pivot(b, pivots.get(body), body)
+            _name_pivot(b, pivots.get(body), body, motion)
         system.release(body)
     return pivots
 
 
-def _name_pivot(builder: Builder, pivot: Pivot | None, body: str) -> None:
+def _name_pivot(builder: Builder, pivot: Pivot | None, body: str, motion: JointMotion) -> None:
     if pivot is not None:
-        builder.name(pivot.inverse, "Dinv", body)
-        builder.name(pivot.g, "g", body)
+        rows = motion.speed_names
+        builder.name(pivot.lower, "L", body, rows=rows, columns=rows)
+        builder.name(pivot.inverse, "Dinv", body, rows=rows)
+        builder.name(pivot.g, "g", body, rows=rows)
         for other, row in pivot.rows.items():
-            builder.name(row, "Y", body, other)
+            builder.name(row, "Y", body, other, rows=rows)
 
 
 def _carry(system: BodySystem, body: str, motion: JointMotion) -> None:
@@ -265,7 +267,7 @@ def expand(
             above = b.add(Zdd[motion.tree_joint.parent], motion.d)
             if body in pivots:
                 above, zdd[body] = _solve(kinematics, motion, pivots[body], Zdd)
-                b.name(zdd[body], "vdot", joint.name)
+                b.name(zdd[body], "vdot", joint.name, rows=motion.speed_names)
             Zdd[body] = b.name(above, "Zdd", body)
     return Zdd, zdd
 
