@@ -146,9 +146,8 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
             DV = b.add(b.scale(weights.damping, columns[i]), motion_cross(b, after, xi))
             c = b.add(columns[i], b.scale(weights.damping, motion_cross(b, before, columns[i])))
             c = b.sub(b.sub(c, motion_cross(b, xi, A_after)), motion_cross(b, DV, after))
-            name = f"{chart.joint}_{chart.speed_names[i]}".replace(".", "_")
             for block, symbol in ((xi, "xi"), (DV, "DV"), (c, "c")):
-                b.label(block, f"{symbol}_{name}")
+                b.name(block, symbol, chart.joint, which=(chart.speed_names[i],))
             yield Motion(
                 body=body, row=chart.v + i, index=i, group=n, s=columns[i], shift=shifts[i], xi=xi, after=after, DV=DV, c=c,
             )  # fmt: skip
