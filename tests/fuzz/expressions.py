@@ -177,9 +177,9 @@ def mutate(rng: random.Random, text: str) -> str:
 def any_text(rng: random.Random) -> str:
     """A text of any of these kinds."""
     kind = rng.random()
-    if kind < 0.5:
-        return write(rng, rng.randint(1, 5))
-    if kind < 0.7:
+    if kind < 0.6:
+        return write(rng, rng.choice((1, 2, 2, 3, 3, 3, 4, 5)))
+    if kind < 0.68:
         return nest(rng)
     if kind < 0.9:
         return mutate(rng, write(rng, rng.randint(1, 4)))
