@@ -186,24 +186,29 @@ def any_text(rng: random.Random) -> str:
     return "".join(rng.choice((*GARBAGE, *VARIABLES, *NUMBERS, *SMOOTH)) for _ in range(rng.randint(0, 8)))
 
 
-def _real(function: Callable[..., float]) -> Callable[..., float]:
-    return lambda *x: float(function(*x))
-
-
-_PYTHON: Mapping[str, Any] = {
-    **{name: _real(getattr(math, name)) for name in (*SMOOTH, "atan2")},
-    "min": lambda *x: min(x),
-    "max": lambda *x: max(x),
-    "abs": lambda x: abs(float(x)),
-    "sign": lambda x: (x > 0) - (x < 0),
-    "where": lambda c, a, b: a() if c else b(),
-    "pi": math.pi,
-    "__builtins__": {},
-}
-
-
-#: How far the numbers of a text are moved, relative and absolute, to see whether its value hangs on their last digits.
+#: How far the numbers of a text and what its functions give are moved, relative and absolute, to see whether a value hangs on last digits.
 _NEAR, _TINY = 1e-9, 1e-12
+
+
+def _moved(function: Callable[..., float], shift: float) -> Callable[..., float]:
+    return lambda *x: float(function(*x)) * (1 + shift)
+
+
+def _python(shift: float) -> Mapping[str, Any]:
+    """What names mean in Python, but that functions are off by a share ``shift``."""
+    return {
+        **{name: _moved(getattr(math, name), shift) for name in (*SMOOTH, "atan2")},
+        "min": lambda *x: min(x),
+        "max": lambda *x: max(x),
+        "abs": lambda x: abs(float(x)),
+        "sign": lambda x: (x > 0) - (x < 0),
+        "where": lambda c, a, b: a() if c else b(),
+        "pi": math.pi * (1 + shift),
+        "__builtins__": {},
+    }
+
+
+_PYTHON: Mapping[float, Mapping[str, Any]] = {shift: _python(shift) for shift in (0.0, _NEAR, -_NEAR)}
 
 
 class _Prepared(ast.NodeTransformer):
@@ -236,7 +241,7 @@ class _Prepared(ast.NodeTransformer):
 
 
 def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, float]], float]:
-    """Python's value, over variables, of a text that reading has accepted; NaN where it has none."""
+    """Python's value, over variables, of a text that reading has accepted; NaN where it has none.  A ``shift`` of `_PYTHON` moves it."""
     try:
         tree = _Prepared(shift).visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
         code = compile(ast.fix_missing_locations(tree), "text", "eval")
@@ -245,7 +250,7 @@ def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, floa
 
     def function(values: Mapping[str, float]) -> float:
         try:
-            value = eval(code, {**_PYTHON, "pi": math.pi * (1 + shift), **values})
+            value = eval(code, {**_PYTHON[shift], **values})
             return float(value) if isinstance(value, int | float) else math.nan
         except (ArithmeticError, ValueError, TypeError):  # a complex number compared
             return math.nan
