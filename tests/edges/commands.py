@@ -10,6 +10,8 @@ from cutjoint.cli import main
 
 from .values import MODEL, TABLE
 
+#: Commands that take minutes where nothing is wrong.
+LONG = ("bench",)
 #: What keeps a call short, where a command has the option.
 _SHORT = {"--end": "0.01", "--method": "recursive"}
 
@@ -18,6 +20,15 @@ def commands() -> dict[str, click.Command]:
     """All commands by name."""
     context = click.Context(main)
     return {name: command for name in main.list_commands(context) if (command := main.get_command(context, name)) is not None}
+
+
+def good_calls() -> Iterator[list[str]]:
+    """A call of every command with good values, and of each option that names a file to read, but for commands that take minutes."""
+    for name, command in commands().items():
+        if name not in LONG:
+            yield call_with(name, [])
+            optional = [o for o in command.params if is_path(o, written=False) and not o.required]
+            yield from (call_with(name, [(option, _good(option))]) for option in optional)
 
 
 def options() -> Iterator[tuple[str, click.Parameter]]:

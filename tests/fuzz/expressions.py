@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import random
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -212,13 +213,14 @@ _PYTHON: Mapping[float, Mapping[str, Any]] = {shift: _python(shift) for shift in
 
 
 class _Prepared(ast.NodeTransformer):
-    """Branches of `where` become functions, so that only one is evaluated; numbers are moved by ``shift``, up and down in turns.
+    """Branches of `where` become functions, so that only one is evaluated; numbers are moved by up to ``shift``, no two alike.
 
     Exponents stay: a root of what is negative has no real value near a whole power.
     """
 
     def __init__(self, shift: float) -> None:
         self.shift = shift
+        self.share = 0.0
 
     def visit_Call(self, node: ast.Call) -> ast.Call:
         self.generic_visit(node)
@@ -235,16 +237,19 @@ class _Prepared(ast.NodeTransformer):
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
         if self.shift and type(node.value) in (int, float):
-            self.shift = -self.shift
-            return ast.Constant(value=float(node.value) * (1 + self.shift) + math.copysign(_TINY, self.shift))
+            self.share = (self.share + 0.618) % 2  # the golden section spreads them
+            moved = self.shift * (self.share - 1)
+            return ast.Constant(value=float(node.value) * (1 + moved) + math.copysign(_TINY, moved))
         return node
 
 
 def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, float]], float]:
     """Python's value, over variables, of a text that reading has accepted; NaN where it has none.  A ``shift`` of `_PYTHON` moves it."""
     try:
-        tree = _Prepared(shift).visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
-        code = compile(ast.fix_missing_locations(tree), "text", "eval")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            tree = _Prepared(shift).visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
+            code = compile(ast.fix_missing_locations(tree), "text", "eval")
     except (SyntaxError, OverflowError):  # a number with a unit; a number beyond the floats
         return lambda values: math.nan
 
