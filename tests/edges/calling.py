@@ -54,8 +54,8 @@ def compile_first() -> None:
     before = os.getcwd()
     try:
         with TemporaryDirectory() as folder:
-            set_up(Path(folder) / "in")
-            for words in good_calls():
+            for i, words in enumerate(good_calls()):
+                set_up(Path(folder) / str(i))
                 result = CliRunner().invoke(main, words)
                 assert result.exit_code == 0, f"{' '.join(words)}: {result.output[-600:]}"
     finally:

@@ -10,6 +10,8 @@ from cutjoint.cli import main
 
 from .values import MODEL, TABLE
 
+#: A choice that suits the press, where the first does not.
+_CHOICES = {"peer": "exudyn"}
 #: Commands that take minutes where nothing is wrong.
 LONG = ("bench",)
 #: What keeps a call short, where a command has the option.
@@ -70,7 +72,7 @@ def _spelled(option: click.Parameter, value: str) -> list[str]:
 
 def _good(option: click.Parameter) -> str:
     if isinstance(option.type, click.Choice):
-        return str(option.type.choices[0])
+        return _CHOICES.get(option.name or "", str(option.type.choices[0]))
     if not isinstance(option.type, click.Path):
         raise NotImplementedError(f"a good value for {option.opts[0]}")
     if option.type.exists:
