@@ -19,7 +19,6 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.bench.measure import machine
 from cutjoint.bench.store import Record, Store
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
@@ -33,6 +32,7 @@ from cutjoint.reduce.truth import Truth, at_step, find_truth
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.machine import machine
 from cutjoint.version import __version__
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.analysis.mobility import Mobility, find_mobility
-from cutjoint.bench.measure import machine
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
 from cutjoint.pipeline import Artifact, compile_model, simulate
@@ -19,6 +18,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
 from cutjoint.states import find_equilibrium
 from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.machine import machine
 from cutjoint.version import __version__
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cutjoint.bench.measure import machine
 from cutjoint.toolchain.build import FLAGS, compiler_version, find_compiler, runtime_digest
+from cutjoint.toolchain.machine import machine
 from cutjoint.version import __version__
 
 

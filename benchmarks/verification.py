@@ -8,9 +8,9 @@ from statistics import median
 
 from tests.mechanisms.verification import PROBLEMS, Errors, Problem, measure_errors, observed_orders
 
-from cutjoint.bench.measure import machine
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.run.results import Trajectory
+from cutjoint.toolchain.machine import machine
 
 REPETITIONS = 7
 

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.bench import own
-from cutjoint.bench.cases import common_step, falling_steps, make_case
+from cutjoint.bench.cases import falling_steps, make_case
 from cutjoint.bench.contenders import CONTENDERS, choose
 from cutjoint.bench.errors import measure_errors
 from cutjoint.bench.findings import breakdown, order, time_at
@@ -31,6 +31,7 @@ from cutjoint.report.bench.precisions import describe_precisions
 from cutjoint.report.bench.tables import tabulate_configurations, tabulate_stiff
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint.run.steps import common_step
 from tests.conftest import MODELS
 
 

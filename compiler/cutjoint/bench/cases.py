@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from fractions import Fraction
-from math import lcm
 from pathlib import Path
 
 from cutjoint.bench.records import Case
@@ -13,6 +11,7 @@ from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output
 from cutjoint.run.scenes import find_scene
+from cutjoint.run.steps import exact
 
 #: Rows of a comparison, at most.
 MOST_ROWS = 2000
@@ -50,17 +49,6 @@ def make_rows(step: float, end: float, most: int = MOST_ROWS) -> float:
 def _outputs(model: Model) -> tuple[Output, ...]:
     """Places and velocities of the bodies that have a mass."""
     return tuple(Output(element=b.name, quantity=q, span=b.span) for b in model.bodies if b.mass != 0 for q in QUANTITIES)
-
-
-def exact(seconds: float) -> Fraction:
-    """The short fraction that a step was written as."""
-    return Fraction(repr(seconds)).limit_denominator(10**9)
-
-
-def common_step(dt: float, row: float) -> float:
-    """The shortest time that is a whole number of steps and of rows."""
-    a, b = exact(dt), exact(row)
-    return float(Fraction(lcm(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator))
 
 
 def falling_steps(row: float, largest: float, smallest: float) -> list[float]:

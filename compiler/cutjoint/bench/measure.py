@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from statistics import median, quantiles
 
 import numpy as np
 
-from cutjoint.bench.cases import common_step, exact
 from cutjoint.bench.errors import measure_errors
 from cutjoint.bench.records import Case, Point, Runner
 from cutjoint.bench.reference import Reference
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.run.steps import common_step, exact
 
 
 def measure_point(
@@ -92,30 +90,3 @@ def spread(seconds: Sequence[float]) -> tuple[float, float]:
         return median(seconds), 0.0
     low, _, high = quantiles(seconds, n=4)
     return median(seconds), (high - low) / 2
-
-
-def machine() -> Mapping[str, str]:
-    """Where this runs: processor, its cores, system."""
-    return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
-
-
-#: What the widest vectors of a processor are called, by the flag that tells of them.
-_VECTORS = {"avx512f": "AVX-512", "avx2": "AVX2"}
-
-
-def _processor() -> str:
-    cores = 0
-    vectors = ""
-    name = platform.processor() or platform.machine()
-    for line in _lines(Path("/proc/cpuinfo")):
-        key, _, value = (part.strip() for part in line.partition(":"))
-        cores += key == "processor"
-        name = value if key == "model name" else name
-        if key == "flags":
-            vectors = next((f" with {words}" for flag, words in _VECTORS.items() if flag in value.split()), "")
-    return f"{name}{vectors}, {cores} cores" if cores else name
-
-
-def _lines(path: Path) -> Iterator[str]:
-    if path.exists():
-        yield from path.read_text(encoding="utf-8").splitlines()

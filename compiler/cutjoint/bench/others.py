@@ -11,10 +11,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
 from cutjoint.export.peers import PEERS, Peer, available, run_peer, write_export
 from cutjoint.run.results import Trajectory
+from cutjoint.run.steps import common_step
 
 #: The packages that bring a module, where their name is another.
 _PACKAGES = {"mujoco": "mujoco-core", "pinocchio": "pin"}

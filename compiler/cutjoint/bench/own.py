@@ -10,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from cutjoint.bench.cases import common_step
 from cutjoint.bench.records import Case, Contender
 from cutjoint.emit.source import Source
 from cutjoint.methods import ADAPTIVE, COMPARISON_SOLVERS, EXPLICIT, IMPLICIT, LOCATING, METHODS, SOLVERS, SYMMETRIC_SOLVERS, TWINS
@@ -18,6 +17,7 @@ from cutjoint.pipeline import Artifact, compile_scene, generate, generate_for, s
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint.run.steps import common_step
 from cutjoint.toolchain.build import runtime_digest
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.

@@ -14,7 +14,7 @@ from cutjoint.bench.failures.atlas import Grid, map_case, suggest_grid
 from cutjoint.bench.failures.outcomes import identify
 from cutjoint.bench.failures.trials import Situation, try_situation
 from cutjoint.bench.fixed_point import predict_limit
-from cutjoint.bench.measure import extent, largest_step, machine, measure_point
+from cutjoint.bench.measure import extent, largest_step, measure_point
 from cutjoint.bench.own import OwnRunner
 from cutjoint.bench.paper import PAPER_STEPS
 from cutjoint.bench.progress import Say, part_of, silently
@@ -27,6 +27,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact
 from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.machine import machine
 
 #: Steps are tried up to this multiple of a scene's own step; a run of more steps than ``MOST_STEPS`` is not begun.
 LONGEST = 16.0

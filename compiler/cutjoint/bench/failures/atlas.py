@@ -9,7 +9,6 @@ from functools import partial
 from itertools import product
 from typing import Any
 
-from cutjoint.bench.cases import common_step
 from cutjoint.bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
 from cutjoint.bench.own import TOLERANCES, identity
 from cutjoint.bench.progress import Say, silently
@@ -20,6 +19,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.run_file import RunError, parameter_values
+from cutjoint.run.steps import common_step
 from cutjoint.toolchain.build import ToolchainError
 
 #: Methods that have a penalty.
