@@ -42,6 +42,9 @@ scenes:
   moved: {end: 0.1, output_step: 0.05, numerics: {dt: 0.01}, positions: {rail.displacement: begin}}
 """
 
+#: What a run that is compiled does without: other commands' packages, and what measures.
+LATER = ("reduce", "export", "report.explain", "report.ladder", "bench")
+
 #: What a kept run does without.
 HEAVY = ("sympy", "pint", "yaml", "pydantic", "jinja2", "matplotlib", "cutjoint.pipeline", "cutjoint.model.read")
 
@@ -100,6 +103,19 @@ def lasting(output: str) -> list[list[str]]:
 
 def table(model: Path, out: str = "run.csv") -> bytes:
     return (model.parent / out).read_bytes()
+
+
+def test_a_run_that_is_compiled_imports_nothing_of_other_commands(shared: Path) -> None:
+    script = (
+        "import sys; from cutjoint.cli import main; import cutjoint.commands.simulate as simulate; "
+        "simulate.find_prepared = lambda *_: None; main(sys.argv[1:], standalone_mode=False); "
+        f"later = {LATER}; names = [name.partition('.')[2] for name in sys.modules if name.startswith('cutjoint.')]; "
+        "print('derived:', 'pipeline' in names, 'of others:', [x for x in names if any(f'{x}.'.startswith(f'{y}.') for y in later)])"
+    )
+    command = [sys.executable, "-c", script, "simulate", shared, "--scene", "still", "--out", shared.parent / "again.csv"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "derived: True of others: []" in done.stdout
 
 
 def test_a_kept_run_imports_nothing_of_what_derives(model: Path) -> None:
@@ -339,6 +355,6 @@ def test_what_commands_tell_of_is_in_the_package() -> None:
 
 def test_help_names_all_commands() -> None:
     output = CliRunner().invoke(main, ["--help"]).output
-    modules = {p.stem for p in Path(preparing.__file__).parent.glob("*.py")} - {"__init__", "batches", "options", "preparing"}
+    modules = {p.stem for p in Path(preparing.__file__).parent.glob("*.py")} - {"__init__", "batches", "options", "picking", "preparing"}
     assert {line.split()[0] for line in output.partition("Commands:")[2].splitlines() if line.strip()} == modules
     assert "No such command 'simualte'" in CliRunner().invoke(main, ["simualte", str(MODELS / "four_bar.yaml")]).output
