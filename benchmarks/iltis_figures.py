@@ -19,6 +19,7 @@ from cutjoint.run.roads import profile_pieces
 from cutjoint.states import find_equilibrium
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint.toolchain.machine import machine
+from cutjoint.twin.artifact import compile_generic_model
 from cutjoint.version import __version__
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -212,7 +213,7 @@ def compile_scenes() -> dict[str, dict[str, Artifact]]:
         scene: {
             GENERATED: compile_model(MODEL, scene=scene),
             SCALAR: compile_model(MODEL, scene=scene, lanes=False),
-            GENERIC: compile_model(MODEL, scene=scene, implementation="generic"),
+            GENERIC: compile_generic_model(MODEL, scene=scene),
         }
         for scene in SCENES
     }

@@ -43,7 +43,7 @@ scenes:
 """
 
 #: What a run that is compiled does without: other commands' packages, and what measures.
-LATER = ("reduce", "export", "report.explain", "report.ladder", "bench")
+LATER = ("reduce", "twin", "export", "report.explain", "report.ladder", "bench")
 
 #: What a kept run does without.
 HEAVY = ("sympy", "pint", "yaml", "pydantic", "jinja2", "matplotlib", "cutjoint.pipeline", "cutjoint.model.read")

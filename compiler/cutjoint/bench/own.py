@@ -19,6 +19,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.build import runtime_digest
+from cutjoint.twin.artifact import compile_generic
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
@@ -105,7 +106,10 @@ def own_contenders() -> Iterator[Contender]:
             if solver != "emitted" and (method == "augmented" or solver not in SYMMETRIC_SOLVERS):
                 yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
     for method in TWINS:
-        yield _contender(f"{method}/generic", f"{method}, generic twin", "generic", method=method, implementation="generic")
+        yield Contender(
+            name=f"{method}/generic", label=f"{method}, generic twin", group="generic", prepare=partial(_prepare_twin, method=method),
+            identify=partial(identify_code, method=method, implementation="generic"),
+        )  # fmt: skip
 
 
 def precision_contenders() -> Iterator[Contender]:
@@ -127,16 +131,20 @@ def _contender(name: str, label: str, group: str, **how: Any) -> Contender:
 
 
 def _prepare(
-    case: Case, *, method: str, solver: str = "emitted", implementation: str = "generated", lanes: bool = True, precision: str = "double",
-    tolerance: float | None = None, integrator: str = "trapezoidal", located: bool = False,
+    case: Case, *, method: str, solver: str = "emitted", lanes: bool = True, precision: str = "double", tolerance: float | None = None,
+    integrator: str = "trapezoidal", located: bool = False,
 ) -> OwnRunner:  # fmt: skip
     artifact = compile_scene(
-        case.model, case.scene, method=method, outputs=case.outputs, implementation=implementation, lanes=lanes,
-        comparison=solver in COMPARISON_SOLVERS, precision=precision,
+        case.model, case.scene, method=method, outputs=case.outputs, lanes=lanes, comparison=solver in COMPARISON_SOLVERS,
+        precision=precision,
     )  # fmt: skip
     return _runner(integrator)(
         artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
     )
+
+
+def _prepare_twin(case: Case, *, method: str) -> OwnRunner:
+    return OwnRunner(artifact=compile_generic(case.model, case.scene, method=method, outputs=case.outputs), parameters=case.parameters)
 
 
 def _runner(integrator: str) -> type[OwnRunner]:

@@ -67,10 +67,19 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str) -
     if method == "recursive" and request.solver != "emitted":
         raise RunError(f"--solver {request.solver}: the recursive method has no linear solver; use --method augmented or classical")
     with options.progress_bar(f"compiling {request.model.name}"):
+        if request.implementation == "generic":
+            return _compile_generic(request, model, scene, method)
         return compile_scene(
-            model, scene, method=method, implementation=request.implementation, precision=request.precision,
-            comparison=request.solver in COMPARISON_SOLVERS,
+            model, scene, method=method, precision=request.precision, comparison=request.solver in COMPARISON_SOLVERS
         )  # fmt: skip
+
+
+def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
+    from cutjoint.twin.artifact import compile_generic
+
+    if request.precision != "double":
+        raise RunError(f"--precision {request.precision}: the generic twin runs in double; use --implementation generated")
+    return compile_generic(model, scene, method=method)
 
 
 def prepare(artifact: Artifact, **figures: Any) -> Prepared:

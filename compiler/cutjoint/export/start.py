@@ -11,13 +11,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.emit.generic import describe_generic
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.simulator import call_simulator, failure_of
 from cutjoint.toolchain.build import build_generic
 from cutjoint.topology.records import Topology
+from cutjoint.twin.mechanism import describe_generic
 
 Array = NDArray[np.float64]
 

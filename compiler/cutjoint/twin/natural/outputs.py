@@ -8,11 +8,6 @@ from typing import Any
 
 import sympy
 
-from cutjoint.emit.natural.forces import ForceElement
-from cutjoint.emit.natural.forms import FormTable, is_ground
-from cutjoint.emit.natural.masses import masses_of
-from cutjoint.emit.natural.rows import Row
-from cutjoint.emit.trees import Json, Trees
 from cutjoint.formulate.attitude import ATTITUDE
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.constraints import slide_axis
@@ -21,6 +16,11 @@ from cutjoint.formulate.natural.parting import Bearer, find_bearer, share
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reported_element, unit_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Body, Joint, Marker, Output, Reaction, Scalar, Vector
+from cutjoint.twin.natural.forces import ForceElement
+from cutjoint.twin.natural.forms import FormTable, is_ground
+from cutjoint.twin.natural.masses import masses_of
+from cutjoint.twin.natural.rows import Row
+from cutjoint.twin.trees import Json, Trees
 
 
 @dataclass(frozen=True, kw_only=True)

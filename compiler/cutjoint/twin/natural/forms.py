@@ -8,10 +8,10 @@ from typing import Any
 
 import sympy
 
-from cutjoint.emit.trees import Trees
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Use, Uses, total
 from cutjoint.model.records import GROUND, Vector
+from cutjoint.twin.trees import Trees
 
 
 @dataclass(kw_only=True)

@@ -8,17 +8,17 @@ carried.  Expressions are trees (trees.py).
 
 from __future__ import annotations
 
-from cutjoint.emit.generic import describe_generic, heading
-from cutjoint.emit.natural.forces import force_elements
-from cutjoint.emit.natural.forms import FormTable, described_form
-from cutjoint.emit.natural.masses import masses_of
-from cutjoint.emit.natural.outputs import Reports
-from cutjoint.emit.natural.places import Marks
-from cutjoint.emit.natural.rows import rows_of
-from cutjoint.emit.trees import Json, Trees
 from cutjoint.formulate.natural.nodes import Node
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.model.records import GROUND
+from cutjoint.twin.mechanism import describe_generic, heading
+from cutjoint.twin.natural.forces import force_elements
+from cutjoint.twin.natural.forms import FormTable, described_form
+from cutjoint.twin.natural.masses import masses_of
+from cutjoint.twin.natural.outputs import Reports
+from cutjoint.twin.natural.places import Marks
+from cutjoint.twin.natural.rows import rows_of
+from cutjoint.twin.trees import Json, Trees
 
 
 def describe_generic_natural(equations: LagrangianEquations) -> Json:

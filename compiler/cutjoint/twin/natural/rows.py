@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import sympy
 
-from cutjoint.emit.natural.forms import FormTable
-from cutjoint.emit.trees import Json, Trees
 from cutjoint.formulate.directions import tangents
 from cutjoint.formulate.natural.constraints import held_across, kept_weight, slide_axis
 from cutjoint.formulate.natural.layout import Group, combination
@@ -22,6 +20,8 @@ from cutjoint.formulate.natural.needs import ANGLES, angle_axes
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.model.records import COORDINATES, Joint, JointKind, Scalar
+from cutjoint.twin.natural.forms import FormTable
+from cutjoint.twin.trees import Json, Trees
 
 
 @dataclass(frozen=True, kw_only=True)

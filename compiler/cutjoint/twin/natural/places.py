@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cutjoint.emit.trees import Json, Trees
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.model.records import COORDINATES, Joint, JointKind, Scalar
+from cutjoint.twin.trees import Json, Trees
 
 
 class Marks:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from cutjoint.emit.trees import Json, Trees, quantity_names
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.records import Chart
@@ -30,6 +29,7 @@ from cutjoint.model.records import (
     Tyre,
 )
 from cutjoint.topology.records import Topology, TreeJoint
+from cutjoint.twin.trees import Json, Trees, quantity_names
 
 
 def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> Json:

@@ -16,8 +16,6 @@ from typing import Any
 
 import sympy
 
-from cutjoint.emit.natural.forms import FormTable
-from cutjoint.emit.trees import Json, Trees, quantity_names
 from cutjoint.formulate.forces import PLACE, is_active
 from cutjoint.formulate.natural.constraints import slide_axis
 from cutjoint.formulate.natural.needs import ANGLES
@@ -35,6 +33,8 @@ from cutjoint.model.records import (
     Tyre,
     Vector,
 )
+from cutjoint.twin.natural.forms import FormTable
+from cutjoint.twin.trees import Json, Trees, quantity_names
 
 ORIGIN: Vector = (sympy.Integer(0),) * 3
 
