@@ -61,11 +61,11 @@ tables: setup
 	$(BIN)/python -m benchmarks.tables
 
 beside: setup
-	$(BIN)/pip install --quiet --editable '.[peers]'
+	$(BIN)/pip install --quiet --editable './measuring[peers]'
 	$(BIN)/python -m benchmarks.beside vehicle chain verification governor
 
 report: setup
-	$(BIN)/pip install --quiet --editable '.[peers]'
+	$(BIN)/pip install --quiet --editable './measuring[peers]'
 	$(BIN)/python -m benchmarks.report
 
 choice: setup
@@ -80,15 +80,16 @@ verification: setup
 lint: setup
 	$(BIN)/ruff check
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 setup: $(VENV)/.ready
 	@scripts/require-cpp
 
-$(VENV)/.ready: pyproject.toml scripts/require-cpp
+$(VENV)/.ready: pyproject.toml measuring/pyproject.toml scripts/require-cpp
 	scripts/require-cpp
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --editable '.[test]'
+	$(BIN)/pip install --quiet --editable '.[test]' --editable measuring
 	touch $@
 
 clean:

@@ -18,10 +18,10 @@ import click
 from benchmarks.provenance import provenance
 from benchmarks.report import PAGE, STUDIES
 
-from cutjoint.bench.contenders import choose
-from cutjoint.bench.findings import TARGETS
-from cutjoint.bench.records import Case, Runner
-from cutjoint.bench.study import timed
+from cutjoint_bench.contenders import choose
+from cutjoint_bench.findings import TARGETS
+from cutjoint_bench.records import Case, Runner
+from cutjoint_bench.study import timed
 
 TURNS = 15
 

@@ -16,10 +16,10 @@ from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.bench.exact.chain import Chain, write_chain
 from cutjoint.model.read import read_model
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.scenes import find_scene
+from cutjoint_bench.exact.chain import Chain, write_chain
 
 WINDOWS = (1, 10, 100, 1000)
 RUNS = {1: 9, 10: 9, 100: 9, 1000: 2}

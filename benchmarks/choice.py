@@ -19,7 +19,6 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.bench.store import Record, Store
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
@@ -34,6 +33,7 @@ from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint.toolchain.machine import machine
 from cutjoint.version import __version__
+from cutjoint_bench.store import Record, Store
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -14,10 +14,10 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.bench.progress import progress_bar
 from cutjoint.methods import ITERATIONS, METHODS, SOLVERS, SYMMETRIC_SOLVERS
 from cutjoint.pipeline import Artifact, compile_model, time_solver
 from cutjoint.toolchain.machine import machine
+from cutjoint_bench.progress import progress_bar
 
 MODEL = Path(__file__).resolve().parent.parent / "models" / "iltis.yaml"
 

@@ -16,20 +16,19 @@ from typing import Any
 
 import click
 
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.command import write_whole
-from cutjoint.bench.contenders import choose
-from cutjoint.bench.exact.chain import Chain, chain_motion, write_chain
-from cutjoint.bench.failures.situations import all_situations
-from cutjoint.bench.kept import find_outdated
-from cutjoint.bench.progress import part_of, progress_bar
-from cutjoint.bench.ready import make_ready
-from cutjoint.bench.records import Case
-from cutjoint.bench.store import Store
-from cutjoint.bench.study import Plan, perform
-from cutjoint.report.bench.charts import draw_work_precision
-from cutjoint.report.bench.page import render_page
 from cutjoint.run.scenes import with_figures
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.contenders import choose
+from cutjoint_bench.exact.chain import Chain, chain_motion, write_chain
+from cutjoint_bench.failures.situations import all_situations
+from cutjoint_bench.kept import find_outdated
+from cutjoint_bench.progress import part_of, progress_bar
+from cutjoint_bench.ready import make_ready
+from cutjoint_bench.records import Case
+from cutjoint_bench.report.charts import draw_work_precision
+from cutjoint_bench.report.page import render_page
+from cutjoint_bench.store import Store, write_whole
+from cutjoint_bench.study import Plan, perform
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"

@@ -9,7 +9,7 @@ from typing import Any
 import click
 from benchmarks.report import PAGE
 
-from cutjoint.report.bench.tables import (
+from cutjoint_bench.report.tables import (
     BenchTable,
     tabulate_limits,
     tabulate_lines,

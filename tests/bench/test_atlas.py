@@ -13,21 +13,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.exact.chain import Chain, chain_motion, crank_motion, singular_times, write_chain
-from cutjoint.bench.exact.crank import SLIDER_CRANK, slider_crank_motion
-from cutjoint.bench.exact.pendulum import PENDULUM, pendulum_motion
-from cutjoint.bench.failures.atlas import Grid, describe_cells, map_case, suggest_grid
-from cutjoint.bench.failures.outcomes import exact_truth, judge, try_run
-from cutjoint.bench.failures.situations import all_situations, cross_chain
-from cutjoint.bench.failures.trials import Situation, Trial, try_situation
-from cutjoint.bench.records import Case, Errors
-from cutjoint.bench.reference import Reference
-from cutjoint.bench.store import Store
 from cutjoint.pipeline import compile_scene
-from cutjoint.report.bench.atlas_charts import COLOURS, draw_atlas
 from cutjoint.run.results import Array, FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.exact.chain import Chain, chain_motion, crank_motion, singular_times, write_chain
+from cutjoint_bench.exact.crank import SLIDER_CRANK, slider_crank_motion
+from cutjoint_bench.exact.pendulum import PENDULUM, pendulum_motion
+from cutjoint_bench.failures.atlas import Grid, describe_cells, map_case, suggest_grid
+from cutjoint_bench.failures.outcomes import exact_truth, judge, try_run
+from cutjoint_bench.failures.situations import all_situations, cross_chain
+from cutjoint_bench.failures.trials import Situation, Trial, try_situation
+from cutjoint_bench.records import Case, Errors
+from cutjoint_bench.reference import Reference
+from cutjoint_bench.report.atlas_charts import COLOURS, draw_atlas
+from cutjoint_bench.store import Store
 from tests.conftest import DATA, ROOT
 from tests.physics.simulation import read_reference
 

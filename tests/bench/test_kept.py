@@ -10,11 +10,11 @@ import pytest
 from benchmarks import report
 from click.testing import CliRunner
 
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.contenders import choose
-from cutjoint.bench.kept import find_outdated
-from cutjoint.bench.store import Store
-from cutjoint.bench.study import Plan, perform
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.contenders import choose
+from cutjoint_bench.kept import find_outdated
+from cutjoint_bench.store import Store
+from cutjoint_bench.study import Plan, perform
 from tests.conftest import MODELS
 
 

@@ -15,11 +15,12 @@ import sympy
 
 from cutjoint.export.exudyn import script_name
 from cutjoint.export.exudyn_laws import function
-from cutjoint.export.peers import PEERS, run_peer
+from cutjoint.export.peers import PEERS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import JointKind
 from cutjoint.run.scenes import find_scene
+from cutjoint_bench.peers.run import run_peer
 from tests.export.cases import rotor, turning_loop
 from tests.export.own import Case, both_accelerations, case_of, exported, largest_differences, moving, vehicle, wheel
 from tests.mechanisms.random_models import random_tree

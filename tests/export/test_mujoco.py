@@ -13,10 +13,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from cutjoint.export.peers import PEERS, run_peer
+from cutjoint.export.peers import PEERS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
+from cutjoint_bench.peers.run import run_peer
 from tests.conftest import MODELS
 from tests.export.own import Case, both_accelerations, case_of, exported, largest_differences, moving, vehicle, wheel
 from tests.mechanisms.random_models import random_tree
