@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from math import exp, log
 from statistics import median
 from typing import Any
 
 import numpy as np
-
-from cutjoint_bench.study import timed
 
 Line = Mapping[str, Any]
 
@@ -19,6 +17,11 @@ TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
 #: An order is told by three steps in a row whose two slopes are at most this apart: elsewhere terms of other powers of the step lead too.
 _ALIKE = 0.3
+
+
+def timed(line: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The points of a line that reached the end."""
+    return (p for p in line.get("points", ()) if not p["failure"] and p["seconds"])
 
 
 def order(line: Line, name: str = "position") -> float:

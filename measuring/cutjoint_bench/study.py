@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from math import isnan
@@ -222,8 +222,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and (isnan(value) or value in (float("inf"), float("-inf"))):
         return None
     return value
-
-
-def timed(line: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """The points of a line that reached the end."""
-    return (p for p in line.get("points", ()) if not p["failure"] and p["seconds"])

@@ -7,13 +7,13 @@ from copy import deepcopy
 from pathlib import Path
 
 import pytest
-from benchmarks import report
 from click.testing import CliRunner
 
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose
 from cutjoint_bench.kept import find_outdated
 from cutjoint_bench.store import Store
+from cutjoint_bench.studies import report
 from cutjoint_bench.study import Plan, perform
 from tests.conftest import MODELS
 

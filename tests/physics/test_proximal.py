@@ -15,10 +15,10 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.twin.artifact import compile_generic
+from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.overconstrained import parallel_cranks_text
-from tests.mechanisms.verification import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.physics.simulation import completed, simulate
 from tests.physics.test_four_bar import largest_error
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from cutjoint_bench.study import timed
+from cutjoint_bench.findings import timed
 
 Line = Mapping[str, Any]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cutjoint_bench.findings import breakdown, price
-from cutjoint_bench.study import timed
+from cutjoint_bench.findings import breakdown, price, timed
 
 Line = Mapping[str, Any]
 

@@ -8,10 +8,9 @@ from math import isnan
 from statistics import median
 from typing import Any
 
-from cutjoint_bench.findings import TARGETS, fastest_ours, fastest_peer, order, time_at
+from cutjoint_bench.findings import TARGETS, fastest_ours, fastest_peer, order, time_at, timed
 from cutjoint_bench.measure import spread
 from cutjoint_bench.paper import PAPER, PAPER_PARALLEL, PAPER_STIFF
-from cutjoint_bench.study import timed
 
 Case = Mapping[str, Any]
 

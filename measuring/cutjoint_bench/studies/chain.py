@@ -12,7 +12,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
-from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
@@ -20,6 +19,7 @@ from cutjoint.model.read import read_model
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.scenes import find_scene
 from cutjoint_bench.exact.chain import Chain, write_chain
+from cutjoint_bench.studies.provenance import provenance
 
 WINDOWS = (1, 10, 100, 1000)
 RUNS = {1: 9, 10: 9, 100: 9, 1000: 2}

@@ -28,13 +28,12 @@ from cutjoint_bench.records import Case
 from cutjoint_bench.report.charts import draw_work_precision
 from cutjoint_bench.report.page import render_page
 from cutjoint_bench.store import Store, write_whole
+from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
 from cutjoint_bench.study import Plan, perform
 
-ROOT = Path(__file__).resolve().parent.parent
-MODELS = ROOT / "models"
 IAVSD = "iavsd_inphase_5"
-PAGE = ROOT / "docs" / "bench" / "bench.json"
-MEASUREMENTS = ROOT / "results" / "report" / "measurements.jsonl"
+PAGE = DOCS / "bench.json"
+MEASUREMENTS = RESULTS / "report" / "measurements.jsonl"
 PAPER = ("simul1", "simul2", "simul3", "simul1s")
 
 #: Peers need mass in every body: the variant with link masses of the vehicle.

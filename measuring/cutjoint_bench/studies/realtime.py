@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from benchmarks.distance import distance
-from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.realtime import run_in_real_time
+from cutjoint_bench.studies.checkout import MODELS
+from cutjoint_bench.studies.distance import distance
+from cutjoint_bench.studies.provenance import provenance
 
-MODEL = Path(__file__).parents[1] / "models" / "iltis.yaml"
+MODEL = MODELS / "iltis.yaml"
 SCENE, STEP, SHORT = "simul1", 5e-3, 2.5e-4
 FIXED = (2, 3, 4, 6, 8)
 #: How many iterations the steps that are timed have; None until they converge.

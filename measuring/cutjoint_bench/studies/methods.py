@@ -18,8 +18,9 @@ from cutjoint.methods import ITERATIONS, METHODS, SOLVERS, SYMMETRIC_SOLVERS
 from cutjoint.pipeline import Artifact, compile_model, time_solver
 from cutjoint.toolchain.machine import machine
 from cutjoint_bench.progress import progress_bar
+from cutjoint_bench.studies.checkout import MODELS
 
-MODEL = Path(__file__).resolve().parent.parent / "models" / "iltis.yaml"
+MODEL = MODELS / "iltis.yaml"
 
 
 @dataclass(frozen=True, kw_only=True)

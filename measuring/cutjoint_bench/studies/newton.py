@@ -8,18 +8,18 @@ are to that of `recursive`.  Runs end with a row, so that all steps end there to
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from benchmarks.distance import distance
-from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.run.results import Trajectory
+from cutjoint_bench.studies.checkout import MODELS
+from cutjoint_bench.studies.distance import distance
+from cutjoint_bench.studies.provenance import provenance
 
-MODEL = Path(__file__).parents[1] / "models" / "iltis.yaml"
+MODEL = MODELS / "iltis.yaml"
 METHODS = ("recursive", "recursive-newton", "augmented")
 #: Of the integrator `sdirk4` of recursive-newton, whose steps are as long as they allow.
 TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5)

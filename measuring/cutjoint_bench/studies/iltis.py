@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import click
-from benchmarks import iltis_figures as measure
-from benchmarks.iltis_figures import Compared, Difference, Peak, Provenance, Race, spread
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from cutjoint.analysis.mobility import Mobility
+from cutjoint_bench.studies import iltis_figures as measure
+from cutjoint_bench.studies.iltis_figures import Compared, Difference, Peak, Provenance, Race, spread
 
 #: Columns of a terminal that the tables need.
 WIDTH = 132

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import median
 
-from tests.mechanisms.verification import PROBLEMS, Errors, Problem, measure_errors, observed_orders
-
 from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.run.results import Trajectory
 from cutjoint.toolchain.machine import machine
+from cutjoint_bench.studies.problems import PROBLEMS, Errors, Problem, measure_errors, observed_orders
 
 REPETITIONS = 7
 

@@ -21,10 +21,9 @@ from cutjoint.toolchain.build import runtime_digest
 from cutjoint.toolchain.machine import machine
 from cutjoint.twin.artifact import compile_generic_model
 from cutjoint.version import __version__
+from cutjoint_bench.studies.checkout import DATA, MODELS
 
-ROOT = Path(__file__).resolve().parent.parent
-MODEL = ROOT / "models" / "iltis.yaml"
-DATA = ROOT / "tests" / "data"
+MODEL = MODELS / "iltis.yaml"
 GRAVITY = 9.81
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -221,7 +220,7 @@ def compile_scenes() -> dict[str, dict[str, Artifact]]:
 
 def find_counts(artifact: Artifact) -> Mobility:
     """Coordinates, cut-joint equations and their rank."""
-    return find_mobility(artifact.equations)
+    return find_mobility(artifact.mechanism)
 
 
 def race(scene: str, artifacts: Mapping[str, Artifact], repetitions: int, tick: Callable[[], None]) -> Race:

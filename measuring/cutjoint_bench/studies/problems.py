@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from scipy.special import ellipj, ellipk
 
 from cutjoint.run.results import Trajectory
+from cutjoint_bench.studies.checkout import DATA, MODELS
 
 Array: TypeAlias = NDArray[np.float64]
-
-ROOT = Path(__file__).resolve().parent.parent.parent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +43,7 @@ class Problem:
 
     @property
     def path(self) -> Path:
-        return ROOT / "models" / f"{self.model}.yaml"
+        return MODELS / f"{self.model}.yaml"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +70,7 @@ def observed_orders(errors: list[Errors]) -> list[float]:
 @cache
 def read_reference(name: str) -> dict[str, Array]:
     """Columns of a reference file in tests/data by name."""
-    path = ROOT / "tests" / "data" / name
+    path = DATA / name
     with path.open(encoding="utf-8") as stream:
         header = stream.readline().rstrip("\n").split(",")
         rows = np.loadtxt(stream, delimiter=",")

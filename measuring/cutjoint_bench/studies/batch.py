@@ -15,8 +15,6 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
-from benchmarks.distance import distance
-from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
@@ -27,8 +25,10 @@ from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.reduce.ladder import climb
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS, find_compiler
+from cutjoint_bench.studies.checkout import MODELS
+from cutjoint_bench.studies.distance import distance
+from cutjoint_bench.studies.provenance import provenance
 
-ROOT = Path(__file__).resolve().parent.parent
 RUNS = 64
 REPETITIONS = 5
 #: Step (s) and tolerance; the first is the paper's step.
@@ -47,7 +47,7 @@ def peak() -> dict[int, float]:
     """Multiply-adds of doubles per second, by vector width; each counts as two operations."""
     with TemporaryDirectory() as folder:
         program = Path(folder) / "peak"
-        subprocess.run([find_compiler(), "-std=c++20", *FLAGS, ROOT / "benchmarks" / "peak.cpp", "-o", program], check=True)
+        subprocess.run([find_compiler(), "-std=c++20", *FLAGS, Path(__file__).with_name("peak.cpp"), "-o", program], check=True)
         measured = json.loads(subprocess.run([program], check=True, capture_output=True, text=True).stdout)
     return {int(width): each for width, each in measured.items()}
 
@@ -63,8 +63,8 @@ def compare(name: str, model: Model, scene: Scene, throughput: Table, limit: Tab
     for kind, seconds in single.items():
         ratios = (f"{mine / theirs:.2f}" for mine, theirs in zip(seconds, together, strict=True))
         throughput.add_row(name, kind, *(f"{x * 1e3:.2f}" for x in seconds), *ratios)
-    for width, seconds in ((1, steps(scalar)), (4, steps(lanes)), (8, together[0])):
-        rate = operations * evaluations / seconds
+    for width, taken in ((1, steps(scalar)), (4, steps(lanes)), (8, together[0])):
+        rate = operations * evaluations / taken
         share = f"{100 * rate / (2 * at_most[width]):.0f} %" if width in at_most else ""
         limit.add_row(name, str(width), f"{rate / 1e9:.1f}", f"{2 * at_most.get(width, 0.0) / 1e9:.1f}", share)
 
@@ -115,7 +115,7 @@ def main() -> None:
     console.print(f"{provenance()}; medians of {REPETITIONS} runs", markup=False)
     throughput = Table("simul1", "runs", "steps of a run, ms", "all of a run, ms", "steps, over the batch's", "all, over the batch's")
     limit = Table("simul1", "width", "operations, 1e9/s", "peak of multiply-adds, 1e9/s", "share")
-    model = read_model(ROOT / "models" / "iltis.yaml")
+    model = read_model(MODELS / "iltis.yaml")
     scene, at_most = find_scene(model, "simul1"), peak()
     reduced = climb(model, scene, "recursive")[-1]
     compare("full", model, scene, throughput, limit, at_most)

@@ -7,11 +7,11 @@ from pathlib import Path
 from statistics import median
 
 import click
-from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
 from cutjoint.pipeline import compile_model, simulate
+from cutjoint_bench.studies.provenance import provenance
 
 FLAGS = ("-O3 -march=native", "-O2 -march=native", "-O1 -march=native", "-O3 -march=native -ffast-math", "-O3 -mavx2 -mfma", "-O3")
 

@@ -1,4 +1,4 @@
-"""Ours and the fastest peer in turns, at equal errors: `python -m benchmarks.beside vehicle chain`.
+"""Ours and the fastest peer in turns, at equal errors: `python -m cutjoint_bench.studies.beside vehicle chain`.
 
 The report measures one contender after the other, for an hour; what else the machine does meanwhile is in its ratios.  Here the fastest
 points of the kept report that are as accurate as asked for, ours and a peer's, run one after the other, again and again: the medians of
@@ -15,13 +15,12 @@ from statistics import median, quantiles
 from typing import Any, NamedTuple
 
 import click
-from benchmarks.provenance import provenance
-from benchmarks.report import PAGE, STUDIES
 
 from cutjoint_bench.contenders import choose
-from cutjoint_bench.findings import TARGETS
+from cutjoint_bench.findings import TARGETS, timed
 from cutjoint_bench.records import Case, Runner
-from cutjoint_bench.study import timed
+from cutjoint_bench.studies.provenance import provenance
+from cutjoint_bench.studies.report import PAGE, STUDIES
 
 TURNS = 15
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from math import inf
-from pathlib import Path
 from typing import Any
 
 import click
@@ -34,8 +33,7 @@ from cutjoint.toolchain.build import runtime_digest
 from cutjoint.toolchain.machine import machine
 from cutjoint.version import __version__
 from cutjoint_bench.store import Record, Store
-
-ROOT = Path(__file__).resolve().parent.parent
+from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
 
 #: Model, scene (the only one of its model where there is none), end in s (the scene's where there is none), tolerance in m and rad.
 SCENES = (
@@ -50,17 +48,17 @@ FINE = 2**0.125
 ROUNDS = 8
 
 
-KEPT = ROOT / "docs" / "bench" / "choice.json"
+KEPT = DOCS / "choice.json"
 
 
 @click.command()
 @click.option("--only", multiple=True, metavar="NAME", help="Models or scenes to measure; the file keeps the others.")
 def main(only: tuple[str, ...]) -> None:
     """Measure what is not yet measured, print a row for each scene, and keep the results."""
-    store = Store(ROOT / "results" / "choice" / "measurements.jsonl")
+    store = Store(RESULTS / "choice" / "measurements.jsonl")
     rows: dict[str, Record] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     for name, scene, end, tolerance in SCENES:
-        model = read_model(ROOT / "models" / f"{name}.yaml")
+        model = read_model(MODELS / f"{name}.yaml")
         found = find_scene(model, scene)
         if only and not {name, found.name} & set(only):
             continue

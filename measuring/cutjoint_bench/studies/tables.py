@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import click
-from benchmarks.report import PAGE
 
 from cutjoint_bench.report.tables import (
     BenchTable,
@@ -18,6 +17,7 @@ from cutjoint_bench.report.tables import (
     tabulate_studies,
     tabulate_targets,
 )
+from cutjoint_bench.studies.report import PAGE
 
 
 def tables_of(studies: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, BenchTable | None]]:

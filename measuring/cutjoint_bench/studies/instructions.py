@@ -15,14 +15,14 @@ from shutil import which
 from tempfile import TemporaryDirectory
 
 import click
-from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 
 from cutjoint.pipeline import Artifact, compile_model, make_ready
 from cutjoint.run.ready import ReadyRun
+from cutjoint_bench.studies.checkout import MODELS
+from cutjoint_bench.studies.provenance import provenance
 
-MODELS = Path(__file__).parents[1] / "models"
 FLAGS = ("-O3", "-mavx2", "-mfma")
 #: Model, scene, methods, and the ends of the two runs, s.
 CASES = (

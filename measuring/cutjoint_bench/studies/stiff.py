@@ -10,21 +10,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
-from benchmarks.provenance import provenance
 from rich.console import Console
 from rich.table import Table
 from scipy.integrate import solve_ivp
-from tests.mechanisms.verification import PROBLEMS
 
 from cutjoint.analysis.closing import design_coordinates, make_inputs
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model, generate, simulate
+from cutjoint.pipeline import compile_model, derive, simulate
 from cutjoint.program.interpret import Array, interpret_blocks
+from cutjoint_bench.studies.checkout import MODELS
+from cutjoint_bench.studies.problems import PROBLEMS
+from cutjoint_bench.studies.provenance import provenance
 
-MODELS = Path(__file__).parents[1] / "models"
 #: Of the slider at the start, m.
 HEIGHT = 0.5
 TOLERANCES = (1e-3, 1e-4, 1e-5)
@@ -45,7 +44,7 @@ def governor() -> tuple[Rate, Array, int]:
     """The rate of (q, v), columns side by side, the start, and where the slider's height is."""
     model = read_model(MODELS / "flyball.yaml")
     scene = model.scenes["govern"]
-    equations = generate(model, scene, scene.outputs)[0]
+    equations = derive(model, scene, scene.outputs)
     blocks = [b for name, b in equations.function("evaluate").results.items() if name.startswith("vdot:")]
     n, v = equations.coordinates, np.zeros(equations.speeds)
     start = make_inputs(equations, design_coordinates(equations), v)
