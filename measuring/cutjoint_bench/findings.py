@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from math import exp, log
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -99,6 +99,25 @@ def best(lines: Sequence[Line], error: float, suits: Callable[[Line], bool]) -> 
     """The label and time of the fastest line that reaches an error, among those that suit."""
     found = [(line["label"], time) for line in lines if suits(line) and (time := time_at(line, error)) is not None]
     return min(found, key=lambda pair: pair[1]) if found else None
+
+
+class Spot(NamedTuple):
+    """A measured point: its time (s), contender, step (s) and error of position (m)."""
+
+    seconds: float
+    contender: str
+    dt: float
+    error: float
+
+
+def fastest_spot(lines: Sequence[Line], error: float, *, peers: bool) -> Spot | None:
+    """The fastest measured point that is as accurate as asked for, among the peers or among all others; None where none is."""
+    found = [
+        Spot(median(p["seconds"]), line["contender"], p["dt"], p["errors"]["position"])
+        for line in lines if (line["group"] == "peer") is peers
+        for p in timed(line) if p["errors"]["position"] is not None
+    ]  # fmt: skip
+    return min((spot for spot in found if spot.error <= error), default=None)
 
 
 def fastest_ours(lines: Sequence[Line], error: float) -> tuple[str, float] | None:

@@ -1,8 +1,10 @@
-"""The page of a bench: one HTML file that needs no network."""
+"""The page of a bench: one HTML file that needs no network; its charts are within it, or some of them files beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from html import escape
 from math import isnan
 from typing import Any
 
@@ -32,8 +34,43 @@ Data = Mapping[str, Any]
 _JUMP, _KINK = 1e-3, 1e-8
 
 
-def render_page(studies: Mapping[str, Data]) -> str:
-    """The page of what `bench.study.perform` returned for each study, by its name."""
+Draw = Callable[[Data], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Charts:
+    """How a page shows its charts: functions from a case, a drift or an atlas to HTML, empty for a chart that it leaves out.
+
+    ``note`` is what the page says of charts that it leaves out.
+    """
+
+    work_precision: Draw = draw_work_precision
+    convergence: Draw = draw_convergence
+    drift: Draw = draw_drift
+    atlas: Draw = draw_atlas
+    note: str = ""
+
+
+#: All charts, within the page.
+INLINE = Charts()
+
+
+def link_charts(files: Mapping[tuple[str, str], str], note: str) -> Charts:
+    """Charts of time over error as files beside the page, by name and title of their case; no others."""
+
+    def link(case: Data) -> str:
+        file = files.get((case["name"], case["title"]))
+        return "" if file is None else f'<img src="{escape(file)}" alt="Time over error, {escape(case["name"])}">'
+
+    return Charts(work_precision=link, convergence=_left_out, drift=_left_out, atlas=_left_out, note=note)
+
+
+def _left_out(_: Data) -> str:
+    return ""
+
+
+def render_page(studies: Mapping[str, Data], charts: Charts = INLINE) -> str:
+    """The page of what `study.perform` returned for each study, by its name."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("cutjoint_bench"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=True,
@@ -43,23 +80,23 @@ def render_page(studies: Mapping[str, Data]) -> str:
     )
     return environment.get_template("bench.html.jinja").render(
         studies=tabulate_studies(studies), configurations=tabulate_configurations(cases),
-        cases=[_case(case) for case in cases if case["lines"]],
+        cases=[_case(case, charts) for case in cases if case["lines"]],
         paper=tabulate_paper(cases), stiff=tabulate_stiff(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
-        drifts=[_drift(drift) for drift in drifts],
-        atlases=[{"title": a["title"], "words": a["words"], "chart": draw_atlas(a)} for a in atlases],
-        situations=tabulate_situations(situations),
+        drifts=[_drift(drift, charts) for drift in drifts],
+        atlases=[{"title": a["title"], "words": a["words"], "chart": charts.atlas(a)} for a in atlases],
+        situations=tabulate_situations(situations), note=charts.note,
     )  # fmt: skip
 
 
-def _case(case: Data) -> dict[str, Any]:
+def _case(case: Data, charts: Charts) -> dict[str, Any]:
     return {
         "name": case["name"], "title": case["title"], "end": case["end"], "reference": _reference(case), "words": describe(case),
-        "work_precision": draw_work_precision(case), "convergence": draw_convergence(case),
+        "work_precision": charts.work_precision(case), "convergence": charts.convergence(case),
         "lines": tabulate_lines(case), "targets": tabulate_targets(case),
     }  # fmt: skip
 
 
-def _drift(drift: Data) -> dict[str, Any]:
+def _drift(drift: Data, charts: Charts) -> dict[str, Any]:
     kept = {"energy": "the largest kinetic energy", "momentum": "the momentum at the start"}
     words = []
     for name, size in kept.items():
@@ -67,7 +104,7 @@ def _drift(drift: Data) -> dict[str, Any]:
             changes = ", ".join(f"{line['method']} {max(map(abs, line[name])):.1e}" for line in drift["lines"] if line[name])
             words.append(f"Largest change of {name}, relative to {size}: {changes}.")
     words += [f"{line['method']} fails: {line['failure']}." for line in drift["lines"] if line["failure"]]
-    return {"name": drift["name"], "dt": f"{1e3 * drift['dt']:g}", "words": words, "chart": draw_drift(drift)}
+    return {"name": drift["name"], "dt": f"{1e3 * drift['dt']:g}", "words": words, "chart": charts.drift(drift)}
 
 
 def _reference(case: Data) -> str:

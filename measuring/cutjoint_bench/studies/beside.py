@@ -1,7 +1,7 @@
 """Ours and the fastest peer in turns, at equal errors: `python -m cutjoint_bench.studies.beside vehicle chain`.
 
 The report measures one contender after the other, for an hour; what else the machine does meanwhile is in its ratios.  Here the fastest
-points of the kept report that are as accurate as asked for, ours and a peer's, run one after the other, again and again: the medians of
+points of the report's summary that are as accurate as asked for, ours and a peer's, run one after the other, again and again: medians of
 their times, and of the ratios of each turn with its quartiles.  Only on a machine that does nothing else: a core that is shared makes long
 runs longer than short ones.
 """
@@ -9,42 +9,20 @@ runs longer than short ones.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from statistics import median, quantiles
-from typing import Any, NamedTuple
 
 import click
 
 from cutjoint_bench.contenders import choose
-from cutjoint_bench.findings import TARGETS, timed
+from cutjoint_bench.findings import Spot
 from cutjoint_bench.records import Case, Runner
+from cutjoint_bench.report.summary import fastest_of
+from cutjoint_bench.studies.checkout import SUMMARY
 from cutjoint_bench.studies.provenance import provenance
-from cutjoint_bench.studies.report import PAGE, STUDIES
+from cutjoint_bench.studies.report import STUDIES
 
 TURNS = 15
-
-
-class Spot(NamedTuple):
-    """A contender at a step (s), with its time (s) and error (m) in the kept report."""
-
-    seconds: float
-    contender: str
-    dt: float
-    error: float
-
-
-def spots(lines: list[dict[str, Any]], peers: bool) -> Iterator[Spot]:
-    """The points of a report's lines, the peers' or all others."""
-    for line in (line for line in lines if (line["group"] == "peer") is peers and "points" in line):
-        for p in timed(line):
-            if p["errors"]["position"] is not None:
-                yield Spot(median(p["seconds"]), line["contender"], p["dt"], p["errors"]["position"])
-
-
-def fastest(lines: list[dict[str, Any]], peers: bool, error: float) -> Spot | None:
-    """The fastest point that is as accurate as asked for."""
-    return min((spot for spot in spots(lines, peers) if spot.error <= error), default=None)
 
 
 def in_turns(case: Case, runners: dict[str, Runner], two: tuple[Spot, Spot]) -> list[tuple[float, float]]:
@@ -71,21 +49,17 @@ WITH_PEERS = ("vehicle", "chain", "verification", "governor")
 
 @click.command()
 @click.argument("studies", type=click.Choice(WITH_PEERS), nargs=-1, required=True)
-@click.option("--kept", type=click.Path(exists=True, path_type=Path), default=PAGE, show_default=True, help="Data of a report with peers.")
-def main(studies: tuple[str, ...], kept: Path) -> None:
+@click.option("--summary", type=click.Path(exists=True, path_type=Path), default=SUMMARY, show_default=True,
+              help="Of a report with peers.")
+def main(studies: tuple[str, ...], summary: Path) -> None:
     """Print a row for each case and error, as soon as it is measured."""
     click.echo(provenance())
     _print("case", "error, m", "ours", "ms", "peer", "ms", "peer over ours", "quartiles")
+    known = json.loads(summary.read_text(encoding="utf-8"))
     for study in studies:
-        lines_of = {case["name"]: case["lines"] for case in json.loads(kept.read_text(encoding="utf-8"))["studies"][study]["cases"]}
         for case in STUDIES[study]().cases:
-            if case.name not in lines_of:
-                raise click.ClickException(f"{case.name} is not in {kept}: make the report first")
             runners: dict[str, Runner] = {}
-            for error in TARGETS:
-                ours, peer = (fastest(lines_of[case.name], peers, error) for peers in (False, True))
-                if ours is None or peer is None:
-                    continue
+            for error, ours, peer in fastest_of(known, study, case.name):
                 turns = in_turns(case, runners, (ours, peer))
                 low, middle, high = quantiles([b / a for a, b in turns], n=4)
                 times = [f"{median(t) * 1e3:.3g}" for t in zip(*turns, strict=True)]

@@ -9,3 +9,5 @@ MODELS = ROOT / "models"
 DATA = ROOT / "tests" / "data"
 #: What git holds of measurements, and what it does not.
 DOCS, RESULTS = ROOT / "docs" / "bench", ROOT / "results"
+#: Of the report: `report.summary.summarise`.
+SUMMARY = DOCS / "summary.json"

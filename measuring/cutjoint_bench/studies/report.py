@@ -7,7 +7,7 @@ takes one to two hours, a third of it before any clock runs; run it on a machine
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,17 +22,17 @@ from cutjoint_bench.contenders import choose
 from cutjoint_bench.exact.chain import Chain, chain_motion, write_chain
 from cutjoint_bench.failures.situations import all_situations
 from cutjoint_bench.kept import find_outdated
-from cutjoint_bench.progress import part_of, progress_bar
+from cutjoint_bench.progress import Say, part_of, progress_bar
 from cutjoint_bench.ready import make_ready
 from cutjoint_bench.records import Case
 from cutjoint_bench.report.charts import draw_work_precision
-from cutjoint_bench.report.page import render_page
+from cutjoint_bench.report.page import link_charts, render_page
+from cutjoint_bench.report.summary import summarise
 from cutjoint_bench.store import Store, write_whole
-from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
+from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS, SUMMARY
 from cutjoint_bench.study import Plan, perform
 
 IAVSD = "iavsd_inphase_5"
-PAGE = DOCS / "bench.json"
 MEASUREMENTS = RESULTS / "report" / "measurements.jsonl"
 PAPER = ("simul1", "simul2", "simul3", "simul1s")
 
@@ -141,25 +141,53 @@ STUDIES: dict[str, Callable[[], Plan]] = {
 PICTURES = ("vehicle", "chain", "verification", "governor")
 
 
+#: Bytes that the page in docs has at most.
+LARGEST = 500_000
+
+NOTE = "Charts of convergence, of what is kept, and maps of failures are on the page that make report writes to results/report/bench.html."
+
+
 @click.command()
 @click.option("--only", type=click.Choice(list(STUDIES)), multiple=True, help="Measure these; the page keeps the others.")
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=PAGE.parent, show_default=True)
-def main(only: tuple[str, ...], out: Path) -> None:
+@click.option("--draw", is_flag=True, help="Measure nothing: draw what bench.json has.")
+@click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=MEASUREMENTS.parent, show_default=True,
+              help="Folder of bench.json, all that was measured, and bench.html, with all charts.")
+@click.option("--docs", type=click.Path(file_okay=False, path_type=Path), default=DOCS, show_default=True,
+              help="Folder of the summary, a page without most charts, and the charts that docs show.")
+def main(only: tuple[str, ...], draw: bool, out: Path, docs: Path) -> None:
     """Measure what is not yet measured and write the report."""
-    page = out / PAGE.name
-    kept: dict[str, Any] = json.loads(page.read_text(encoding="utf-8"))["studies"] if page.exists() else {}
-    plans = {name: STUDIES[name]() for name in only or STUDIES}
+    data = out / "bench.json"
+    kept: dict[str, Any] = json.loads(data.read_text(encoding="utf-8"))["studies"] if data.exists() else {}
     with progress_bar() as say:
-        make_ready(list(plans.values()), MEASUREMENTS, say)
-        store = Store(MEASUREMENTS)
-        for number, (name, plan) in enumerate(plans.items()):
-            kept[name] = perform(plan, store, part_of(say, number, len(plans)))
-            write_whole(page, as_text(kept))
-        for name in (name for name in STUDIES if name in kept and only and name not in only):
-            say(f"{name}: comparing what is kept with this version's code")
-            kept[name]["outdated"] = find_outdated(STUDIES[name](), kept[name])
+        if not draw:
+            _measure(only, kept, data, say)
         say("drawing")
-        write_page(out, {name: kept[name] for name in STUDIES if name in kept})
+        studies = {name: kept[name] for name in STUDIES if name in kept}
+        write_whole(data, as_text(studies))
+        write_whole(out / "bench.html", render_page(studies))
+        if missing := [name for name in STUDIES if name not in studies]:
+            click.echo(f"{docs} is left as it is, since these studies are not in {data}: {', '.join(missing)}")
+        else:
+            write_docs(docs, studies)
+    if unexpected := [f"{row['name']}, {row['method']} at {1e3 * row['dt']:g} ms: {row['outcome']}" for row in _unexpected(studies)]:
+        raise click.ClickException("these situations did not end as expected:\n" + "\n".join(unexpected))
+
+
+def _unexpected(studies: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    return (row for data in studies.values() for row in data["situations"] if not row["as_expected"])
+
+
+def _measure(only: tuple[str, ...], kept: dict[str, Any], data: Path, say: Say) -> None:
+    """Put what is measured into ``kept``, and into a file after each study."""
+    plans = {name: STUDIES[name]() for name in only or STUDIES}
+    make_ready(list(plans.values()), MEASUREMENTS, say)
+    store = Store(MEASUREMENTS)
+    for number, (name, plan) in enumerate(plans.items()):
+        kept[name] = perform(plan, store, part_of(say, number, len(plans)))
+        write_whole(data, as_text(kept))
+    for name in (name for name in STUDIES if name in kept and only and name not in only):
+        say(f"{name}: comparing what is kept with this version's code")
+        kept[name]["outdated"] = find_outdated(STUDIES[name](), kept[name])
 
 
 def as_text(studies: dict[str, Any]) -> str:
@@ -167,12 +195,21 @@ def as_text(studies: dict[str, Any]) -> str:
     return json.dumps({"studies": {name: studies[name] for name in STUDIES if name in studies}}, indent=1) + "\n"
 
 
-def write_page(out: Path, studies: dict[str, Any]) -> None:
-    """The page, its figures as data, and the pictures."""
-    write_whole(out / PAGE.name, as_text(studies))
-    write_whole(out / "bench.html", render_page(studies))
-    for case in (case for name in PICTURES if name in studies for case in studies[name]["cases"]):
-        write_whole(out / f"{case['model']}_{case['scene']}.svg", draw_work_precision(case))
+def write_docs(docs: Path, studies: dict[str, Any]) -> None:
+    """The summary, the page that links its charts, and these.
+
+    Raises:
+        click.ClickException: the page is too large for git.
+    """
+    pictured = [case for name in PICTURES if name in studies for case in studies[name]["cases"]]
+    files = {(case["name"], case["title"]): f"{case['model']}_{case['scene']}.svg" for case in pictured}
+    page = render_page(studies, link_charts(files, NOTE))
+    if (size := len(page.encode())) > LARGEST:
+        raise click.ClickException(f"the page for {docs} has {size} bytes: leave something out, such as tables of configurations")
+    write_whole(docs / "bench.html", page)
+    write_whole(docs / SUMMARY.name, json.dumps(summarise(studies), indent=1, ensure_ascii=False) + "\n")
+    for case in pictured:
+        write_whole(docs / files[case["name"], case["title"]], draw_work_precision(case))
 
 
 if __name__ == "__main__":
