@@ -27,7 +27,7 @@ from cutjoint.run.ready import ReadyRun, start
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError, make_run_file, require_figures
 from cutjoint.run.scenes import find_scene, with_figures
-from cutjoint.run.simulator import Progress, call_simulator
+from cutjoint.run.simulator import Progress
 from cutjoint.systems import generate_system
 from cutjoint.toolchain.build import FLAGS, PRECISIONS, Binary, Kind, build
 from cutjoint.topology.build import build_topology
@@ -310,14 +310,3 @@ def _solver(artifact: Artifact, solver: str) -> str:
     if artifact.method == "recursive":
         return ""
     return artifact.own_solver if solver == "emitted" else solver
-
-
-def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
-    """Seconds that the parts of a Newton iteration take at the start of the scene: ``analyse``, ``assemble``, ``factor``, ``solve``.
-
-    Raises:
-        SimulatorError: the solver does not suit the method, or the simulator does not have it.
-    """
-    run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, solver=solver)
-    summary = call_simulator(artifact.binary.path, run_file)
-    return {name: value for name, value in summary.items() if isinstance(value, float | int)}

@@ -15,7 +15,9 @@ from rich.console import Console
 from rich.table import Table
 
 from cutjoint.methods import ITERATIONS, METHODS, SOLVERS, SYMMETRIC_SOLVERS
-from cutjoint.pipeline import Artifact, compile_model, time_solver
+from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.machine import machine
 from cutjoint_bench.progress import progress_bar
 from cutjoint_bench.studies.checkout import MODELS
@@ -63,6 +65,17 @@ def measure_parts(artifact: Artifact, say: Callable[[str], None]) -> Iterator[Pa
                 method=artifact.method, solver=solver, size=int(times["size"]), entries=int(times["entries"]),
                 **{name: 1e6 * times[name] for name in ("analyse", "assemble", "factor", "solve")},
             )  # fmt: skip
+
+
+def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
+    """Seconds that the parts of a Newton iteration take at the start of the scene: ``analyse``, ``assemble``, ``factor``, ``solve``.
+
+    Raises:
+        SimulatorError: the solver does not suit the method, or the simulator does not have it.
+    """
+    run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, solver=solver)
+    summary = call_simulator(artifact.binary.path, run_file)
+    return {name: value for name, value in summary.items() if isinstance(value, float | int)}
 
 
 def parts_table(parts: list[Parts]) -> Table:
