@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import sympy
 
 from cutjoint.export.columns import known_outputs
@@ -19,7 +20,7 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Scene
 from cutjoint.run.scenes import find_scene, with_figures
 from cutjoint.topology.build import build_topology
-from cutjoint_bench.peers.run import build_peer, run_peer
+from cutjoint_bench.peers.run import available, build_peer, run_peer
 from tests.conftest import MODELS
 from tests.mechanisms.random_models import TIME, scene
 
@@ -37,6 +38,11 @@ class Case:
     @property
     def outputs(self) -> tuple[Output, ...]:
         return known_outputs(self.model, self.scene.outputs)
+
+
+def needs(peer: str) -> pytest.MarkDecorator:
+    """The mark of tests that run a peer."""
+    return pytest.mark.skipif(not available(PEERS[peer]), reason=f"{peer} is not installed")
 
 
 def case_of(name: str, scene_name: str | None = None) -> Case:
