@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError, find_equilibrium
-    from cutjoint.toolchain.build import ToolchainError
+    from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.spanning_tree import TopologyError
 
@@ -41,7 +41,7 @@ _HOMES = {
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.states": ("NoEquilibriumError", "find_equilibrium"),
-    "cutjoint.toolchain.build": ("ToolchainError",),
+    "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.spanning_tree": ("TopologyError",),
 }

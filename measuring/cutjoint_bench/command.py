@@ -10,8 +10,11 @@ from typing import Any
 import click
 
 from cutjoint.commands import options
+from cutjoint.model.numbers import read_number
+from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
-from cutjoint.run.figures import fault_of
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.run_file import RunError
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose, groups
@@ -19,7 +22,7 @@ from cutjoint_bench.progress import progress_bar
 from cutjoint_bench.ready import make_ready
 from cutjoint_bench.records import Case
 from cutjoint_bench.reference import TOLERANCES
-from cutjoint_bench.store import Store, write_whole
+from cutjoint_bench.store import Store
 from cutjoint_bench.study import Plan, perform
 
 
@@ -40,13 +43,17 @@ def run_bench(
         contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
         drift=drift, atlas=atlas, vary=vary,
     )  # fmt: skip
-    measurements = out / "measurements.jsonl"
+    measurements, data_file, page_file = (out / name for name in ("measurements.jsonl", "bench.json", "bench.html"))
+    require_apart(
+        {f"the model {path}": path for path in models},
+        documents=[(f"--out {out}: file", path) for path in (measurements, data_file, page_file)],
+    )
     with progress_bar() as say:
         make_ready([plan], measurements, say)
         data = perform(plan, Store(measurements), say)
         say("drawing")
         page = render_page({"bench": data})
-    return [write_whole(out / "bench.json", json.dumps(data, indent=1) + "\n"), write_whole(out / "bench.html", page)]
+    return [write_whole(data_file, json.dumps(data, indent=1) + "\n"), write_whole(page_file, page)]
 
 
 def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterator[Case]:
@@ -66,10 +73,10 @@ def _listed(text: str) -> list[str]:
 
 def _seconds(text: str) -> list[float]:
     try:
-        steps = [float(part) for part in _listed(text)]
+        steps = [read_number(part) for part in _listed(text)]
     except ValueError:
         raise click.BadParameter(f"'{text}': write seconds with commas between, such as 0.01,0.005") from None
-    if faults := [fault for step in steps if (fault := fault_of(step, above=0.0))]:
+    if faults := [fault for step in steps if (fault := fault_of_setting("dt", step))]:
         raise click.BadParameter(f"'{text}': {faults[0]}")
     return steps
 
@@ -79,10 +86,10 @@ def _seconds(text: str) -> list[float]:
 @click.option("--scenes", default="", callback=lambda *x: _listed(x[2]), metavar="A,B", help="Scenes; all of each model otherwise.")
 @click.option("--methods", default="generated,peer", show_default=True, callback=lambda *x: _listed(x[2]), metavar="A,B",
               help=f"Contenders, or groups of them: {', '.join(groups())}.")
-@click.option("--end", type=options.FiniteRange(min=0, min_open=True), help="End time in s; the scenes' otherwise.")
-@click.option("--row", type=options.FiniteRange(min=0, min_open=True), help="Seconds between rows that are compared.")
+@click.option("--end", type=options.Setting("end", positive=True), help="End time in s; the scenes' otherwise.")
+@click.option("--row", type=options.Setting("output_step"), help="Seconds between rows that are compared.")
 @click.option("--steps", default="", callback=lambda *x: _seconds(x[2]), metavar="S,S", help="Steps in s to try.")
-@click.option("--repetitions", type=click.IntRange(min=1), default=5, show_default=True, help="Timed runs of each point.")
+@click.option("--repetitions", type=options.WholeRange(min=1), default=5, show_default=True, help="Timed runs of each point.")
 @click.option("--reference", type=click.Choice([*TOLERANCES, "none"]), default="quad", show_default=True,
               help="Number type in which references are integrated; extended is faster, and enough where roads have kinks.")
 @click.option("--limits/--no-limits", default=True, help="Look for the largest step of each method.")

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from cutjoint.emit.source import Source
@@ -18,6 +17,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint.twin.artifact import compile_generic
 from cutjoint_bench.records import Case, Contender
 
@@ -53,10 +53,10 @@ class OwnRunner:
         is there, so that repetitions of the same one would not show it.
         """
         scene, binary = self.artifact.scene, self.artifact.binary
-        with TemporaryDirectory() as folder:
+        with temporary_folder() as folder:
             copied = replace(binary, path=Path(shutil.copy2(binary.path, folder)))
             artifact = replace(self.artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)), binary=copied)
-            steps = Path(folder) / "steps.csv" if measured else None
+            steps = folder / "steps.csv" if measured else None
             events = "located" if self.located or self.integrator in LOCATING else "crossed"
             return simulate(
                 artifact, dt=dt, solver=self.solver, integrator=self.integrator, events=events, tolerance=self.tolerance,

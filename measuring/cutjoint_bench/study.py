@@ -12,7 +12,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact
 from cutjoint.run.run_file import RunError
-from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.machine import machine
 from cutjoint_bench.cases import falling_steps
 from cutjoint_bench.drift import compile_for_drift, measure_drift

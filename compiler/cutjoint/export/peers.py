@@ -9,6 +9,7 @@ from pathlib import Path
 from cutjoint.export import exudyn, mujoco, pinocchio
 from cutjoint.export.records import Export
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint.run.result_files import write_whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,5 @@ PEERS: Mapping[str, Peer] = {
 
 def write_export(export: Export, folder: Path) -> None:
     """Put an export's files into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
     for name, text in export.files.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        write_whole(folder / name, text)

@@ -14,7 +14,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.run_file import RunError, parameter_values
 from cutjoint.run.steps import common_step
-from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.errors import ToolchainError
 from cutjoint_bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
 from cutjoint_bench.own import TOLERANCES, identity
 from cutjoint_bench.progress import Say, silently

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 
 from cutjoint.export.exudyn import MODULES
 from cutjoint.export.pinocchio import DEFINITIONS, ENGINE
+from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.peers.compile_cpp import compile_program, module_folder
 
 
@@ -44,8 +44,7 @@ def build_pinocchio(folder: Path) -> list[str]:
     prefix = next(p for p in installed.parents if p.name == "cmeel.prefix")
     headers = (f"{prefix}/include", f"{prefix}/include/eigen3", "/usr/include/eigen3", "/usr/local/include/eigen3")
     options = ["-w", *DEFINITIONS, *(f"-isystem{folder}" for folder in headers)]
-    with tempfile.TemporaryDirectory() as name:
-        engine = Path(name)
+    with temporary_folder() as engine:
         for file in (*ENGINE, "mechanics.hpp", "program.hpp"):
             (engine / file).with_suffix(".cpp" if file.endswith(".cc") else ".hpp").write_bytes((folder / file).read_bytes())
         compiled = compile_program(engine, ["-c", *options])

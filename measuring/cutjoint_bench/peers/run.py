@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import subprocess
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -17,6 +16,7 @@ from cutjoint.model.quantities import QUANTITIES
 from cutjoint.model.records import Body
 from cutjoint.run.results import FailureReport, Trajectory, read_table
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.peers.build import build_exudyn, build_mujoco, build_pinocchio
 
 
@@ -56,8 +56,8 @@ def run_peer(peer: Peer, folder: Path, *, dt: float, end: float, integrator: str
         ToolchainError: the peer is not installed, or its program does not compile.
         SimulatorError: the program could not begin.
     """
-    with tempfile.TemporaryDirectory() as place:
-        table = Path(place) / "table.csv"
+    with temporary_folder() as place:
+        table = place / "table.csv"
         times = ["--dt", repr(dt), "--end", repr(end), "--output-step", repr(output_step)]
         summary = _call([*build_peer(peer, folder), *times, "--integrator", integrator, "--out", str(table)], folder)
         if not table.exists():

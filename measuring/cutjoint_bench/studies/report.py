@@ -16,6 +16,7 @@ from typing import Any
 
 import click
 
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import with_figures
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose
@@ -28,7 +29,7 @@ from cutjoint_bench.records import Case
 from cutjoint_bench.report.charts import draw_work_precision
 from cutjoint_bench.report.page import link_charts, render_page
 from cutjoint_bench.report.summary import summarise
-from cutjoint_bench.store import Store, write_whole
+from cutjoint_bench.store import Store
 from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS, SUMMARY
 from cutjoint_bench.study import Plan, perform
 
