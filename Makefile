@@ -21,13 +21,13 @@ fuzz: setup
 	$(BIN)/python -m benchmarks.fuzz 300
 
 bench: setup
-	$(BIN)/python -m benchmarks.iltis
+	$(BIN)/python -m cutjoint_bench.studies.iltis
 
 flags: setup
-	$(BIN)/python -m benchmarks.flags
+	$(BIN)/python -m cutjoint_bench.studies.flags
 
 batch: setup
-	$(BIN)/python -m benchmarks.batch
+	$(BIN)/python -m cutjoint_bench.studies.batch
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
 FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags choice verification stiff
@@ -40,19 +40,19 @@ results/figures/%.txt: | setup
 	mv $@.part $@
 
 instructions: setup
-	$(BIN)/python -m benchmarks.instructions
+	$(BIN)/python -m cutjoint_bench.studies.instructions
 
 chain: setup
-	$(BIN)/python -m benchmarks.chain
+	$(BIN)/python -m cutjoint_bench.studies.chain
 
 realtime: setup
-	$(BIN)/python -m benchmarks.realtime
+	$(BIN)/python -m cutjoint_bench.studies.realtime
 
 newton: setup
-	$(BIN)/python -m benchmarks.newton
+	$(BIN)/python -m cutjoint_bench.studies.newton
 
 methods: setup
-	$(BIN)/python -m benchmarks.methods
+	$(BIN)/python -m cutjoint_bench.studies.methods
 
 pictures: setup
 	$(BIN)/python docs/pictures/simul1.py
@@ -60,37 +60,38 @@ pictures: setup
 	cp results/press/position.png docs/pictures/press.png
 
 tables: setup
-	$(BIN)/python -m benchmarks.tables
+	$(BIN)/python -m cutjoint_bench.studies.tables
 
 beside: setup
-	$(BIN)/pip install --quiet --editable '.[peers]'
-	$(BIN)/python -m benchmarks.beside vehicle chain verification governor
+	$(BIN)/pip install --quiet --editable './measuring[peers]'
+	$(BIN)/python -m cutjoint_bench.studies.beside vehicle chain verification governor
 
 report: setup
-	$(BIN)/pip install --quiet --editable '.[peers]'
-	$(BIN)/python -m benchmarks.report
+	$(BIN)/pip install --quiet --editable './measuring[peers]'
+	$(BIN)/python -m cutjoint_bench.studies.report
 
 choice: setup
-	$(BIN)/python -m benchmarks.choice
+	$(BIN)/python -m cutjoint_bench.studies.choice
 
 stiff: setup
-	$(BIN)/python -m benchmarks.stiff
+	$(BIN)/python -m cutjoint_bench.studies.stiff
 
 verification: setup
-	$(BIN)/python -m benchmarks.verification
+	$(BIN)/python -m cutjoint_bench.studies.verification
 
 lint: setup
 	$(BIN)/ruff check
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 setup: $(VENV)/.ready
 	@scripts/require-cpp
 
-$(VENV)/.ready: pyproject.toml scripts/require-cpp
+$(VENV)/.ready: pyproject.toml measuring/pyproject.toml scripts/require-cpp
 	scripts/require-cpp
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --editable '.[test]'
+	$(BIN)/pip install --quiet --editable '.[test]' --editable measuring
 	touch $@
 
 clean:

@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import cutjoint
-from cutjoint import prepared
+from cutjoint import cli, prepared
 from cutjoint.cli import main
 from cutjoint.commands import options, preparing
 from cutjoint.prepared import Prepared, Request, find_prepared
@@ -42,6 +42,9 @@ scenes:
   still: {end: 0.1, output_step: 0.05, numerics: {dt: 0.01}}
   moved: {end: 0.1, output_step: 0.05, numerics: {dt: 0.01}, positions: {rail.displacement: begin}}
 """
+
+#: What a run that is compiled does without: other commands' packages, and what measures.
+LATER = ("cutjoint.reduce", "cutjoint.twin", "cutjoint.export", "cutjoint.report.explain", "cutjoint.report.ladder", "cutjoint_bench")
 
 #: What a kept run does without.
 HEAVY = ("sympy", "pint", "yaml", "pydantic", "jinja2", "matplotlib", "cutjoint.pipeline", "cutjoint.model.read")
@@ -101,6 +104,19 @@ def lasting(output: str) -> list[list[str]]:
 
 def table(model: Path, out: str = "run.csv") -> bytes:
     return (model.parent / out).read_bytes()
+
+
+def test_a_run_that_is_compiled_imports_nothing_of_other_commands(shared: Path) -> None:
+    script = (
+        "import sys; from cutjoint.cli import main; import cutjoint.commands.simulate as simulate; "
+        "simulate.find_prepared = lambda *_: None; main(sys.argv[1:], standalone_mode=False); "
+        f"later = {LATER}; print('derived:', 'cutjoint.pipeline' in sys.modules, 'of others:', "
+        "[name for name in sys.modules if any(f'{name}.'.startswith(f'{package}.') for package in later)])"
+    )
+    command = [sys.executable, "-c", script, "simulate", shared, "--scene", "still", "--out", shared.parent / "again.csv"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "derived: True of others: []" in done.stdout
 
 
 def test_a_kept_run_imports_nothing_of_what_derives(model: Path) -> None:
@@ -359,8 +375,9 @@ def test_what_commands_tell_of_is_in_the_package() -> None:
     assert told == {found for name in cutjoint.__all__ if isinstance(found := getattr(cutjoint, name), type)}
 
 
-def test_help_names_all_commands() -> None:
+def test_help_names_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli, "entry_points", lambda **_: [])
     output = CliRunner().invoke(main, ["--help"]).output
-    modules = {p.stem for p in Path(preparing.__file__).parent.glob("*.py")} - {"__init__", "batches", "options", "preparing"}
+    modules = {p.stem for p in Path(preparing.__file__).parent.glob("*.py")} - {"__init__", "batches", "options", "picking", "preparing"}
     assert {line.split()[0] for line in output.partition("Commands:")[2].splitlines() if line.strip()} == modules
     assert "No such command 'simualte'" in CliRunner().invoke(main, ["simualte", str(MODELS / "four_bar.yaml")]).output

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 import click
@@ -12,7 +13,11 @@ import click
 from cutjoint.model.printing import escaped_lines
 from cutjoint.run.stopping import Terminated
 
-_COMMANDS = ("bench", "check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate")
+_COMMANDS = ("check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate")
+
+#: The entry points by which other packages add commands, and the packages of this project that do.
+GROUP = "cutjoint.commands"
+_PACKAGES = {"bench": "cutjoint-bench"}
 
 
 class _Commands(click.Group):
@@ -26,7 +31,7 @@ class _Commands(click.Group):
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(_COMMANDS)
+        return sorted({*_COMMANDS, *_added()})
 
     def invoke(self, ctx: click.Context) -> object:
         """Call a command; a signal that ends it is no error, and its message says what there is of the results."""
@@ -38,9 +43,15 @@ class _Commands(click.Group):
             raise SystemExit(stop.code if isinstance(stop, Terminated) else 130) from None
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in _COMMANDS:
+        if cmd_name in _COMMANDS:
+            command = import_module(f"cutjoint.commands.{cmd_name}").command
+        elif (point := _added().get(cmd_name)) is not None:
+            command = point.load()
+        elif cmd_name in _PACKAGES:
+            package = _PACKAGES[cmd_name]
+            raise click.UsageError(f"{cmd_name} is a command of the package {package}, which is not installed; pip install {package}", ctx)
+        else:
             return None
-        command = import_module(f"cutjoint.commands.{cmd_name}").command
         assert isinstance(command, click.Command)
         return command
 
@@ -65,6 +76,11 @@ def _is_utf_8(text: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
+
+
+def _added() -> dict[str, EntryPoint]:
+    """The commands of other packages."""
+    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 @click.group(cls=_Commands)

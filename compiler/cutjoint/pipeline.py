@@ -14,14 +14,11 @@ from typing import Any
 from cutjoint.analysis.guides import require_guides
 from cutjoint.analysis.inertia import require_inertia
 from cutjoint.emit.factorisation import STRAIGHT_LINE
-from cutjoint.emit.generic import describe_generic
-from cutjoint.emit.generic_natural import describe_generic_natural
 from cutjoint.emit.source import Source, emit
-from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import EVENTS, EXPLICIT, IMPLICIT, INTEGRATORS, ITERATIONS, LOCATING, METHODS, TWINS
+from cutjoint.methods import EVENTS, EXPLICIT, IMPLICIT, INTEGRATORS, ITERATIONS, LOCATING, METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, RodForce, Scene
 from cutjoint.prepared import Compilation
@@ -31,9 +28,9 @@ from cutjoint.run.ready import ReadyRun, start
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError, make_run_file, require_figures
 from cutjoint.run.scenes import find_scene, with_figures
-from cutjoint.run.simulator import Progress, call_simulator
+from cutjoint.run.simulator import Progress
 from cutjoint.systems import generate_system
-from cutjoint.toolchain.build import FLAGS, PRECISIONS, Binary, Kind, build, build_generic
+from cutjoint.toolchain.build import FLAGS, PRECISIONS, Binary, Kind, build
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
 
@@ -46,7 +43,11 @@ _SCALAR_FLAGS = ("-O1",)
 
 @dataclass(frozen=True, kw_only=True)
 class Artifact:
-    """A compiled model: every stage's record, and the seconds that generating and compiling took."""
+    """A compiled model: every stage's record, and the seconds that generating and compiling took.
+
+    ``own_solver`` is the linear solver of a run that asks for none, ``description`` what a simulator that interprets models reads; None for
+    generated code.
+    """
 
     topology: Topology
     scene: Scene
@@ -59,6 +60,8 @@ class Artifact:
     precision: str
     generate_seconds: float
     compile_seconds: float
+    own_solver: str = "emitted"
+    description: Mapping[str, Any] | None = None
 
     @property
     def compilation(self) -> Compilation:
@@ -162,8 +165,7 @@ def compile_model(path: Path, *, scene: str | None = None, **how: Any) -> Artifa
 
 def compile_scene(
     model: Model, scene: Scene, *, method: str = "recursive", out: Path | None = None, flags: Sequence[str] = FLAGS,
-    outputs: Sequence[Output] | None = None, implementation: str = "generated", lanes: bool = True, comparison: bool = False,
-    precision: str = "double",
+    outputs: Sequence[Output] | None = None, lanes: bool = True, comparison: bool = False, precision: str = "double",
 ) -> Artifact:  # fmt: skip
     """Compile a model for a scene; ``out`` receives the generated source and the simulator.
 
@@ -172,21 +174,15 @@ def compile_scene(
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
-        RunError: there is no such method or precision, or the method or the generic twin does not take the model.
+        RunError: there is no such method or precision, or the method does not take the model.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side failed.
         OutputError: a file of ``out`` is the model.
     """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
-    if precision not in PRECISIONS or (precision != "double" and (comparison or implementation == "generic")):
+    if precision not in PRECISIONS or (precision != "double" and comparison):
         raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")
-    if implementation == "generic" and method not in TWINS:
-        raise RunError(f"{method} has no generic twin: there is one of {', '.join(TWINS)}; use --implementation generated")
-    if implementation == "generic" and is_reduced(model, scene):
-        raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
-    if implementation == "generic" and method == "recursive" and scene.numerics.closure != "penalty":
-        raise RunError(f"the generic twin knows closure: penalty only, not {scene.numerics.closure}; use --implementation generated")
     # Model -> Source
     begin = perf_counter()
     wanted = scene.outputs if outputs is None else outputs
@@ -198,11 +194,10 @@ def compile_scene(
     # Source -> Binary
     kind = Kind(comparison=comparison, precision=precision)
     flags = flags if precision in _SIDE_BY_SIDE else (*flags, *_SCALAR_FLAGS)
-    binary = build_generic(flags=flags) if implementation == "generic" else build(source, flags=flags, folder=out, kind=kind)
+    binary = build(source, flags=flags, folder=out, kind=kind)
     return Artifact(
         topology=equations.topology, scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
-        implementation=implementation, precision=precision, generate_seconds=generated - begin,
-        compile_seconds=perf_counter() - generated,
+        implementation="generated", precision=precision, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
     )  # fmt: skip
 
 
@@ -259,7 +254,7 @@ def make_ready(
     )  # fmt: skip
     return ReadyRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
-        description=_describe(artifact) if artifact.implementation == "generic" else None,
+        description=artifact.description,
     )  # fmt: skip
 
 
@@ -318,28 +313,7 @@ def require_fixed_cost(artifact: Artifact, integrator: str = "trapezoidal", *, e
 
 
 def _solver(artifact: Artifact, solver: str) -> str:
-    """What a run file names as solver; the generic twin has no emitted factorisation and takes a library's in its place."""
+    """What a run file names as solver."""
     if artifact.method == "recursive":
         return ""
-    if solver == "emitted" and artifact.implementation == "generic":
-        return {"augmented": "eigen-ldlt", "classical": "klu"}[artifact.method]
-    return solver
-
-
-def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
-    """Seconds that the parts of a Newton iteration take at the start of the scene: ``analyse``, ``assemble``, ``factor``, ``solve``.
-
-    Raises:
-        SimulatorError: the solver does not suit the method, or the simulator does not have it.
-    """
-    run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, solver=solver)
-    summary = call_simulator(artifact.binary.path, run_file)
-    return {name: value for name, value in summary.items() if isinstance(value, float | int)}
-
-
-def _describe(artifact: Artifact) -> dict[str, Any]:
-    """The model as the generic twin reads it."""
-    equations = artifact.equations
-    if isinstance(equations, LagrangianEquations):
-        return describe_generic_natural(equations)
-    return describe_generic(artifact.topology, artifact.scene, equations.outputs)
+    return artifact.own_solver if solver == "emitted" else solver

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -13,22 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.exact.chain import Chain, chain_motion, crank_motion, singular_times, write_chain
-from cutjoint.bench.exact.crank import SLIDER_CRANK, slider_crank_motion
-from cutjoint.bench.exact.pendulum import PENDULUM, pendulum_motion
-from cutjoint.bench.failures.atlas import Grid, describe_cells, map_case, suggest_grid
-from cutjoint.bench.failures.outcomes import exact_truth, judge, try_run
-from cutjoint.bench.failures.situations import all_situations, cross_chain
-from cutjoint.bench.failures.trials import Situation, Trial, try_situation
-from cutjoint.bench.records import Case, Errors
-from cutjoint.bench.reference import Reference
-from cutjoint.bench.store import Store
 from cutjoint.pipeline import compile_scene
-from cutjoint.report.bench.atlas_charts import COLOURS, draw_atlas
 from cutjoint.run.results import Array, FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
-from tests.conftest import DATA, ROOT
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.exact.chain import Chain, chain_motion, crank_motion, singular_times, write_chain
+from cutjoint_bench.exact.crank import SLIDER_CRANK, slider_crank_motion
+from cutjoint_bench.exact.pendulum import PENDULUM, pendulum_motion
+from cutjoint_bench.failures.atlas import Grid, describe_cells, map_case, suggest_grid
+from cutjoint_bench.failures.outcomes import exact_truth, judge, try_run
+from cutjoint_bench.failures.situations import all_situations, cross_chain
+from cutjoint_bench.failures.trials import Situation, Trial, try_situation
+from cutjoint_bench.records import Case, Errors
+from cutjoint_bench.reference import Reference
+from cutjoint_bench.report.atlas_charts import COLOURS, draw_atlas
+from cutjoint_bench.store import Store
+from tests.conftest import DATA
 from tests.physics.simulation import read_reference
 
 CHAIN = Chain(windows=2)
@@ -207,20 +206,11 @@ def test_a_whole_number_of_steps_to_the_pose(steps: int, tmp_path: Path) -> None
     assert all(row["as_expected"] for row in rows), [(row["method"], row["outcome"], row["message"]) for row in rows]
 
 
-def test_the_page_s_situations_ended_as_expected() -> None:
-    """Those of `make report`, which takes minutes; each is one that this version knows, with the outcomes that are right for it now."""
-    kept = json.loads((ROOT / "docs" / "bench" / "bench.json").read_text(encoding="utf-8"))["studies"]["situations"]["situations"]
-    known = {
-        (s.name, t.method, t.precision, t.lands, tuple(sorted(t.figures.items())), t.because, t.expected)
-        for s in all_situations() for t in s.trials
-    }  # fmt: skip
-    assert len(kept) > 100
-    for row in kept:
-        figures, expected = tuple(sorted(row["figures"].items())), tuple(row["expected"])
-        assert (row["name"], row["method"], row["precision"], row["lands"], figures, row["because"], expected) in known, row
-        assert row["outcome"] in expected, row
-        lost = row["method"] == "recursive-newton" and row["name"] == "dead centre" and row["lands"]
-        assert row["outcome"] != "wrong" or row["precision"] == "single" or lost, row
+def test_silent_errors_are_expected_in_single_precision_and_where_one_is_known() -> None:
+    for situation in all_situations():
+        for trial in situation.trials:
+            known = (situation.name, trial.method, trial.lands) == ("dead centre", "recursive-newton", True)
+            assert "wrong" not in trial.expected or trial.precision == "single" or known, (situation.name, trial)
 
 
 def test_situations_have_names_of_their_own_and_reasons() -> None:

@@ -13,24 +13,25 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from cutjoint.bench import own
-from cutjoint.bench.cases import common_step, falling_steps, make_case
-from cutjoint.bench.contenders import CONTENDERS, choose
-from cutjoint.bench.errors import measure_errors
-from cutjoint.bench.findings import breakdown, order, time_at
-from cutjoint.bench.measure import largest_step, shared_steps
-from cutjoint.bench.own import OwnRunner
-from cutjoint.bench.records import Case
-from cutjoint.bench.reference import Reference
-from cutjoint.bench.store import Store
-from cutjoint.cli import main
 from cutjoint.methods import EXPLICIT, IMPLICIT, METHODS, TWINS
 from cutjoint.pipeline import Artifact, simulate
-from cutjoint.report.bench.page import describe
-from cutjoint.report.bench.precisions import describe_precisions
-from cutjoint.report.bench.tables import tabulate_configurations, tabulate_stiff
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint.run.steps import common_step
+from cutjoint_bench import own
+from cutjoint_bench.cases import falling_steps, make_case
+from cutjoint_bench.command import command
+from cutjoint_bench.contenders import CONTENDERS, choose
+from cutjoint_bench.errors import measure_errors
+from cutjoint_bench.findings import breakdown, order, time_at
+from cutjoint_bench.measure import largest_step, shared_steps
+from cutjoint_bench.own import OwnRunner
+from cutjoint_bench.records import Case
+from cutjoint_bench.reference import Reference
+from cutjoint_bench.report.page import describe
+from cutjoint_bench.report.precisions import describe_precisions
+from cutjoint_bench.report.tables import tabulate_configurations, tabulate_stiff
+from cutjoint_bench.store import Store
 from tests.conftest import MODELS
 from tests.toolchain.damage import damaged_records
 
@@ -226,7 +227,7 @@ def test_every_method_is_a_contender() -> None:
 def test_contenders_have_the_events_of_their_names_whatever_the_scene_says(monkeypatch: pytest.MonkeyPatch) -> None:
     case = make_case(MODELS / "pendulum.yaml", end=0.1)
     asked: list[object] = []
-    monkeypatch.setattr("cutjoint.bench.own.simulate", lambda *_, **how: asked.append((how["integrator"], how["events"])))
+    monkeypatch.setattr("cutjoint_bench.own.simulate", lambda *_, **how: asked.append((how["integrator"], how["events"])))
     for events in ("located", "crossed"):
         scene = replace(case.scene, numerics=replace(case.scene.numerics, events=events))
         for name in ("recursive", "recursive/events", "recursive/rk4"):
@@ -235,9 +236,9 @@ def test_contenders_have_the_events_of_their_names_whatever_the_scene_says(monke
 
 
 def test_a_bench_and_its_page(tmp_path: Path) -> None:
-    arguments = ["bench", str(MODELS / "pendulum.yaml"), "--methods", "generated", "--end", "0.5", "--steps", "0.01,0.005,0.002",
+    arguments = [str(MODELS / "pendulum.yaml"), "--methods", "generated", "--end", "0.5", "--steps", "0.01,0.005,0.002",
                  "--repetitions", "2", "--no-limits", "--drift", "--out", str(tmp_path)]  # fmt: skip
-    done = CliRunner().invoke(main, arguments, catch_exceptions=False)
+    done = CliRunner().invoke(command, arguments, catch_exceptions=False)
     assert done.exit_code == 0, done.output
     data = json.loads((tmp_path / "bench.json").read_text())
     (case,) = data["cases"]
@@ -251,7 +252,7 @@ def test_a_bench_and_its_page(tmp_path: Path) -> None:
     assert "src=" not in page
     assert "the two routes, which share neither formulation nor integrator" in page
     before = (tmp_path / "measurements.jsonl").read_text()
-    assert CliRunner().invoke(main, arguments).exit_code == 0
+    assert CliRunner().invoke(command, arguments).exit_code == 0
     assert (tmp_path / "measurements.jsonl").read_text() == before
 
 
@@ -266,7 +267,7 @@ def test_a_bench_and_its_page(tmp_path: Path) -> None:
     ],
 )
 def test_bad_requests(arguments: list[str], message: str, tmp_path: Path) -> None:
-    done = CliRunner().invoke(main, ["bench", str(MODELS / "pendulum.yaml"), "--out", str(tmp_path), *arguments])
+    done = CliRunner().invoke(command, [str(MODELS / "pendulum.yaml"), "--out", str(tmp_path), *arguments])
     assert done.exit_code != 0
     assert message in " ".join(done.output.split())
 

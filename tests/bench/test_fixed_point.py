@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.exact.chain import Chain, write_chain
-from cutjoint.bench.fixed_point import predict_limit
-from cutjoint.bench.records import Case
 from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.exact.chain import Chain, write_chain
+from cutjoint_bench.fixed_point import predict_limit
+from cutjoint_bench.records import Case
 from tests.conftest import MODELS
 
 #: A mass m on a spring k with a damper c.

@@ -7,14 +7,14 @@ from copy import deepcopy
 from pathlib import Path
 
 import pytest
-from benchmarks import report
 from click.testing import CliRunner
 
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.contenders import choose
-from cutjoint.bench.kept import find_outdated
-from cutjoint.bench.store import Store
-from cutjoint.bench.study import Plan, perform
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.contenders import choose
+from cutjoint_bench.kept import find_outdated
+from cutjoint_bench.store import Store
+from cutjoint_bench.studies import report
+from cutjoint_bench.study import Plan, perform
 from tests.conftest import MODELS
 
 
@@ -41,8 +41,12 @@ def test_studies_that_are_not_measured_stay_on_the_page(tmp_path: Path, monkeypa
     monkeypatch.setattr(report, "STUDIES", {"short": lambda: swing("recursive"), "shorter": lambda: swing("recursive", end=0.1)})
     (choice,) = (p for p in report.main.params if p.name == "only")
     monkeypatch.setattr(choice, "type", type(choice.type)(["short", "shorter"]))
-    for name in ("shorter", "short"):
-        CliRunner().invoke(report.main, ["--only", name, "--out", str(tmp_path)], catch_exceptions=False)
+    docs = tmp_path / "docs"
+    where = ["--out", str(tmp_path), "--docs", str(docs)]
+    first = CliRunner().invoke(report.main, ["--only", "shorter", *where], catch_exceptions=False)
+    assert f"{docs} is left as it is, since these studies are not in {tmp_path / 'bench.json'}: short" in first.output
+    assert not docs.exists()
+    CliRunner().invoke(report.main, ["--only", "short", *where], catch_exceptions=False)
     studies = json.loads((tmp_path / "bench.json").read_text())["studies"]
     assert [(name, data["cases"][0]["end"], data.get("outdated")) for name, data in studies.items()] == [
         ("short", 0.2, None),
@@ -53,6 +57,6 @@ def test_studies_that_are_not_measured_stay_on_the_page(tmp_path: Path, monkeypa
     assert "0.1 s of motion" in page
     studies["shorter"]["cases"][0]["lines"][0]["configuration"]["digest"] = "another"
     (tmp_path / "bench.json").write_text(json.dumps({"studies": studies}))
-    CliRunner().invoke(report.main, ["--only", "short", "--out", str(tmp_path)], catch_exceptions=False)
+    CliRunner().invoke(report.main, ["--only", "short", *where], catch_exceptions=False)
     assert json.loads((tmp_path / "bench.json").read_text())["studies"]["shorter"]["outdated"] == ["pendulum/swing, recursive"]
     assert ">pendulum/swing, recursive</td>" in (tmp_path / "bench.html").read_text()

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.bench import reference
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.contenders import choose
-from cutjoint.bench.progress import part_of
-from cutjoint.bench.ready import make_ready
-from cutjoint.bench.reference import Reference
-from cutjoint.bench.store import Store
-from cutjoint.bench.study import Plan, perform
 from cutjoint.run.run_file import RunError
+from cutjoint_bench import reference
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.contenders import choose
+from cutjoint_bench.progress import part_of
+from cutjoint_bench.ready import make_ready
+from cutjoint_bench.reference import Reference
+from cutjoint_bench.store import Store
+from cutjoint_bench.study import Plan, perform
 from tests.conftest import MODELS
 from tests.toolchain.damage import damaged_records
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.errors import measure_errors
-from cutjoint.bench.own import TOLERANCES
-from cutjoint.bench.reference import find_reference
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import RunError
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.errors import measure_errors
+from cutjoint_bench.own import TOLERANCES
+from cutjoint_bench.reference import find_reference
 from tests.conftest import DATA, MODELS
 from tests.physics.simulation import read_reference
 
@@ -54,7 +54,7 @@ def test_two_routes_agree_on_the_stiff_governor() -> None:
 def test_a_reference_is_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
     case = make_case(MODELS / "pendulum.yaml", end=1.0, row=0.1)
     made = find_reference(case)
-    monkeypatch.setattr("cutjoint.bench.reference._integrate", lambda *_: pytest.fail("it was in the cache"))
+    monkeypatch.setattr("cutjoint_bench.reference._integrate", lambda *_: pytest.fail("it was in the cache"))
     kept = find_reference(case)
     assert kept.provenance == made.provenance
     assert all((kept.columns[name] == made.columns[name]).all() for name in made.columns)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.bench.cases import make_case
-from cutjoint.bench.contenders import CONTENDERS, choose
-from cutjoint.bench.rungs import NoRungError
-from cutjoint.bench.store import Store
-from cutjoint.bench.study import Plan, perform
 from cutjoint.reduce.ladder import climb
+from cutjoint_bench.cases import make_case
+from cutjoint_bench.contenders import CONTENDERS, choose
+from cutjoint_bench.rungs import NoRungError
+from cutjoint_bench.store import Store
+from cutjoint_bench.study import Plan, perform
 from tests.conftest import MODELS
 from tests.mechanisms.planar import SWING
 

@@ -9,16 +9,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import sympy
 
 from cutjoint.export.columns import known_outputs
-from cutjoint.export.peers import PEERS, Peer, run_peer, write_export
+from cutjoint.export.peers import PEERS, Peer, write_export
 from cutjoint.export.start import run_generic
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Scene
 from cutjoint.run.scenes import find_scene, with_figures
 from cutjoint.topology.build import build_topology
+from cutjoint_bench.peers.run import available, build_peer, run_peer
 from tests.conftest import MODELS
 from tests.mechanisms.random_models import TIME, scene
 
@@ -36,6 +38,11 @@ class Case:
     @property
     def outputs(self) -> tuple[Output, ...]:
         return known_outputs(self.model, self.scene.outputs)
+
+
+def needs(peer: str) -> pytest.MarkDecorator:
+    """The mark of tests that run a peer."""
+    return pytest.mark.skipif(not available(PEERS[peer]), reason=f"{peer} is not installed")
 
 
 def case_of(name: str, scene_name: str | None = None) -> Case:
@@ -98,7 +105,7 @@ def exported(peer: str, case: Case, folder: Path) -> Path:
 
 def start_accelerations(peer: Peer, folder: Path) -> dict[str, tuple[float, float, float]]:
     """The accelerations of the bodies' centres of mass at the start of an export in a folder, m/s2."""
-    command = [*peer.build(folder), "--task", "accelerations", "--integrator", peer.integrators[0]]
+    command = [*build_peer(peer, folder), "--task", "accelerations", "--integrator", peer.integrators[0]]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     found = json.loads(done.stdout.splitlines()[-1])
     assert "message" not in found, found["message"]

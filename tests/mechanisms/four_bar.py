@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from cutjoint.bench.exact.chain import Chain, write_chain
+from cutjoint_bench.exact.chain import Chain, write_chain
 
 
 def four_bar_text(windows: int, *, offset: float = 0.0) -> str:

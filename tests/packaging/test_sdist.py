@@ -1,4 +1,4 @@
-"""The source distribution: its tests find what they read."""
+"""The source distributions: the product's tests find what they read, measuring has its package."""
 
 from __future__ import annotations
 
@@ -10,14 +10,28 @@ from pathlib import Path
 from tests.conftest import ROOT
 
 #: Folders that tests read beside their own.
-READ = ("benchmarks", "compiler", "docs", "generated/four_bar", "models", "runtime", "templates")
+READ = ("benchmarks", "compiler", "measuring", "docs", "generated/four_bar", "models", "runtime", "templates")
+
+
+def files_of_sdist(project: Path, out: Path) -> set[str]:
+    """The paths in the source distribution of a project."""
+    subprocess.run([sys.executable, "-m", "build", "--sdist", "--outdir", str(out), str(project)], check=True, capture_output=True)
+    (archive,) = out.glob("*.tar.gz")
+    with tarfile.open(archive) as files:
+        return {name.partition("/")[2] for name in files.getnames()}
+
+
+def sources(project: Path, folder: str) -> set[str]:
+    """The files of a folder of a project."""
+    return {str(p.relative_to(project)) for p in (project / folder).rglob("*") if p.is_file() and p.suffix != ".pyc"}
+
+
+def test_the_source_distribution_of_measuring_has_its_package(tmp_path: Path) -> None:
+    assert sources(ROOT / "measuring", "cutjoint_bench") <= files_of_sdist(ROOT / "measuring", tmp_path)
 
 
 def test_the_source_distribution_has_what_its_tests_read(tmp_path: Path) -> None:
-    subprocess.run([sys.executable, "-m", "build", "--sdist", "--outdir", str(tmp_path), str(ROOT)], check=True, capture_output=True)
-    (archive,) = tmp_path.glob("cutjoint-*.tar.gz")
-    with tarfile.open(archive) as files:
-        held = {name.partition("/")[2] for name in files.getnames()}
-    wanted = {str(p.relative_to(ROOT)) for folder in READ for p in (ROOT / folder).rglob("*") if p.is_file() and p.suffix != ".pyc"}
+    held = files_of_sdist(ROOT, tmp_path)
+    wanted = {path for folder in READ for path in sources(ROOT, folder)}
     assert wanted <= held, sorted(wanted - held)
     assert {"Makefile", "CONTRIBUTING.md", "CHANGELOG.md", "scripts/sanitize", "tests/conftest.py"} <= held

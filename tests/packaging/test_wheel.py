@@ -9,11 +9,17 @@ from pathlib import Path
 from tests.conftest import MODELS, ROOT
 
 
-def test_the_installed_wheel_compiles_and_runs_a_model(tmp_path: Path) -> None:
-    subprocess.run([sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path), str(ROOT)], check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("cutjoint-*.whl")
-    site = tmp_path / "site"
+def install(project: Path, folder: Path) -> Path:
+    """The wheel of a project, installed into a folder of its own."""
+    wheels, site = folder / "wheels", folder / "site"
+    subprocess.run([sys.executable, "-m", "build", "--wheel", "--outdir", str(wheels), str(project)], check=True, capture_output=True)
+    (wheel,) = wheels.glob("*.whl")
     subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)], check=True)
+    return site
+
+
+def test_the_installed_wheel_compiles_and_runs_a_model(tmp_path: Path) -> None:
+    site = install(ROOT, tmp_path)
     assert (site / "cutjoint" / "templates" / "function.cpp.jinja").exists()
     assert (site / "cutjoint" / "runtime" / "include" / "cutjoint" / "mechanism.hpp").exists()
     script = (
@@ -25,3 +31,17 @@ def test_the_installed_wheel_compiles_and_runs_a_model(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.stdout == "100\n", done.stderr
+
+
+def test_the_installed_wheel_of_measuring_adds_its_command(tmp_path: Path) -> None:
+    """And has its page's template."""
+    site = install(ROOT / "measuring", tmp_path)
+    script = (
+        f"import sys; sys.path.insert(0, {str(site)!r})\n"
+        "import cutjoint_bench; from cutjoint.cli import main; from cutjoint_bench.report.page import render_page\n"
+        f"assert cutjoint_bench.__file__.startswith({str(site)!r}), cutjoint_bench.__file__\n"
+        "assert 'Speed against accuracy' in render_page({})\n"
+        "main(['bench', '--help'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("Usage: -c bench [OPTIONS] MODELS..."), done.stdout + done.stderr

@@ -13,8 +13,8 @@ import pytest
 
 from cutjoint.pipeline import Artifact, compile_model
 from cutjoint.run.results import Trajectory
+from cutjoint_bench.studies.problems import PROBLEMS, measure_errors
 from tests.conftest import MODELS
-from tests.mechanisms.verification import PROBLEMS, measure_errors
 from tests.physics.simulation import compile_text, completed, simulate
 from tests.physics.test_iltis_references import check_in_phase_bump
 from tests.physics.test_spin import SPIN, TEXT, attitude, body_rates

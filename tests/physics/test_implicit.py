@@ -16,8 +16,8 @@ from cutjoint.model.read import read_model
 from cutjoint.pipeline import Artifact, compile_model
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint_bench.studies.problems import PROBLEMS, measure_errors
 from tests.conftest import MODELS
-from tests.mechanisms.verification import PROBLEMS, measure_errors
 from tests.physics.simulation import completed, simulate
 from tests.physics.test_spin import TEXT, attitude, body_rates
 

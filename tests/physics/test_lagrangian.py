@@ -12,9 +12,9 @@ from cutjoint.methods import COMPARISON_SOLVERS
 from cutjoint.model.read import read_model
 from cutjoint.pipeline import Artifact, compile_model
 from cutjoint.run.results import Trajectory
+from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.four_bar import four_bar_text
-from tests.mechanisms.verification import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.physics.simulation import completed, simulate, with_numerics
 from tests.physics.test_iltis_references import check_in_phase_bump
 

@@ -14,10 +14,11 @@ from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.twin.artifact import compile_generic
+from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.overconstrained import parallel_cranks_text
-from tests.mechanisms.verification import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.physics.simulation import completed, simulate
 from tests.physics.test_four_bar import largest_error
 
@@ -116,6 +117,6 @@ def test_what_does_not_know_the_closure_says_so() -> None:
     model = read_model(MODELS / "slider_crank.yaml")
     scene = with_closure(find_scene(model, None), "proximal")
     with pytest.raises(RunError, match="the generic twin knows closure: penalty only, not proximal; use --implementation generated"):
-        compile_scene(model, scene, implementation="generic")
+        compile_generic(model, scene)
     with pytest.raises(RunError, match="the integrator reference closes loops in its own way: use closure: penalty"):
         simulate(compiled(MODELS / "slider_crank.yaml"), integrator="reference")

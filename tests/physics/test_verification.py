@@ -10,13 +10,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from benchmarks import verification
 
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
 from cutjoint.pipeline import Artifact, compile_model
 from cutjoint.run.results import Trajectory
-from tests.mechanisms.verification import PROBLEMS, Array, Problem, measure_errors, observed_orders, read_reference, reference_rows
+from cutjoint_bench.studies import verification
+from cutjoint_bench.studies.problems import PROBLEMS, Array, Problem, measure_errors, observed_orders, read_reference, reference_rows
 from tests.physics.simulation import completed, simulate
 
 BY_NAME = {p.name: p for p in PROBLEMS}

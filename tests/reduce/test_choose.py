@@ -12,8 +12,6 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint import prepared
-from cutjoint.bench.exact.chain import Chain, crank_motion
-from cutjoint.bench.exact.elliptic import quarter_period
 from cutjoint.cli import main
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
@@ -24,6 +22,8 @@ from cutjoint.reduce.measure import distance
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.compiler import Compiler
+from cutjoint_bench.exact.chain import Chain, crank_motion
+from cutjoint_bench.exact.elliptic import quarter_period
 from tests.conftest import MODELS
 from tests.toolchain.damage import damaged_records
 

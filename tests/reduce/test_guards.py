@@ -17,6 +17,7 @@ from cutjoint.pipeline import Artifact, compile_scene, generate, simulate
 from cutjoint.reduce.guards import guard_forces, guardable, speculate
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint.twin.artifact import compile_generic
 from tests.conftest import MODELS, with_heavy
 from tests.physics.simulation import completed
 
@@ -200,7 +201,7 @@ def test_a_run_that_fails_otherwise_is_repeated_in_full() -> None:
 
 def test_the_generic_twin_refuses_guards() -> None:
     with pytest.raises(RunError, match="the generic twin knows neither guards nor columns of reduced models"):
-        compile_scene(without("floor", "wall"), hammer().scenes["swing"], implementation="generic")
+        compile_generic(without("floor", "wall"), hammer().scenes["swing"])
 
 
 def test_generated_code_names_its_guards() -> None:

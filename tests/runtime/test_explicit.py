@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cutjoint.methods import EXPLICIT
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import Artifact, compile_model, simulate
 from cutjoint.report.tables import run_facts
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import compile_text, completed
@@ -46,9 +49,9 @@ def test_runs_repeat_themselves_to_the_bit(integrator: str, model: str, scene: s
     assert (one.steps, one.evaluations, one.effort) == (other.steps, other.evaluations, other.effort)
 
 
-@pytest.mark.parametrize("how", [{"method": "augmented"}, {"implementation": "generic"}])
-def test_what_explicit_integrators_take(how: dict[str, str]) -> None:
-    artifact = compile_model(MODELS / "pendulum.yaml", **how)
+@pytest.mark.parametrize("compiled", [partial(compile_model, method="augmented"), compile_generic_model])
+def test_what_explicit_integrators_take(compiled: Callable[[Path], Artifact]) -> None:
+    artifact = compiled(MODELS / "pendulum.yaml")
     with pytest.raises(RunError, match=r"the integrator rk4 takes generated code of the method recursive"):
         simulate(artifact, integrator="rk4")
 
@@ -69,7 +72,7 @@ def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
     assert cells(completed(simulate(artifact))) == cells(completed(asked))
     file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate", integrator="dormand-prince")
     assert (file["numerics"]["tolerance"], file["numerics"]["absolute_tolerance"], file["numerics"]["dt"]) == (1e-7, 1e-9, 0.05)
-    assert completed(simulate(compile_model(path, implementation="generic"))).effort.events == 0
+    assert completed(simulate(compile_generic_model(path))).effort.events == 0
 
 
 def test_a_tighter_absolute_tolerance_takes_more_steps(tmp_path: Path) -> None:

@@ -15,8 +15,6 @@ import pytest
 
 from cutjoint.analysis.natural import closed_states, dependent_equations
 from cutjoint.analysis.poses import explore
-from cutjoint.emit.generic import describe_generic
-from cutjoint.emit.generic_natural import describe_generic_natural
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -33,6 +31,8 @@ from cutjoint.run.simulator import SimulatorError, call_simulator, failure_of
 from cutjoint.toolchain.build import build_generic
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.topology.build import build_topology
+from cutjoint.twin.mechanism import describe_generic
+from cutjoint.twin.system import describe_generic_natural
 from tests.conftest import MODELS
 from tests.mechanisms import random_models
 from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE, NOWHERE, TREE_KINDS, K, workshop

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.emit.generic import describe_generic
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -23,6 +22,7 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
+from cutjoint.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
 
 pytestmark = needs_cpp

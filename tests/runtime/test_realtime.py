@@ -16,6 +16,7 @@ from cutjoint.realtime import run_in_real_time
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.physics.simulation import completed
 
@@ -83,4 +84,4 @@ def test_steps_up_to_a_failure_are_told(tmp_path: Path) -> None:
 
 def test_the_twin_does_not_run_against_the_clock() -> None:
     with pytest.raises(RunError, match="runs against the wall clock take generated code"):
-        run_in_real_time(compile_model(MODELS / "pendulum.yaml", implementation="generic"))
+        run_in_real_time(compile_generic_model(MODELS / "pendulum.yaml"))

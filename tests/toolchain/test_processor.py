@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.export import compile_cpp
 from cutjoint.toolchain import build, compiler
+from cutjoint_bench.peers import compile_cpp
 from tests.toolchain.test_locks import Site, pytestmark, site
 
 __all__ = ["pytestmark", "site"]

@@ -13,9 +13,6 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import Artifact, compile_scene, make_ready
 from cutjoint.prepared import Prepared, Request, keep_prepared
-from cutjoint.reduce.choose import choose, chosen_rung
-from cutjoint.reduce.ladder import Rung
-from cutjoint.report.ladder import choice_table
 from cutjoint.report.tables import topology_facts
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError, changing
@@ -41,8 +38,10 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
     return model, with_closure(scene, request.closure), method
 
 
-def prepare_and_play(request: Request, parameters: Mapping[str, float], play: Play) -> tuple[Prepared, Trajectory]:
-    """Compile a model for what is asked for, with ``parameters`` (SI units) changed, and play the run; keep what it needed.
+def prepare_and_play(
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play
+) -> tuple[Prepared, Trajectory]:  # fmt: skip
+    """Compile a model as `read_request` found it, with ``parameters`` (SI units) changed, and play the run; keep what it needed.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
@@ -50,65 +49,46 @@ def prepare_and_play(request: Request, parameters: Mapping[str, float], play: Pl
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError, SimulatorError: the C++ side failed.
     """
-    model, scene, method = read_request(request)
-    if method == "auto":
-        return _pick_and_play(request, model, scene, parameters, play)
-    artifact = _compile(request, model, scene, method)
+    artifact = compile_request(request, model, scene, method)
     figures = {name: getattr(request, name) for name in ("dt", "end", "tolerance", "solver", "integrator", "events", "iterations")}
-    prepared = _prepare(artifact, **figures)
+    prepared = prepare(artifact, **figures)
     keep_prepared(request, model.text, prepared)
     if parameters:
         prepared = replace(prepared, run=make_ready(artifact, parameters=parameters, **figures))
     return prepared, play(prepared)
 
 
-def _compile(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
+def compile_request(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
+    """The model compiled for what is asked for.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError, RunError, MissingLibraryError, ToolchainError: as `prepare_and_play`.
+    """
     if method == "recursive" and request.solver != "emitted":
         raise RunError(f"--solver {request.solver}: the recursive method has no linear solver; use --method augmented or classical")
     with options.progress_bar(f"compiling {request.model.name}"):
+        if request.implementation == "generic":
+            return _compile_generic(request, model, scene, method)
         return compile_scene(
-            model, scene, method=method, implementation=request.implementation, precision=request.precision,
-            comparison=request.solver in COMPARISON_SOLVERS,
+            model, scene, method=method, precision=request.precision, comparison=request.solver in COMPARISON_SOLVERS
         )  # fmt: skip
 
 
-def _prepare(artifact: Artifact, **figures: Any) -> Prepared:
+def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
+    from cutjoint.twin.artifact import compile_generic
+
+    if request.precision != "double":
+        raise RunError(f"--precision {request.precision}: the generic twin runs in double; use --implementation generated")
+    return compile_generic(model, scene, method=method)
+
+
+def prepare(artifact: Artifact, **figures: Any) -> Prepared:
+    """The run of a compiled model that figures ask for, as in `pipeline.simulate`, and what is told of it."""
     model = artifact.topology.model
     return Prepared(
         model=model.name, counts=topology_facts(artifact.topology, find_mobility(artifact.mechanism)), places=artifact.places,
         compilation=artifact.compilation, following=changing(model, artifact.scene), run=make_ready(artifact, **figures),
     )  # fmt: skip
-
-
-def _pick_and_play(
-    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], play: Play
-) -> tuple[Prepared, Trajectory]:  # fmt: skip
-    """Let method auto pick model, scene and method; nothing is kept, since what it picks was measured."""
-    require_own(
-        "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=request.solver,
-        integrator=request.integrator, events=request.events, precision=request.precision, dt=request.dt, end=request.end,
-        iterations=request.iterations,
-    )  # fmt: skip
-    rung = _pick(model, scene, request.tolerance, parameters)
-    prepared = _prepare(_compile(request, rung.model, rung.scene, rung.method), parameters=parameters)
-    run = play(prepared)
-    if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
-        options.err.print(f"{run.failure}; again with the full model", markup=False)
-        full = replace(scene, numerics=rung.scene.numerics)
-        prepared = _prepare(_compile(request, model, full, rung.method), parameters=parameters)
-        run = play(prepared)
-    return prepared, run
-
-
-def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> Rung:
-    """The model, scene and method that method auto picks; it says what and why."""
-    wanted = replace(scene, method="auto", tolerance=tolerance or scene.tolerance)
-    if wanted.tolerance is None:
-        raise RunError(f"{scene.span}: scene '{scene.name}': method auto needs a tolerance; write tolerance: 1 mm, or use --tolerance")
-    with options.progress_bar(f"picking what keeps {wanted.tolerance:g} m and rad"):
-        choice = choose(model, wanted, parameters=parameters)
-    options.out.print(choice_table(choice, wanted))
-    return chosen_rung(model, wanted, choice)
 
 
 def require_own(who: str, reason: str, **asked: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import click
@@ -77,9 +78,7 @@ def command(
     if prepared is not None:
         run = play(prepared)
     else:
-        from cutjoint.commands.preparing import prepare_and_play
-
-        prepared, run = prepare_and_play(request, parameters, play)
+        prepared, run = _derive_and_play(request, parameters, play)
     console = options.console_beside(out, steps)
     console.print(tables.facts(f"model {prepared.model}", prepared.counts))
     console.print(tables.run_facts(prepared.compilation, run))
@@ -91,6 +90,20 @@ def command(
         where = options.describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
         options.err.print(f"{where}; {options.describe_rest(run.table)}", markup=False)
         raise SystemExit(1)
+
+
+def _derive_and_play(
+    request: Request, parameters: Mapping[str, float], play: Callable[[Prepared], Trajectory]
+) -> tuple[Prepared, Trajectory]:  # fmt: skip
+    """Compile the model, or let method auto measure what to compile."""
+    from cutjoint.commands.preparing import prepare_and_play, read_request
+
+    model, scene, method = read_request(request)
+    if method != "auto":
+        return prepare_and_play(request, model, scene, method, parameters, play)
+    from cutjoint.commands.picking import pick_and_play
+
+    return pick_and_play(request, model, scene, parameters, play)
 
 
 def _plot(prepared: Prepared, run: Trajectory, folder: Path) -> list[Path]:

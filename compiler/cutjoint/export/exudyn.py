@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from textwrap import fill
 
 import sympy
@@ -12,7 +11,6 @@ import sympy
 from cutjoint.emit.source import environment
 from cutjoint.export.chains import joint_force_problems
 from cutjoint.export.columns import make_columns
-from cutjoint.export.compile_cpp import module_folder
 from cutjoint.export.exudyn_forces import ForceWriter, road_statements
 from cutjoint.export.exudyn_joints import LOCKED, Constraint, constrain, independent_cuts, joint_problems
 from cutjoint.export.exudyn_laws import function
@@ -62,18 +60,6 @@ def export_exudyn(model: Model, scene: Scene, parameters: Mapping[str, float], o
 def script_name(model: str) -> str:
     """The script's name, which hides no module that it needs."""
     return f"{model}_model.py" if model in _IMPORTED or model in sys.stdlib_module_names else f"{model}.py"
-
-
-def build_exudyn(folder: Path) -> list[str]:
-    """The command that runs an export in a folder.
-
-    Raises:
-        ToolchainError: Exudyn is not installed.
-    """
-    module_folder("exudyn", "exudyn")
-    modules = {f"{module}.py" for module in MODULES}
-    script = next(path for path in sorted(folder.glob("*.py")) if path.name not in modules)
-    return [sys.executable, script.name]
 
 
 def _forces(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> dict[str, object]:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 
 from cutjoint.emit.source import environment
 from cutjoint.export.columns import make_columns
-from cutjoint.export.compile_cpp import compile_program, module_folder
 from cutjoint.export.forces_cpp import Forces, write_forces
 from cutjoint.export.mechanism import build_mechanism
 from cutjoint.export.mujoco_model import Mjcf, body_name, write_mjcf
@@ -34,17 +32,6 @@ def export_mujoco(model: Model, scene: Scene, parameters: Mapping[str, float], o
     program = _program(mechanism, mjcf, forces, columns, differences)
     files = {f"{model.name}.cpp": program, f"{model.name}.xml": mjcf.text, "forces.hpp": forces.text, **support_files("mujoco_peer.hpp")}
     return Export(files=files, differences=differences)
-
-
-def build_mujoco(folder: Path) -> list[str]:
-    """Compile an export in a folder; the command that runs it there.
-
-    Raises:
-        ToolchainError: MuJoCo is not installed, or the compiler refused the program.
-    """
-    home = module_folder("mujoco", "mujoco-core")
-    libraries = [str(path) for path in sorted(home.glob("libmujoco.so.*"))]
-    return [str(compile_program(folder, [f"-I{home / 'include'}", *libraries, f"-Wl,-rpath,{home}"]))]
 
 
 def _differences(mechanism: Mechanism, mjcf: Mjcf) -> Iterator[str]:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 
 from cutjoint.emit.source import environment
 from cutjoint.export.chains import joint_force_problems
 from cutjoint.export.columns import make_columns
-from cutjoint.export.compile_cpp import compile_program, module_folder
 from cutjoint.export.forces_cpp import write_forces
 from cutjoint.export.laws import vector
 from cutjoint.export.mechanism import build_mechanism
@@ -19,7 +17,6 @@ from cutjoint.export.program_cpp import column_text, offset, part_texts, support
 from cutjoint.export.records import Export, Mechanism
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import JointForce, Model, Output, Scene
-from cutjoint.toolchain.temporary import temporary_folder
 
 INTEGRATORS = ("rk4", "semi_implicit_euler")
 
@@ -59,23 +56,6 @@ def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float]
     )  # fmt: skip
     files = {f"{model.name}.cpp": program, "forces.hpp": forces.text, **support_files(*ENGINE)}
     return Export(files=files, differences=differences)
-
-
-def build_pinocchio(folder: Path) -> list[str]:
-    """The command that runs an export in a folder, compiled; what is the same for all models is compiled once.
-
-    Raises:
-        ToolchainError: Pinocchio is not installed, or its headers or the program did not compile.
-    """
-    installed = module_folder("pinocchio", "pin")
-    prefix = next(p for p in installed.parents if p.name == "cmeel.prefix")
-    headers = (f"{prefix}/include", f"{prefix}/include/eigen3", "/usr/include/eigen3", "/usr/local/include/eigen3")
-    options = ["-w", *DEFINITIONS, *(f"-isystem{folder}" for folder in headers)]
-    with temporary_folder() as engine:
-        for file in (*ENGINE, "mechanics.hpp", "program.hpp"):
-            (engine / file).with_suffix(".cpp" if file.endswith(".cc") else ".hpp").write_bytes((folder / file).read_bytes())
-        compiled = compile_program(engine, ["-c", *options])
-    return [str(compile_program(folder, [*options, str(compiled)]))]
 
 
 def _differences(mechanism: Mechanism, tree: Tree) -> Iterator[str]:

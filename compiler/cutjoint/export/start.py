@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.emit.generic import describe_generic
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import RunError, make_run_file
@@ -17,6 +16,7 @@ from cutjoint.run.simulator import call_simulator, failure_of
 from cutjoint.toolchain.build import build_generic
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint.topology.records import Topology
+from cutjoint.twin.mechanism import describe_generic
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,6 @@ from importlib.metadata import PackageNotFoundError
 from math import ceil, inf, log
 from pathlib import Path
 
-from cutjoint.bench.cases import common_step
-from cutjoint.bench.measure import machine
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
@@ -26,8 +24,10 @@ from cutjoint.reduce.measure import distance, time_run
 from cutjoint.reduce.truth import Truth, at_step, find_truth, fraction, run_at
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.run.steps import common_step
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.toolchain.machine import machine
 
 #: The share of the tolerance that a choice may use, since it is measured against a truth that has an error of its own.
 SHARE = 0.8

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf
 
-from cutjoint.bench.cases import common_step
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
@@ -15,6 +14,7 @@ from cutjoint.reduce.measure import distance
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.run.steps import common_step
 
 #: The share that the last halving of the truth's step may move it by: at order two a third of that is left.
 SETTLED = 0.1

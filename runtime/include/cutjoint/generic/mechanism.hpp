@@ -13,7 +13,7 @@
 
 namespace cutjoint::generic {
 
-/// Interprets a model that the compiler has described (emit/generic.py).  Satisfies the concept Mechanism; nothing allocates after `load`.
+/// Interprets a model that the compiler has described (twin/mechanism.py).  Satisfies the concept Mechanism; nothing allocates after `load`.
 template <class Real>
 class GenericMechanism {
  public:

@@ -14,7 +14,7 @@
 
 namespace cutjoint::generic::natural {
 
-/// Interprets a system that the compiler has described (emit/generic_natural.py).  It has the functions of AnySystem but `factor` and
+/// Interprets a system that the compiler has described (twin/system.py).  It has the functions of AnySystem but `factor` and
 /// `solve`: its tangent is for a library solver.  The pattern follows from the structure that it reads.  Nothing allocates after
 /// construction.
 template <class Real>

@@ -1,0 +1,47 @@
+"""`cutjoint simulate` with method auto, which measures what it picks from; imported only where it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from cutjoint.commands import options
+from cutjoint.commands.preparing import Play, compile_request, prepare, require_own
+from cutjoint.model.records import Model, Scene
+from cutjoint.prepared import Prepared, Request
+from cutjoint.reduce.choose import choose, chosen_rung
+from cutjoint.reduce.ladder import Rung
+from cutjoint.report.ladder import choice_table
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError
+
+
+def pick_and_play(
+    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], play: Play
+) -> tuple[Prepared, Trajectory]:  # fmt: skip
+    """Let method auto pick model, scene and method; nothing is kept, since what it picks was measured."""
+    require_own(
+        "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=request.solver,
+        integrator=request.integrator, events=request.events, precision=request.precision, dt=request.dt, end=request.end,
+        iterations=request.iterations,
+    )  # fmt: skip
+    rung = _pick(model, scene, request.tolerance, parameters)
+    prepared = prepare(compile_request(request, rung.model, rung.scene, rung.method), parameters=parameters)
+    run = play(prepared)
+    if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
+        options.err.print(f"{run.failure}; again with the full model", markup=False)
+        full = replace(scene, numerics=rung.scene.numerics)
+        prepared = prepare(compile_request(request, model, full, rung.method), parameters=parameters)
+        run = play(prepared)
+    return prepared, run
+
+
+def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> Rung:
+    """The model, scene and method that method auto picks; it says what and why."""
+    wanted = replace(scene, method="auto", tolerance=tolerance or scene.tolerance)
+    if wanted.tolerance is None:
+        raise RunError(f"{scene.span}: scene '{scene.name}': method auto needs a tolerance; write tolerance: 1 mm, or use --tolerance")
+    with options.progress_bar(f"picking what keeps {wanted.tolerance:g} m and rad"):
+        choice = choose(model, wanted, parameters=parameters)
+    options.out.print(choice_table(choice, wanted))
+    return chosen_rung(model, wanted, choice)

@@ -1,0 +1,77 @@
+"""A model made ready for the generic twin, which runs it from a description."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.records import Equations
+from cutjoint.methods import TWINS
+from cutjoint.model.read import read_model
+from cutjoint.model.records import Model, Output, Scene
+from cutjoint.pipeline import Artifact, generate, is_reduced
+from cutjoint.run.run_file import RunError
+from cutjoint.run.scenes import find_scene
+from cutjoint.toolchain.build import FLAGS, build_generic
+from cutjoint.twin.mechanism import describe_generic
+from cutjoint.twin.system import describe_generic_natural
+
+#: The library's solver that takes the place of the emitted factorisation, which the twin does not have.
+_SOLVERS: Mapping[str, str] = {"recursive": "emitted", "augmented": "eigen-ldlt", "classical": "klu"}
+
+
+def compile_generic_model(path: Path, *, scene: str | None = None, **how: Any) -> Artifact:
+    """A model file for the generic twin; ``how`` as in `compile_generic`.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError, RunError, MissingLibraryError, ToolchainError: as `compile_generic`.
+    """
+    model = read_model(path)
+    return compile_generic(model, find_scene(model, scene), **how)
+
+
+def compile_generic(
+    model: Model, scene: Scene, *, method: str = "recursive", flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None
+) -> Artifact:  # fmt: skip
+    """A model in a scene for the generic twin; ``outputs`` are instead of the scene's.
+
+    The artifact has the code that would be generated too, which is not compiled: what the twin is compared with.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
+        RunError: the method has no twin, or the twin does not take the model.
+        MissingLibraryError: a library that orders the method's matrices is not installed.
+        ToolchainError: the C++ side failed.
+    """
+    _require_twin(model, scene, method)
+    # Model -> Source and description
+    begin = perf_counter()
+    equations, program, source = generate(model, scene, scene.outputs if outputs is None else outputs, method=method)
+    description = _describe(equations, scene)
+    generated = perf_counter()
+    # Binary
+    binary = build_generic(flags=flags)
+    return Artifact(
+        topology=equations.topology, scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
+        implementation="generic", precision="double", generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
+        own_solver=_SOLVERS[method], description=description,
+    )  # fmt: skip
+
+
+def _require_twin(model: Model, scene: Scene, method: str) -> None:
+    if method not in TWINS:
+        raise RunError(f"{method} has no generic twin: there is one of {', '.join(TWINS)}; use --implementation generated")
+    if is_reduced(model, scene):
+        raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
+    if method == "recursive" and scene.numerics.closure != "penalty":
+        raise RunError(f"the generic twin knows closure: penalty only, not {scene.numerics.closure}; use --implementation generated")
+
+
+def _describe(equations: Equations, scene: Scene) -> dict[str, Any]:
+    """The model as the generic twin reads it."""
+    if isinstance(equations, LagrangianEquations):
+        return describe_generic_natural(equations)
+    return describe_generic(equations.topology, scene, equations.outputs)

@@ -1,0 +1,177 @@
+"""Topology -> a description (JSON) for the generic mechanism, which interprets the model at run time; expressions are trees (trees.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.inputs import make_charts, open_parameters
+from cutjoint.formulate.records import Chart
+from cutjoint.formulate.recursive.closures import derive_closure
+from cutjoint.model.quantities import reported_element, unit_of
+from cutjoint.model.records import (
+    COORDINATES,
+    SPEEDS,
+    AxialForce,
+    Body,
+    BodyLoad,
+    Bushing,
+    Force,
+    Joint,
+    JointForce,
+    Marker,
+    Output,
+    PointSpring,
+    Reaction,
+    Scalar,
+    Scene,
+    Tyre,
+)
+from cutjoint.topology.records import Topology, TreeJoint
+from cutjoint.twin.trees import Json, Trees, quantity_names
+
+
+def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> Json:
+    """The model in one scene: bodies in the order of the tree, cut joints, the forces that act, the reported columns."""
+    model, trees = topology.model, Trees.of(topology.model, scene)
+    charts = {chart.joint: chart for chart in make_charts(topology)}
+    bodies = {body.name: body for body in model.bodies}
+    tyres = [force.name for force in model.forces if isinstance(force, Tyre)]
+    return {
+        "format": "cutjoint-generic-1",
+        **heading(trees),
+        "bodies": [_body(trees, bodies[t.child], t, charts.get(t.joint.name)) for t in topology.tree],
+        "cuts": [_cut(trees, joint) for joint in topology.cuts],
+        "forces": [_force(trees, f, topology, tyres) for f in model.forces if is_active(f, scene)],
+        "outputs": [_output(trees, output, topology, scene) for output in outputs],
+    }
+
+
+def heading(trees: Trees) -> Json:
+    """What the descriptions for all twins begin with."""
+    model = trees.model
+    return {
+        "name": model.name,
+        "scene": trees.scene.name,
+        "gravity": trees.all(model.gravity),
+        "parameters": [{"name": p.name, "unit": p.unit, "default": p.value} for p in open_parameters(model)],
+        "roads": [force.name for force in model.forces if isinstance(force, Tyre)],
+    }
+
+
+def _body(trees: Trees, body: Body, t: TreeJoint, chart: Chart | None) -> Json:
+    return {
+        "name": body.name,
+        "parent": t.parent,
+        "reversed": t.reversed,
+        "mass": trees.one(body.mass),
+        "centre_of_mass": trees.all(body.centre_of_mass),
+        "inertia": trees.all(body.inertia),
+        "joint": {
+            **_geometry(trees, t.joint),
+            "guide": None if t.joint.guide is None else [trees.guide(guide) for guide in t.joint.guide],
+            "q": None if chart is None else chart.q,
+            "v": None if chart is None else chart.v,
+            "coordinates": [] if chart is None else list(chart.coordinate_names),
+            "speeds": [] if chart is None else list(chart.speed_names),
+        },
+    }
+
+
+def _cut(trees: Trees, joint: Joint) -> Json:
+    names = derive_closure(joint).names
+    return {**_geometry(trees, joint), "base": joint.base, "follower": joint.follower, "equations": list(names)}
+
+
+def _geometry(trees: Trees, joint: Joint) -> Json:
+    return {
+        "name": joint.name,
+        "kind": str(joint.kind),
+        "at": trees.all(joint.at),
+        "to": None if joint.to is None else trees.all(joint.to),
+        "axes": [trees.all(axis) for axis in joint.axes],
+        "pitch": None if joint.pitch is None else trees.one(joint.pitch),
+    }
+
+
+def _force(trees: Trees, force: Force, topology: Topology, tyres: Sequence[str]) -> Json:
+    match force:
+        case PointSpring():
+            details = {"start": trees.all(force.start), "end": trees.all(force.end), **_pair(trees, force, "length")}
+        case AxialForce():
+            geometry = {name: trees.all(getattr(force, name)) for name in ("origin", "point", "axis")}
+            details = {**geometry, **_pair(trees, force, "travel")}
+        case Bushing():
+            details = _bushing(trees, force)
+        case BodyLoad():
+            details = _load(trees, force)
+        case JointForce():
+            body, joint = next((t.child, t.joint) for t in topology.tree if t.joint.name == force.joint)
+            index = COORDINATES[joint.kind].index(force.coordinate)
+            details = {"body": body, "coordinate": index, "law": trees.law(force.law, "position")}
+        case Tyre():
+            geometry = {"centre": trees.all(force.centre), "axis": trees.all(force.axis)}
+            details = {"body": force.body, **geometry, "road": tyres.index(force.name), "constants": trees.constants(force)}
+    return {"name": force.name, "kind": _KINDS[type(force)], "quantities": quantity_names(force), **details}
+
+
+_KINDS: Mapping[type, str] = {
+    PointSpring: "point_spring", AxialForce: "axial_force", Bushing: "bushing", BodyLoad: "load", JointForce: "joint_force",
+    Tyre: "tyre",
+}  # fmt: skip
+
+
+def _pair(trees: Trees, force: PointSpring | AxialForce, position: str) -> Json:
+    return {"base": force.base, "follower": force.follower, "law": trees.law(force.law, position)}
+
+
+def _bushing(trees: Trees, force: Bushing) -> Json:
+    return {
+        "base": force.base,
+        "follower": force.follower,
+        "point": trees.all(force.point),
+        "axes": [trees.all(axis) for axis in force.axes],
+        "laws": trees.all(force.laws),
+    }
+
+
+def _load(trees: Trees, load: BodyLoad) -> Json:
+    return {
+        "body": load.body,
+        "point": None if load.point is None else trees.all(load.point),
+        "axes": load.axes,
+        "components": trees.loads(load),
+    }
+
+
+def _output(trees: Trees, output: Output, topology: Topology, scene: Scene) -> Json:
+    source = _source(trees, output, reported_element(topology.model, output), topology, scene)
+    return {"name": output.column, "unit": unit_of(topology.model, output), **source}
+
+
+def _source(trees: Trees, output: Output, element: Any, topology: Topology, scene: Scene) -> Json:
+    """Where a column's value comes from."""
+    match element:
+        case Body():
+            return _motion(trees, element.name, element.centre_of_mass, output.quantity)
+        case Marker():
+            return _motion(trees, element.body, element.point, output.quantity)
+        case Reaction():
+            direction = trees.all(element.direction)
+            return {"kind": "reaction", "cut": element.joint, "body": element.body, "direction": direction}
+        case Joint():
+            return _joint_value(output, element, topology)
+    return {"kind": "force", "quantity": output.column} if is_active(element, scene) else {"kind": "zero"}
+
+
+def _motion(trees: Trees, body: str, point: Iterable[Scalar], quantity: str) -> Json:
+    return {"kind": "motion", "body": body, "point": trees.all(point), "quantity": quantity}
+
+
+def _joint_value(output: Output, joint: Joint, topology: Topology) -> Json:
+    body = next(t.child for t in topology.tree if t.joint.name == joint.name)
+    coordinates = COORDINATES[joint.kind]
+    if output.quantity in coordinates:
+        return {"kind": "joint_position", "body": body, "index": coordinates.index(output.quantity)}
+    return {"kind": "joint_rate", "body": body, "index": SPEEDS[joint.kind].index(output.quantity)}

@@ -1,0 +1,123 @@
+"""The force elements of a description, over forms of points and directions.
+
+- ``point_spring``: forms way; a law over its length,
+- ``along``: forms way, axis; a law over way . axis,
+- ``angle``: a law over a node; ``course``: over a guided coordinate, for its reports alone,
+- ``bushing``: forms way, three axes of the base, three of the follower; six laws,
+- ``load``: forms [point,] [three axes of the body]; components over place, velocity and angular velocity, with their derivatives,
+- ``tyre``: forms centre, axis, three axes of the body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from cutjoint.formulate.forces import PLACE, is_active
+from cutjoint.formulate.natural.constraints import slide_axis
+from cutjoint.formulate.natural.needs import ANGLES
+from cutjoint.formulate.natural.nodes import Uses
+from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.records import (
+    COORDINATES,
+    GROUND,
+    AxialForce,
+    BodyLoad,
+    Bushing,
+    Force,
+    JointForce,
+    PointSpring,
+    Tyre,
+    Vector,
+)
+from cutjoint.twin.natural.forms import FormTable
+from cutjoint.twin.trees import Json, Trees, quantity_names
+
+ORIGIN: Vector = (sympy.Integer(0),) * 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceElement:
+    """A force element and the forms that it works on."""
+
+    name: str
+    kind: str
+    quantities: list[str]
+    details: Json
+    forms: tuple[Uses, ...] = ()
+
+
+def force_elements(table: FormTable, trees: Trees) -> Iterator[ForceElement]:
+    """The forces that the scene has switched on."""
+    maker = _Forces(table, trees)
+    rules: Mapping[type, Callable[[Any], tuple[str, Json, tuple[Uses, ...]]]] = {
+        PointSpring: maker.point_spring, AxialForce: maker.axial_force, JointForce: maker.joint_force, Bushing: maker.bushing,
+        BodyLoad: maker.load, Tyre: maker.tyre,
+    }  # fmt: skip
+    for force in trees.model.forces:
+        if is_active(force, trees.scene):
+            kind, details, forms = rules[type(force)](force)
+            yield ForceElement(name=force.name, kind=kind, quantities=quantity_names(force), details=details, forms=forms)
+
+
+class _Forces:
+    def __init__(self, table: FormTable, trees: Trees) -> None:
+        self._table = table
+        self._trees = trees
+        self._joints = {j.name: j for j in trees.model.joints}
+        self._tyres: list[Force] = [f for f in trees.model.forces if isinstance(f, Tyre)]
+
+    def _axes(self, body: str, axes: tuple[Vector, ...] = GLOBAL_AXES) -> tuple[Uses, ...]:
+        return tuple(self._table.direction(body, axis) for axis in axes)
+
+    def point_spring(self, force: PointSpring) -> tuple[str, Json, tuple[Uses, ...]]:
+        way = self._table.way((force.follower, force.end), (force.base, force.start))
+        return "point_spring", {"law": self._trees.law(force.law, "length")}, (way,)
+
+    def axial_force(self, force: AxialForce) -> tuple[str, Json, tuple[Uses, ...]]:
+        way = self._table.way((force.follower, force.point), (force.base, force.origin))
+        details = {"variable": "travel", "law": self._trees.law(force.law, "travel")}
+        return "along", details, (way, self._table.direction(force.base, force.axis))
+
+    def joint_force(self, force: JointForce) -> tuple[str, Json, tuple[Uses, ...]]:
+        joint, layout, law = self._joints[force.joint], self._table.layout, self._trees.law(force.law, "position")
+        if joint.guide is not None:
+            guide = joint.guide[COORDINATES[joint.kind].index(force.coordinate)]
+            return "course", {"law": law, "course": self._trees.guide(guide)}, ()
+        if force.coordinate in ANGLES.get(joint.kind, ()):
+            return "angle", {"law": law, "angle": layout.nodes.index(layout.angles[joint.name, force.coordinate])}, ()
+        base, follower = layout.slide_ends(joint)
+        way = self._table.way((follower, joint.at), (base, joint.at))
+        return "along", {"variable": "position", "law": law}, (way, self._table.direction(base, slide_axis(joint, force.coordinate)))
+
+    def bushing(self, force: Bushing) -> tuple[str, Json, tuple[Uses, ...]]:
+        way = self._table.way((force.follower, force.point), (force.base, force.point))
+        laws = [self._trees.law(law, "position") for law in force.laws]
+        return "bushing", {"laws": laws}, (way, *self._axes(force.base, force.axes), *self._axes(force.follower, force.axes))
+
+    def load(self, load: BodyLoad) -> tuple[str, Json, tuple[Uses, ...]]:
+        in_body = load.axes == "body"
+        at = () if load.point is None else (self._table.way((load.body, load.point), (GROUND, ORIGIN)),)
+        axes = self._axes(load.body) if in_body or load.point is None else ()
+        by = [
+            [[i, *self._trees.only_moving(load, [self._trees.one(derivative)])] for i, derivative in derivatives(component)]
+            for component in load.components
+        ]
+        details = {"torque": load.point is None, "in_body": in_body, "components": self._trees.loads(load), "by": by}
+        return "load", details, (*at, *axes)
+
+    def tyre(self, tyre: Tyre) -> tuple[str, Json, tuple[Uses, ...]]:
+        centre = self._table.way((tyre.body, tyre.centre), (GROUND, ORIGIN))
+        details = {"road": self._tyres.index(tyre), "constants": self._trees.constants(tyre)}
+        return "tyre", details, (centre, self._table.direction(tyre.body, tyre.axis), *self._axes(tyre.body))
+
+
+def derivatives(component: Any) -> Iterator[tuple[int, Any]]:
+    """The derivatives of a load's component by those variables (x to z, vx to vz, wx to wz) that it uses."""
+    for i, symbol in enumerate(PLACE):
+        derivative = sympy.diff(component, symbol)
+        if derivative != 0:
+            yield i, derivative

@@ -1,0 +1,140 @@
+"""The reported columns of a description: where each value comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from cutjoint.formulate.attitude import ATTITUDE
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.natural.constraints import slide_axis
+from cutjoint.formulate.natural.nodes import Node, Use, Uses
+from cutjoint.formulate.natural.parting import Bearer, find_bearer, share
+from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.quantities import reported_element, unit_of
+from cutjoint.model.records import COORDINATES, SPEEDS, Body, Joint, Marker, Output, Reaction, Scalar, Vector
+from cutjoint.twin.natural.forces import ForceElement
+from cutjoint.twin.natural.forms import FormTable, is_ground
+from cutjoint.twin.natural.masses import masses_of
+from cutjoint.twin.natural.rows import Row
+from cutjoint.twin.trees import Json, Trees
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reports:
+    """Describes outputs of a system with these equations and forces."""
+
+    table: FormTable
+    trees: Trees
+    rows: Sequence[Row]
+    forces: Sequence[ForceElement]
+
+    def describe(self, output: Output) -> Json:
+        """One column."""
+        source = self._source(output, reported_element(self.trees.model, output))
+        return {"name": output.column, "unit": unit_of(self.trees.model, output), **source}
+
+    def _source(self, output: Output, element: Any) -> Json:
+        match element:
+            case Body():
+                return self._motion(element.name, element.centre_of_mass, output.quantity)
+            case Marker():
+                return self._motion(element.body, element.point, output.quantity)
+            case Reaction():
+                return self._reaction(element)
+            case Joint():
+                return self._joint(element, output.quantity)
+        return {"kind": "force", "quantity": output.column} if is_active(element, self.trees.scene) else {"kind": "zero"}
+
+    def _axes(self, body: str) -> list[int] | None:
+        """The numbers of a body's directions; none of a body that stands still."""
+        if is_ground(self.table.layout, body):
+            return None
+        return [self.table.number(self.table.direction(body, axis)) for axis in GLOBAL_AXES]
+
+    def _motion(self, body: str, point: Vector, quantity: str) -> Json:
+        if quantity in ATTITUDE:
+            axes = [self.table.number(self.table.direction(body, axis)) for axis in GLOBAL_AXES]
+            return {"kind": "attitude", "angle": quantity, "axes": axes}
+        axis, kind = "xyz".index(quantity[-1]), quantity[:-1]
+        if kind == "w":
+            return {"kind": "spin", "axes": self._axes(body), "axis": axis}
+        kinds = {"": "position", "v": "velocity", "a": "acceleration"}
+        return {"kind": kinds[kind], "form": self.table.number(self.table.point(body, point)), "axis": axis}
+
+    # Joints
+
+    def _joint(self, joint: Joint, quantity: str) -> Json:
+        if quantity in ("wx", "wy", "wz"):
+            inner, outer = self.table.layout.outwards[joint.name]
+            direction = self.table.direction(inner, GLOBAL_AXES["xyz".index(quantity[-1])])
+            axes = {"inner": self._axes(inner), "outer": self._axes(outer)}
+            return {"kind": "relative_spin", **axes, "direction": self.table.number(direction)}
+        is_rate = quantity not in COORDINATES[joint.kind]
+        index = (SPEEDS if is_rate else COORDINATES)[joint.kind].index(quantity)
+        return {**self._coordinate(joint, index), "rate": is_rate}
+
+    def _coordinate(self, joint: Joint, index: int) -> Json:
+        layout, coordinate = self.table.layout, COORDINATES[joint.kind][index]
+        if joint.guide is not None:
+            return {"kind": "course", "course": self.trees.guide(joint.guide[index])}
+        if (joint.name, coordinate) in layout.angles:
+            return {"kind": "angle", "angle": layout.nodes.index(layout.angles[joint.name, coordinate])}
+        base, follower = layout.slide_ends(joint)
+        way = self.table.way((follower, joint.at), (base, joint.at))
+        axis = self.table.direction(base, slide_axis(joint, coordinate))
+        return {"kind": "slide", "way": self.table.number(way), "axis": self.table.number(axis)}
+
+    # Reactions
+
+    def _reaction(self, reaction: Reaction) -> Json:
+        """The force of a joint on its follower along a direction.
+
+        A joint whose equations hold the way between its points pulls with their multipliers; else see formulate/natural/parting.py.
+        """
+        model, layout = self.trees.model, self.table.layout
+        joint = next(j for j in model.joints if j.name == reaction.joint)
+        direction = {"kind": "reaction", "direction": self.table.number(self.table.direction(reaction.body, reaction.direction))}
+        held = [(i, row) for i, row in enumerate(self.rows) if row.element == joint.name and row.pulls]
+        if held:
+            rows = [[i, [int(uses is row.forms[0]) for uses in row.forms]] for i, row in held]
+            return {**direction, "sign": -1, "rows": rows, "masses": [], "forces": [], "weight": 0}
+        bearer = find_bearer(layout, model, reaction, joint)
+        if not bearer.held:
+            return {**direction, "sign": bearer.sign, **self._parted(bearer)}
+        rows = [
+            [i, [1]] for i, row in enumerate(self.rows)
+            if row.element == bearer.group and row.name in [f"{bearer.node.name}.{axis}" for axis in "xyz"]
+        ]  # fmt: skip
+        return {**direction, "sign": bearer.sign, "rows": rows, "masses": [], "forces": [], "weight": 0}
+
+    def _parted(self, bearer: Bearer) -> Json:
+        """How all equations, masses and forces share in the displacement of a node that one group moves alone."""
+        shares = [(i, self._shares(row.forms, bearer)) for i, row in enumerate(self.rows)]
+        pushes = [(i, self._shares(force.forms, bearer)) for i, force in enumerate(self.forces)]
+        return {
+            "rows": [[i, by_form] for i, by_form in shares if any(by_form)],
+            "forces": [[i, by_form] for i, by_form in pushes if any(by_form)],
+            "masses": self._inertia(bearer),
+            "weight": self.trees.one(self._weight(bearer)),
+        }
+
+    def _shares(self, forms: tuple[Uses, ...], bearer: Bearer) -> list[Any]:
+        return self.trees.all(share(uses, bearer) for uses in forms)
+
+    def _inertia(self, bearer: Bearer) -> list[Any]:
+        """Accelerations of nodes, each with the mass that it moves there."""
+        terms: dict[Node, Scalar] = {}
+        for owner, i, j, mass in masses_of(self.table.layout, self.trees.model):
+            part = share((Use(1, owner.name, {i: 1}),), bearer)
+            if part != 0:
+                terms[j] = terms.get(j, 0) + part * mass
+        return [[self.table.number_of({j: 1}), self.trees.one(mass)] for j, mass in terms.items()]
+
+    def _weight(self, bearer: Bearer) -> Scalar:
+        """The mass whose weight rests there."""
+        centres = ((body.mass, self.table.point(body.name, body.centre_of_mass)) for body in self.trees.model.bodies if body.mass != 0)
+        return sum((mass * share(uses, bearer) for mass, uses in centres), sympy.Integer(0))

@@ -1,0 +1,82 @@
+"""Where the fixed point of the recursive method ends, predicted from its map along a scene's trajectory."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+
+from cutjoint.pipeline import Artifact, simulate
+from cutjoint.run.outputs import partial_of
+from cutjoint.run.results import Array
+from cutjoint.toolchain.temporary import temporary_folder
+from cutjoint_bench.cases import make_rows
+from cutjoint_bench.records import Case
+
+#: Rows at which the map is looked at, at most.
+MOST_STATES = 500
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """The largest step, s, for which the map contracts at every state, and for which it does so fast enough to end within the scene's
+    iterations; the time in s of the state that sets the first.
+    """
+
+    contracts: float
+    ends: float
+    time: float
+
+
+def predict_limit(case: Case, artifact: Artifact) -> Prediction | None:
+    """Predict the largest step of a case compiled by the recursive method; None where its penalty follows the step.
+
+    With the accelerations a of a state, the map from accelerations to accelerations has the Jacobian
+    dt^2/4 da/dq + dt/2 da/dv (eqs. 43, 44); the fixed point contracts while its spectral radius is below one.  After n iterations an error
+    is radius^n of what it was, so they reach a tolerance where the radius is below tolerance^(1/n).
+    """
+    if case.scene.numerics.by_step:
+        return None
+    numerics = case.scene.numerics.of_method("recursive")
+    enough = numerics.tolerance ** (1 / numerics.iterations)
+    contracts, ends, time = inf, inf, 0.0
+    for t, stiffness, damping in _tangents(case, artifact):
+        if (found := _limit(stiffness, damping, 1.0, contracts)) < contracts:
+            contracts, time = found, t
+        ends = _limit(stiffness, damping, enough, ends)
+    return Prediction(contracts=contracts, ends=ends, time=time)
+
+
+def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Array]]:
+    """Time, da/dq and da/dv at rows of a run at the scene's own step."""
+    with temporary_folder() as folder:
+        path = folder / "tangents.jsonl"
+        own = replace(artifact, scene=replace(case.scene, output_step=make_rows(case.scene.output_step, case.scene.end, MOST_STATES)))
+        run = simulate(own, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path)
+        with (path if run.failure is None else partial_of(path)).open(encoding="utf-8") as lines:
+            for line in lines:
+                found = json.loads(line)
+                columns = (np.array(found[name], dtype=float) for name in ("stiffness", "damping"))
+                stiffness, damping = (c.reshape(int(len(c) ** 0.5), -1).T for c in columns)
+                yield found["t"], stiffness, damping
+
+
+def _limit(stiffness: Array, damping: Array, radius: float, known: float) -> float:
+    """The step at which the map has a spectral radius, if that is below a known one; to a part in a thousand, else the known one."""
+
+    def is_below(dt: float) -> bool:
+        return bool(np.abs(np.linalg.eigvals(dt * dt / 4 * stiffness + dt / 2 * damping)).max(initial=0.0) < radius)
+
+    high = min(known, 1e3)
+    if is_below(high):
+        return known
+    low = high
+    while not is_below(low):
+        low, high = low / 2, low
+    while high > 1.001 * low:
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if is_below(middle) else (low, middle)
+    return low

@@ -1,0 +1,187 @@
+"""The compiler's own methods as contenders: every formulation, twin and linear solver that there is."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from cutjoint.emit.source import Source
+from cutjoint.methods import ADAPTIVE, COMPARISON_SOLVERS, EXPLICIT, IMPLICIT, LOCATING, METHODS, SOLVERS, SYMMETRIC_SOLVERS, TWINS
+from cutjoint.pipeline import Artifact, compile_scene, generate, generate_for, simulate
+from cutjoint.reduce.ladder import Rung, climb
+from cutjoint.run.results import Trajectory
+from cutjoint.run.run_file import RunError
+from cutjoint.run.steps import common_step
+from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.temporary import temporary_folder
+from cutjoint.twin.artifact import compile_generic
+from cutjoint_bench.records import Case, Contender
+
+#: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
+TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
+
+#: Integrators besides the trapezoidal rule, by the method that they take.
+_INTEGRATORS = (("recursive", EXPLICIT), ("recursive-newton", IMPLICIT))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnRunner:
+    """A compiled case; ``located`` ends steps at events where the integrator would go over them."""
+
+    artifact: Artifact
+    solver: str = "emitted"
+    integrator: str = "trapezoidal"
+    located: bool = False
+    tolerance: float | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def configuration(self) -> Mapping[str, str]:
+        """Compiler, flags and digest of the generated code."""
+        a = self.artifact
+        made = {"compiler": a.binary.compiler, "flags": " ".join(a.binary.flags), "precision": a.precision}
+        return {**made, **identity(a.source, a.implementation)}
+
+    def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
+        """A run whose rows are some of the case's.
+
+        It is of a copy of the simulator: where the pages of a file lie in memory changes times by up to 40 %, and stays as long as the file
+        is there, so that repetitions of the same one would not show it.
+        """
+        scene, binary = self.artifact.scene, self.artifact.binary
+        with temporary_folder() as folder:
+            copied = replace(binary, path=Path(shutil.copy2(binary.path, folder)))
+            artifact = replace(self.artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)), binary=copied)
+            steps = folder / "steps.csv" if measured else None
+            events = "located" if self.located or self.integrator in LOCATING else "crossed"
+            return simulate(
+                artifact, dt=dt, solver=self.solver, integrator=self.integrator, events=events, tolerance=self.tolerance,
+                parameters=self.parameters, steps=steps,
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdaptiveRunner(OwnRunner):
+    """A compiled case whose integrator takes steps of its own: ``dt`` says how accurate it is asked to be.
+
+    The tolerance is 1e-6 at the scene's own step and goes with the fifth power, as the errors of such steps do.
+    """
+
+    def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
+        """A run whose rows are the case's."""
+        own = self.artifact.scene.numerics.of_method(self.artifact.method).dt
+        with_tolerance = replace(self, tolerance=min(max(1e-6 * (dt / own) ** 5, 1e-13), 1e-2))
+        return OwnRunner.__call__(with_tolerance, self.artifact.scene.output_step, measured=measured)
+
+
+def own_contenders() -> Iterator[Contender]:
+    """Generated code by each method in the order of METHODS; other integrators; steps that end at events; without lanes; of the reduced
+    model; other solvers; generic twins."""
+    for method in METHODS:
+        yield _contender(method, method, "generated", method=method)
+    for method, integrators in _INTEGRATORS:
+        for integrator in integrators:
+            yield _contender(f"{method}/{integrator}", f"{method}, {integrator}", "integrators", method=method, integrator=integrator)
+    for method, _ in _INTEGRATORS:
+        yield _contender(f"{method}/events", f"{method}, steps end at events", "integrators", method=method, located=True)
+    for method in METHODS:
+        yield _contender(f"{method}/scalar", f"{method}, without lanes", "scalar", method=method, lanes=False)
+    for method in METHODS:
+        yield Contender(
+            name=f"{method}/reduced", label=f"{method}, reduced model", group="reduced", prepare=partial(_reduced, method=method),
+            identify=partial(_identify_reduced, method=method),
+        )  # fmt: skip
+    for method, integrators in _INTEGRATORS:
+        for integrator in (x for x in integrators if x in ADAPTIVE):
+            yield Contender(
+                name=f"{method}/{integrator}/reduced", label=f"{method}, {integrator}, reduced model", group="reduced",
+                prepare=partial(_reduced, method=method, integrator=integrator), identify=partial(_identify_reduced, method=method),
+            )  # fmt: skip
+    for method in METHODS[1:]:
+        for solver in SOLVERS:
+            if solver != "emitted" and (method == "augmented" or solver not in SYMMETRIC_SOLVERS):
+                yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
+    for method in TWINS:
+        yield Contender(
+            name=f"{method}/generic", label=f"{method}, generic twin", group="generic", prepare=partial(_prepare_twin, method=method),
+            identify=partial(identify_code, method=method, implementation="generic"),
+        )  # fmt: skip
+
+
+def precision_contenders() -> Iterator[Contender]:
+    """Each method in each number type; then the Lagrangian ones with the balance in 64 bits and the factors in 53."""
+    for method in METHODS:
+        for precision, tolerance in TOLERANCES.items():
+            yield _contender(
+                f"{method}/{precision}", f"{method}, {precision}", "precision", method=method, precision=precision, tolerance=tolerance
+            )
+    for method, solver in (("augmented", "double-ldlt"), ("classical", "double-lu")):
+        yield _contender(
+            f"{method}/mixed", f"{method}, extended with factors in double", "precision", method=method, precision="extended",
+            solver=solver, tolerance=TOLERANCES["extended"],
+        )  # fmt: skip
+
+
+def _contender(name: str, label: str, group: str, **how: Any) -> Contender:
+    return Contender(name=name, label=label, group=group, prepare=partial(_prepare, **how), identify=partial(identify_code, **how))
+
+
+def _prepare(
+    case: Case, *, method: str, solver: str = "emitted", lanes: bool = True, precision: str = "double", tolerance: float | None = None,
+    integrator: str = "trapezoidal", located: bool = False,
+) -> OwnRunner:  # fmt: skip
+    artifact = compile_scene(
+        case.model, case.scene, method=method, outputs=case.outputs, lanes=lanes, comparison=solver in COMPARISON_SOLVERS,
+        precision=precision,
+    )  # fmt: skip
+    return _runner(integrator)(
+        artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
+    )
+
+
+def _prepare_twin(case: Case, *, method: str) -> OwnRunner:
+    return OwnRunner(artifact=compile_generic(case.model, case.scene, method=method, outputs=case.outputs), parameters=case.parameters)
+
+
+def _runner(integrator: str) -> type[OwnRunner]:
+    return AdaptiveRunner if integrator in ADAPTIVE else OwnRunner
+
+
+def identify_code(
+    case: Case, *, method: str, implementation: str = "generated", lanes: bool = True, precision: str = "double", **_: object
+) -> Mapping[str, str]:  # fmt: skip
+    """The `identity` of what a case's generated code is now, without compiling it."""
+    made = generate_for(case.model, case.scene, case.outputs, method=method, lanes=lanes, precision=precision)
+    return identity(made[-1], implementation)
+
+
+def identity(source: Source, implementation: str = "generated") -> Mapping[str, str]:
+    """What figures of generated code depend on besides machine and compiler: its digest and that of the runtime."""
+    return {"digest": source.digest, "runtime": runtime_digest(part="generic" if implementation == "generic" else "")}
+
+
+def _reduced(case: Case, *, method: str, integrator: str = "trapezoidal") -> OwnRunner:
+    rung = _last_exact(case, method)
+    artifact = compile_scene(rung.model, rung.scene, method=method)
+    return _runner(integrator)(artifact=artifact, integrator=integrator, parameters=case.parameters)
+
+
+def _identify_reduced(case: Case, *, method: str) -> Mapping[str, str]:
+    rung = _last_exact(case, method)
+    return identity(generate(rung.model, rung.scene, rung.scene.outputs, method=method)[-1])
+
+
+def _last_exact(case: Case, method: str) -> Rung:
+    """The last exact rung of the ladder.
+
+    Raises:
+        RunError: there is none but the full model.
+    """
+    rungs = [rung for rung in climb(case.model, replace(case.scene, outputs=case.outputs), method) if rung.motion == "exact"]
+    if len(rungs) == 1:
+        raise RunError("no pass makes the model smaller")
+    return rungs[-1]

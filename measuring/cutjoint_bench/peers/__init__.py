@@ -1,0 +1,1 @@
+"""Other simulators: the programs that `cutjoint export` writes, compiled and run."""

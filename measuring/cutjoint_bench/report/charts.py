@@ -1,0 +1,144 @@
+"""Charts of a bench as SVG text."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from cutjoint_bench.findings import timed
+
+Line = Mapping[str, Any]
+
+#: Okabe and Ito's colours, which differ to colour-blind eyes too; black is left for what stands alone.
+COLOURS = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#882255", "#117733", "#AA4499", "#8C564B", "#666666",
+)  # fmt: skip
+
+#: What a group of contenders is drawn with.
+STYLES: Mapping[str, tuple[str, str]] = {
+    "generated": ("-", "o"), "scalar": ("-", "x"), "solvers": (":", "."), "generic": ("--", "s"), "precision": ("-", "o"),
+    "peer": ("-.", "^"), "reduced": ("--", "D"), "rungs": ("--", "v"), "integrators": (":", "P"),
+}  # fmt: skip
+
+_ERRORS = {"position": "largest error of position [m]", "velocity": "largest error of velocity [m/s]"}
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """A figure to draw on."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasSVG(figure)
+    return figure
+
+
+def svg_of(figure: Figure) -> str:
+    """The figure as an SVG element; the same bytes for the same figure."""
+    text = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": "cutjoint", "svg.fonttype": "none"}):
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    content = text.getvalue()
+    return content[content.index("<svg") :]
+
+
+def style(panel: Axes) -> None:
+    """What all panels have."""
+    panel.grid(visible=True, which="major", linewidth=0.4, color="#dddddd")
+    panel.spines[["top", "right"]].set_visible(False)
+
+
+def draw_work_precision(case: Mapping[str, Any]) -> str:
+    """Time over error, a line a contender, its step along the line; the scene's own step is ringed, in the paper's scenes the paper's."""
+    figure = new_figure(11, 4.8)
+    panels = figure.subplots(1, 2)
+    for panel, (name, label) in zip(panels, _ERRORS.items(), strict=True):
+        for colour, line in zip(_colours(case["lines"]), case["lines"], strict=True):
+            _draw_line(panel, line, name, colour)
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.invert_xaxis()
+        panel.set_xlabel(label)
+        style(panel)
+    panels[0].set_ylabel(f"time for {case['end']:g} s of motion [s]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small", frameon=False)
+    return svg_of(figure)
+
+
+def _colours(lines: Sequence[Line]) -> list[str]:
+    """A colour a formulation and a further one a peer, precision or integrator; twins and solvers of a formulation share its colour, and
+    reduced models that of the full one."""
+    own = ("peer", "precision", "integrators", "reduced")
+    names = [(line["contender"].removesuffix("/reduced"), line["group"]) for line in lines]
+    families = [name if group in own else name.partition("/")[0] for name, group in names]
+    of = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(dict.fromkeys(families))}
+    return [of[family] for family in families]
+
+
+def _draw_line(panel: Axes, line: Line, name: str, colour: str) -> None:
+    points = [p for p in timed(line) if p["errors"][name]]
+    if not points:
+        return
+    stroke, mark = STYLES.get(line["group"], ("-", "o"))
+    x, y = [p["errors"][name] for p in points], [median(p["seconds"]) for p in points]
+    panel.plot(x, y, stroke, marker=mark, markersize=3.5, linewidth=1.2, color=colour, label=line["label"])
+    for p, error, seconds in zip(points, x, y, strict=True):
+        if p["dt"] == line.get("dt"):
+            panel.plot([error], [seconds], "o", markersize=9, markerfacecolor="none", color=colour)
+            panel.annotate(f"{1e3 * p['dt']:g} ms", (error, seconds), xytext=(5, 5), textcoords="offset points", fontsize="x-small")
+
+
+def draw_drift(drift: Mapping[str, Any]) -> str:
+    """The change of what a mechanism keeps, over time, a line a method."""
+    kept = [name for name in ("energy", "momentum") if drift[name]]
+    figure = new_figure(11, 3.2)
+    panels = figure.subplots(1, len(kept), squeeze=False)[0]
+    for panel, name in zip(panels, kept, strict=True):
+        for colour, line in zip(COLOURS, drift["lines"], strict=False):
+            panel.plot(line["t"], line[name], linewidth=1.0, color=colour, label=line["method"])
+        panel.set_xlabel("t [s]")
+        panel.set_ylabel(f"relative change of {name}")
+        style(panel)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize="small", frameon=False)
+    return svg_of(figure)
+
+
+def draw_convergence(case: Mapping[str, Any]) -> str:
+    """Error over step, with the slope of the second order."""
+    figure = new_figure(11, 4.2)
+    panels = figure.subplots(1, 2)
+    for panel, (name, label) in zip(panels, _ERRORS.items(), strict=True):
+        steps, errors = [], []
+        for colour, line in zip(_colours(case["lines"]), case["lines"], strict=True):
+            points = [p for p in timed(line) if p["errors"][name]]
+            if line["group"] in ("generated", "precision", "peer") and points:
+                mark = STYLES[line["group"]][1]
+                panel.plot([p["dt"] for p in points], [p["errors"][name] for p in points], marker=mark, markersize=3.5, linewidth=1.2,
+                           color=colour, label=line["label"])  # fmt: skip
+                steps += [p["dt"] for p in points]
+                errors += [p["errors"][name] for p in points]
+        _draw_slope(panel, steps, errors)
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.set_xlabel("step [s]")
+        panel.set_ylabel(label)
+        style(panel)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize="small", frameon=False)
+    return svg_of(figure)
+
+
+def _draw_slope(panel: Axes, steps: Sequence[float], errors: Sequence[float]) -> None:
+    """A line of slope two through the middle."""
+    if not steps:
+        return
+    low, high = min(steps), max(steps)
+    at = errors[min(range(len(steps)), key=lambda i: abs(steps[i] - (low * high) ** 0.5))]
+    middle = (low * high) ** 0.5
+    panel.plot([low, high], [at * (low / middle) ** 2, at * (high / middle) ** 2], color="#888888", linewidth=0.8, label="slope 2")

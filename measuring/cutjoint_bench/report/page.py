@@ -1,0 +1,155 @@
+"""The page of a bench: one HTML file that needs no network; its charts are within it, or some of them files beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from html import escape
+from math import isnan
+from typing import Any
+
+import jinja2
+
+from cutjoint.methods import ADAPTIVE
+from cutjoint_bench.findings import fastest_ours, fastest_peer, order
+from cutjoint_bench.report.atlas_charts import draw_atlas
+from cutjoint_bench.report.charts import draw_convergence, draw_drift, draw_work_precision
+from cutjoint_bench.report.precisions import describe_precisions
+from cutjoint_bench.report.tables import (
+    milliseconds,
+    tabulate_configurations,
+    tabulate_limits,
+    tabulate_lines,
+    tabulate_paper,
+    tabulate_parallel,
+    tabulate_situations,
+    tabulate_stiff,
+    tabulate_studies,
+    tabulate_targets,
+)
+
+Data = Mapping[str, Any]
+
+#: Distances (m) of the routes of a reference that tell of a jump of speed, and of kinks in a road.
+_JUMP, _KINK = 1e-3, 1e-8
+
+
+Draw = Callable[[Data], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Charts:
+    """How a page shows its charts: functions from a case, a drift or an atlas to HTML, empty for a chart that it leaves out.
+
+    ``note`` is what the page says of charts that it leaves out.
+    """
+
+    work_precision: Draw = draw_work_precision
+    convergence: Draw = draw_convergence
+    drift: Draw = draw_drift
+    atlas: Draw = draw_atlas
+    note: str = ""
+
+
+#: All charts, within the page.
+INLINE = Charts()
+
+
+def link_charts(files: Mapping[tuple[str, str], str], note: str) -> Charts:
+    """Charts of time over error as files beside the page, by name and title of their case; no others."""
+
+    def link(case: Data) -> str:
+        file = files.get((case["name"], case["title"]))
+        return "" if file is None else f'<img src="{escape(file)}" alt="Time over error, {escape(case["name"])}">'
+
+    return Charts(work_precision=link, convergence=_left_out, drift=_left_out, atlas=_left_out, note=note)
+
+
+def _left_out(_: Data) -> str:
+    return ""
+
+
+def render_page(studies: Mapping[str, Data], charts: Charts = INLINE) -> str:
+    """The page of what `study.perform` returned for each study, by its name."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("cutjoint_bench"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=True,
+    )  # fmt: skip
+    cases, drifts, atlases, situations = (
+        [part for data in studies.values() for part in data[name]] for name in ("cases", "drifts", "atlases", "situations")
+    )
+    return environment.get_template("bench.html.jinja").render(
+        studies=tabulate_studies(studies), configurations=tabulate_configurations(cases),
+        cases=[_case(case, charts) for case in cases if case["lines"]],
+        paper=tabulate_paper(cases), stiff=tabulate_stiff(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
+        drifts=[_drift(drift, charts) for drift in drifts],
+        atlases=[{"title": a["title"], "words": a["words"], "chart": charts.atlas(a)} for a in atlases],
+        situations=tabulate_situations(situations), note=charts.note,
+    )  # fmt: skip
+
+
+def _case(case: Data, charts: Charts) -> dict[str, Any]:
+    return {
+        "name": case["name"], "title": case["title"], "end": case["end"], "reference": _reference(case), "words": describe(case),
+        "work_precision": charts.work_precision(case), "convergence": charts.convergence(case),
+        "lines": tabulate_lines(case), "targets": tabulate_targets(case),
+    }  # fmt: skip
+
+
+def _drift(drift: Data, charts: Charts) -> dict[str, Any]:
+    kept = {"energy": "the largest kinetic energy", "momentum": "the momentum at the start"}
+    words = []
+    for name, size in kept.items():
+        if drift[name]:
+            changes = ", ".join(f"{line['method']} {max(map(abs, line[name])):.1e}" for line in drift["lines"] if line[name])
+            words.append(f"Largest change of {name}, relative to {size}: {changes}.")
+    words += [f"{line['method']} fails: {line['failure']}." for line in drift["lines"] if line["failure"]]
+    return {"name": drift["name"], "dt": f"{1e3 * drift['dt']:g}", "words": words, "chart": charts.drift(drift)}
+
+
+def _reference(case: Data) -> str:
+    reference = case["reference"]
+    if reference is None:
+        return "There is no reference: errors are unknown."
+    made = reference["provenance"]
+    if made["precision"] == "exact":
+        return "The exact motion is known in closed form."
+    words = f"The reference is integrated in {made['precision']} precision by {' and by '.join(made['routes'])}"
+    if reference["position_apart"] is not None:
+        return (
+            f"{words}; the two routes, which share neither formulation nor integrator, are {reference['position_apart']:.1e} m and "
+            f"{reference['velocity_apart']:.1e} m/s apart at most{_impact(reference['position_apart'])}."
+        )
+    reasons = "; ".join(f"{route}: {why}" for route, why in made["left out"].items())
+    return f"{words} alone ({reasons or 'the other formulation does not take this model'})."
+
+
+def _impact(apart: float) -> str:
+    """Why routes are far apart."""
+    if apart > _JUMP:
+        return " (where a guide's speed jumps, only the first takes the impact at once)"
+    return " (each meets the kinks of a road between steps of its own)" if apart > _KINK else ""
+
+
+def describe(case: Data) -> list[str]:
+    """What the chart of a case shows, in sentences."""
+    lines = [line for line in case["lines"] if "refused" not in line]
+    orders = [(line["label"], order(line)) for line in lines if _has_steps(line)]
+    known = [f"{label} {value:.2f}" for label, value in orders if not isnan(value)]
+    sentences = [f"Orders of convergence in position: {', '.join(known)}."] if known else []
+    for target in (1e-3, 1e-5):
+        ours, peer = fastest_ours(lines, target), fastest_peer(lines, target)
+        if ours:
+            sentences.append(f"At an error of {target:.0e} m the fastest generated code is {ours[0]} with {milliseconds(ours[1])} ms.")
+        if ours and peer:
+            sentences.append(f"The fastest peer there is {peer[0]} with {milliseconds(peer[1])} ms, {peer[1] / ours[1]:.1f} times that.")
+    sentences += describe_precisions(lines)
+    failed = [f"{line['label']} at {1e3 * p['dt']:g} ms ({p['failure']})" for line in lines for p in line["points"][:1] if p["failure"]]
+    if failed:
+        sentences.append(f"With the largest step tried these fail: {'; '.join(failed)}.")
+    return sentences
+
+
+def _has_steps(line: Data) -> bool:
+    """Whether a line is of generated code with steps of equal length."""
+    return line["group"] in ("generated", "integrators") and line["contender"].partition("/")[2] not in ADAPTIVE

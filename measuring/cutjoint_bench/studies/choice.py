@@ -1,0 +1,145 @@
+"""What `method: auto` picks beside the best of an exhaustive search: `make choice`.
+
+The search tries every rung of every method with steps that fall by 9 %, where the choice tries the last rung of each kind of motion with
+steps that fall by a factor of 1.4.  Both measure against the same truth and are timed in one run, in turns.  What was measured is kept in
+results/choice, so that an interrupted run goes on; the rows are kept in docs/bench/choice.json, each with its machine and version.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from math import inf
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from cutjoint.methods import METHODS
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import compile_scene
+from cutjoint.reduce.choose import PATIENCE, Candidate, choose, try_rung
+from cutjoint.reduce.ladder import Rung, climb
+from cutjoint.reduce.measure import time_run
+from cutjoint.reduce.truth import Truth, at_step, find_truth
+from cutjoint.run.run_file import RunError
+from cutjoint.run.scenes import find_scene
+from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.machine import machine
+from cutjoint.version import __version__
+from cutjoint_bench.store import Record, Store
+from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
+
+#: Model, scene (the only one of its model where there is none), end in s (the scene's where there is none), tolerance in m and rad.
+SCENES = (
+    ("pendulum", None, None, 1e-3), ("four_bar", None, None, 1e-3), ("slider_crank", None, None, 1e-3), ("flyball", None, None, 1e-4),
+    ("iltis", "iavsd_inphase_5", None, 1e-3), ("iltis", "simul1", 4.0, 1e-2), ("iltis", "simul2", 4.0, 1e-2),
+    ("iltis", "simul3", 4.0, 1e-2),
+)  # fmt: skip
+
+FINE = 2**0.125
+
+#: Rounds of timing, in turns, of what was picked and what is best where they differ.
+ROUNDS = 8
+
+
+KEPT = DOCS / "choice.json"
+
+
+@click.command()
+@click.option("--only", multiple=True, metavar="NAME", help="Models or scenes to measure; the file keeps the others.")
+def main(only: tuple[str, ...]) -> None:
+    """Measure what is not yet measured, print a row for each scene, and keep the results."""
+    store = Store(RESULTS / "choice" / "measurements.jsonl")
+    rows: dict[str, Record] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    for name, scene, end, tolerance in SCENES:
+        model = read_model(MODELS / f"{name}.yaml")
+        found = find_scene(model, scene)
+        if only and not {name, found.name} & set(only):
+            continue
+        wanted = replace(found, method="auto", tolerance=tolerance, end=found.end if end is None else end)
+        rows[f"{name} {found.name}"] = Comparison(model=model, scene=wanted, store=store).row()
+        KEPT.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    _print(list(rows.values()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A scene that method auto chooses for, and that is searched."""
+
+    model: Model
+    scene: Scene
+    store: Store
+
+    @cached_property
+    def truth(self) -> Truth:
+        """What errors are measured by."""
+        return find_truth(self.model, self.scene, {})
+
+    def row(self) -> Record:
+        """What was picked, what is best, how far both are from the truth, and their times in s."""
+        picked = choose(self.model, self.scene).picked
+        return self._get({"picked": asdict(picked), "rounds": ROUNDS}, partial(self._compare, picked))
+
+    def _compare(self, picked: Candidate) -> Record:
+        tried = list(self._search())
+        best = min([*(c for c in tried if not c.failure), picked], key=lambda c: c.seconds)
+        different = list(dict.fromkeys((c.method, c.rung, c.dt) for c in (picked, best)))
+        times = [[self._seconds(*of) for of in different] for _ in range(ROUNDS)]
+        fastest = [min(column) for column in zip(*times, strict=True)]
+        seconds = [fastest[0], fastest[-1]]
+        return {
+            "model": self.model.name, "scene": self.scene.name, "end": self.scene.end, "tolerance": self.scene.tolerance,
+            "picked": asdict(picked), "best": asdict(best), "candidates": [asdict(c) for c in tried],
+            "settled": self.truth.settled, "seconds": seconds, "ratio": seconds[0] / seconds[1], "machine": dict(machine()),
+            "version": __version__, "runtime": runtime_digest(),
+        }  # fmt: skip
+
+    def _search(self) -> Iterator[Candidate]:
+        fastest = inf
+        for method in METHODS:
+            for rung in self._rungs(method):
+                of = {"rung": rung.name, "method": method, "limit": fastest}
+                found = Candidate(**self._get(of, partial(self._try, rung, fastest)))
+                fastest = min(fastest, inf if found.failure else found.seconds)
+                yield found
+
+    def _try(self, rung: Rung, fastest: float) -> Record:
+        return asdict(try_rung(rung, self.scene, {}, self.truth, ratio=FINE, limit=PATIENCE * fastest))
+
+    def _rungs(self, method: str) -> list[Rung]:
+        try:
+            return climb(self.model, self.scene, method, approximate=True)
+        except (ModelError, RunError):
+            return []
+
+    def _seconds(self, method: str, name: str, dt: float) -> float:
+        rung = next(r for r in self._rungs(method) if r.name == name)
+        return time_run(at_step(compile_scene(rung.model, rung.scene, method=method), dt), dt).seconds
+
+    def _get(self, of: dict[str, Any], make: Any) -> Record:
+        about = {"model": self.model.text, "scene": repr(self.scene), "version": __version__, "runtime": runtime_digest(), **of}
+        return self.store.get(about, make)
+
+
+def _print(rows: list[Record]) -> None:
+    table = Table(title="method auto beside an exhaustive search", title_justify="left", box=None)
+    for heading in ("scene", "tolerance", "picked", "error", "ms", "best of all", "ms", "ratio"):
+        table.add_column(heading, justify="left")
+    for row in rows:
+        picked, best = ([c["method"], c["rung"], f"{1e3 * c['dt']:.3g} ms"] for c in (row["picked"], row["best"]))
+        mine, theirs = (f"{1e3 * seconds:.3g}" for seconds in row["seconds"])
+        table.add_row(
+            f"{row['model']} {row['scene']}", f"{row['tolerance']:g}", ", ".join(picked), f"{row['picked']['error']:.1e}", mine,
+            ", ".join(best), theirs, f"{row['ratio']:.2f}",
+        )  # fmt: skip
+    Console(highlight=False, width=160).print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Instructions of a step and of an evaluation, counted by valgrind: the same in every run, whatever else the machine does.
+
+Few rows, so that printing them is next to nothing; vectors of AVX2, since valgrind knows no AVX-512.  The counts of a longer run less
+those of a shorter one, over the steps between: what a run begins with is not in them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from shutil import which
+from tempfile import TemporaryDirectory
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from cutjoint.pipeline import Artifact, compile_model, make_ready
+from cutjoint.run.ready import ReadyRun
+from cutjoint_bench.studies.checkout import MODELS
+from cutjoint_bench.studies.provenance import provenance
+
+FLAGS = ("-O3", "-mavx2", "-mfma")
+#: Model, scene, methods, and the ends of the two runs, s.
+CASES = (
+    ("iltis", "simul1", ("recursive", "recursive-newton", "augmented", "classical"), (2.4, 4.8)),
+    ("slider_crank", "turn", ("recursive", "recursive-newton", "augmented", "classical"), (0.5, 1.0)),
+)
+
+
+def count(ready: ReadyRun, within: str = "") -> tuple[int, int]:
+    """Instructions of a run, or of one function in it, and its steps."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "run.json").write_text(json.dumps({**ready.run_file, "out": str(folder / "table.csv")}), encoding="utf-8")
+        only = [f"--toggle-collect={within}"] if within else []
+        valgrind = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder / 'out'}", *only]
+        done = subprocess.run([*valgrind, ready.simulator, folder / "run.json"], capture_output=True, text=True, check=True)
+    summary = json.loads(done.stdout.splitlines()[-1])
+    collected = re.search(r"Collected : (\d+)", done.stderr)
+    assert collected is not None, done.stderr
+    return int(collected[1]), summary["steps"]
+
+
+def per_step(artifact: Artifact, ends: tuple[float, float], within: str = "") -> float:
+    """Instructions of a step, or of what one function does of it."""
+    (first, before), (last, after) = (count(make_ready(artifact, end=end), within) for end in ends)
+    return (last - first) / (after - before)
+
+
+def main() -> None:
+    """Print the table."""
+    if which("valgrind") is None:
+        raise click.ClickException("install valgrind (Debian's package of that name) first")
+    table = Table("scene", "method", "step, ms", "instructions a step", "of these in evaluate")
+    for model, scene, methods, ends in CASES:
+        for method in methods:
+            artifact = compile_model(MODELS / f"{model}.yaml", scene=scene, method=method, flags=FLAGS)
+            artifact = replace(artifact, scene=replace(artifact.scene, output_step=ends[1] - ends[0]))
+            inside = f"{per_step(artifact, ends, '*::evaluate*'):.0f}" if method == "recursive" else ""
+            dt = artifact.scene.numerics.of_method(method).dt
+            table.add_row(f"{model} {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
+    console = Console(highlight=False, width=140)
+    console.print(provenance(FLAGS), markup=False)
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,16 @@
+"""What stands above every table: where, with what and of which code it was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cutjoint.toolchain.build import FLAGS, runtime_digest
+from cutjoint.toolchain.compiler import find_compiler
+from cutjoint.toolchain.machine import machine
+from cutjoint.version import __version__
+
+
+def provenance(flags: Sequence[str] = FLAGS) -> str:
+    """Machine, compiler, flags and runtime in a line."""
+    made = (find_compiler().name, " ".join(flags), f"cutjoint {__version__}", f"runtime {runtime_digest()[:16]}")
+    return ", ".join((*machine().values(), *(part for part in made if part)))

@@ -1,0 +1,224 @@
+"""A bench from end to end: cases, contenders, points, limits, drift; resumable, with progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from math import isnan
+from typing import Any
+
+from cutjoint.methods import METHODS
+from cutjoint.model.errors import ModelError
+from cutjoint.pipeline import Artifact
+from cutjoint.run.run_file import RunError
+from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.toolchain.machine import machine
+from cutjoint_bench.cases import falling_steps
+from cutjoint_bench.drift import compile_for_drift, measure_drift
+from cutjoint_bench.failures.atlas import Grid, map_case, suggest_grid
+from cutjoint_bench.failures.outcomes import identify
+from cutjoint_bench.failures.trials import Situation, try_situation
+from cutjoint_bench.fixed_point import predict_limit
+from cutjoint_bench.measure import extent, largest_step, measure_point
+from cutjoint_bench.own import OwnRunner
+from cutjoint_bench.paper import PAPER_STEPS
+from cutjoint_bench.progress import Say, part_of, silently
+from cutjoint_bench.records import Case, Contender, Runner
+from cutjoint_bench.reference import Reference, find_reference
+from cutjoint_bench.rungs import NoRungError
+from cutjoint_bench.store import Record, Store
+
+#: Steps are tried up to this multiple of a scene's own step; a run of more steps than ``MOST_STEPS`` is not begun.
+LONGEST = 16.0
+MOST_STEPS = 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a bench is to do.
+
+    ``steps`` (s) are tried instead of those that suit a scene, which go down to the share ``shortest`` of its own; runs that would take
+    longer than ``most_seconds`` are not begun.  ``reference`` is the number type in which references are integrated, "quad" or "extended",
+    or "none".  ``vary`` is a parameter of the model that the atlas varies in place of the penalty, ``situations`` are hard ones to try;
+    ``title`` stands beside the cases' names.
+    """
+
+    cases: Sequence[Case]
+    contenders: Sequence[Contender]
+    repetitions: int = 5
+    steps: Sequence[float] = ()
+    shortest: float = 0.02
+    most_seconds: float = 10.0
+    reference: str = "quad"
+    limits: bool = True
+    drift: bool = False
+    atlas: bool = False
+    vary: str = ""
+    situations: Sequence[Situation] = ()
+    title: str = ""
+
+
+def perform(plan: Plan, store: Store, say: Say = silently) -> dict[str, Any]:
+    """Measure what the store does not have, and return everything as plain data for JSON."""
+    return {
+        "machine": dict(machine()),
+        "cases": [_case(plan, case, store, part_of(say, i, len(plan.cases))) for i, case in enumerate(plan.cases)],
+        "drifts": [d for case in plan.cases if (d := find_drift(case, store, say))] if plan.drift else [],
+        "atlases": [_atlas(plan, case, store, say) for case in plan.cases] if plan.atlas else [],
+        "situations": [row for situation in plan.situations for row in try_situation(situation, store, say)],
+    }  # fmt: skip
+
+
+def _atlas(plan: Plan, case: Case, store: Store, say: Say) -> Record:
+    return map_case(case, grid_of(plan, case), store, say, refer=atlas_reference(plan, say))
+
+
+def atlas_reference(plan: Plan, say: Say = silently) -> Callable[[Case], Reference]:
+    """Finds the references of a plan's atlas, which cannot do without, as its cases' points can."""
+    return partial(find_reference, precision="quad" if plan.reference == "none" else plan.reference, say=say)
+
+
+def case_reference(plan: Plan, case: Case, say: Say = silently) -> Reference | None:
+    """What the points of a case are compared with; None where the plan asks for no reference."""
+    return None if plan.reference == "none" else find_reference(case, precision=plan.reference, say=say)
+
+
+def grid_of(plan: Plan, case: Case) -> Grid:
+    """The axes of a case's atlas."""
+    return suggest_grid(case, parameter=plan.vary)
+
+
+def find_drift(case: Case, store: Store, say: Say = silently) -> Record | None:
+    """What the methods lose of what a mechanism keeps; at a step that all of them can take."""
+    say(f"{case.name}: energy and momentum")
+    artifacts = compile_for_drift(case)
+    if not artifacts:
+        return None
+    dt = min(case.scene.numerics.of_method(method).dt for method in METHODS)
+    runs = {method: identify(case, artifact) for method, artifact in artifacts.items()}
+    of = {"drift": case.name, "dt": dt, "end": case.scene.end, "row": case.scene.output_step, "runs": runs}
+    return store.get(of, lambda: plain(measure_drift(case, artifacts, dt)))
+
+
+def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:
+    reference = case_reference(plan, case, say)
+    lines = []
+    for i, contender in enumerate(plan.contenders):
+        say(f"{case.name}: compiling {contender.label}", share=i / len(plan.contenders))
+        try:
+            runner = contender.prepare(case)
+        except NoRungError:
+            continue
+        except (RunError, ModelError, ToolchainError) as error:
+            lines.append({"contender": contender.name, "label": contender.label, "group": contender.group, "refused": str(error)})
+            continue
+        lines.append(_line(plan, case, contender, runner, reference, store, say))
+    return {
+        "name": case.name, "title": plan.title, "model": case.model.name, "scene": case.scene.name, "end": case.scene.end,
+        "row": case.scene.output_step, "extent": extent(reference) if reference else 1.0, "reference": _about(reference), "lines": lines,
+    }  # fmt: skip
+
+
+def _about(reference: Reference | None) -> Record | None:
+    if reference is None:
+        return None
+    apart = {"position_apart": reference.position_apart, "velocity_apart": reference.velocity_apart}
+    about: Record = plain({**apart, "provenance": dict(reference.provenance)})
+    return about
+
+
+def _line(
+    plan: Plan, case: Case, contender: Contender, runner: Runner, reference: Reference | None, store: Store, say: Say
+) -> Record:  # fmt: skip
+    """All that is measured of a contender on a case."""
+    own = _own_step(case, contender)
+    identity = _identity(plan, case, contender, runner)
+    points: list[Record] = []
+    for dt in _steps(plan, case, contender, own):
+        if points and _predicted(points[-1], dt) > plan.most_seconds:
+            break
+        say(f"{case.name}: {contender.label} at {1e3 * dt:g} ms")
+        make = partial(_point, case, contender.name, runner, dt, reference, plan.repetitions)
+        points.append(store.get({**identity, "dt": dt}, make))
+    line: Record = {"contender": contender.name, "label": contender.label, "group": contender.group, "dt": own,
+                    "configuration": dict(runner.configuration), "points": points}  # fmt: skip
+    if has_limits(plan, contender):
+        say(f"{case.name}: largest step of {contender.label}")
+        line |= find_limits(plan, case, contender, runner, reference, store)
+    return line
+
+
+def _own_step(case: Case, contender: Contender) -> float:
+    return case.scene.numerics.of_method(contender.name.partition("/")[0]).dt
+
+
+def _identity(plan: Plan, case: Case, contender: Contender, runner: Runner) -> Record:
+    """What a contender's figures are of."""
+    return {
+        "case": case.name, "input": case.input_digest(contender.name.partition("/")[0]), "contender": contender.name,
+        "configuration": dict(runner.configuration), "end": case.scene.end, "row": case.scene.output_step,
+        "repetitions": plan.repetitions, "reference": plan.reference,
+    }  # fmt: skip
+
+
+def has_limits(plan: Plan, contender: Contender) -> bool:
+    """Whether a plan looks for the largest step of a contender."""
+    return plan.limits and contender.group == "generated"
+
+
+def find_limits(
+    plan: Plan, case: Case, contender: Contender, runner: Runner, reference: Reference | None, store: Store
+) -> Record:  # fmt: skip
+    """The largest step that converges; with a fixed point the predicted one too."""
+    identity = _identity(plan, case, contender, runner)
+    limit = partial(_limit, case, runner, reference, _own_step(case, contender))
+    found: Record = {"largest_step": store.get({**identity, "limit": "largest step"}, limit)["dt"]}
+    if isinstance(runner, OwnRunner) and runner.artifact.method == "recursive":
+        found["predicted"] = store.get({**identity, "limit": "predicted"}, partial(_prediction, case, runner.artifact))
+    return found
+
+
+def _prediction(case: Case, artifact: Artifact) -> Record:
+    """Empty where there is none."""
+    found = predict_limit(case, artifact)
+    return {} if found is None else asdict(found)
+
+
+def _steps(plan: Plan, case: Case, contender: Contender, own: float) -> list[float]:
+    if plan.steps:
+        return list(plan.steps)
+    shortest = max(plan.shortest * own, case.scene.end / MOST_STEPS)
+    steps = falling_steps(case.scene.output_step, min(LONGEST * own, case.scene.end / 8), shortest)
+    paper = PAPER_STEPS.get(case.name, {}).get(contender.name.partition("/")[0])
+    return sorted({*steps, own, *([paper] if paper else [])}, reverse=True)
+
+
+def _point(
+    case: Case, name: str, runner: Runner, dt: float, reference: Reference | None, repetitions: int
+) -> Record:  # fmt: skip
+    record: Record = plain(asdict(measure_point(case, name, runner, dt, reference, repetitions)))
+    return record
+
+
+def _predicted(last: Record, dt: float) -> float:
+    """The seconds of a run at a smaller step than the last."""
+    return float(last["dt"] / dt * max(last["seconds"], default=0.0))
+
+
+def _limit(case: Case, runner: Runner, reference: Reference | None, own: float) -> Record:
+    """From the scene's own step upwards; where that is too large, from below."""
+    high = min(own * 64, case.scene.end / 4)
+    found = largest_step(case, runner, reference, low=own, high=high)
+    return {"dt": found or largest_step(case, runner, reference, low=own / 64, high=own)}
+
+
+def plain(value: Any) -> Any:
+    """Data that JSON can hold: numbers that are none become null."""
+    if isinstance(value, Mapping):
+        return {name: plain(x) for name, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(x) for x in value]
+    if isinstance(value, float) and (isnan(value) or value in (float("inf"), float("-inf"))):
+        return None
+    return value

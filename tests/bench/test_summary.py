@@ -1,0 +1,75 @@
+"""What git holds of the report: a summary, a page that links its charts, and these."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click import ClickException
+from click.testing import CliRunner
+
+from cutjoint_bench.findings import Spot
+from cutjoint_bench.report.summary import fastest_of, summarise
+from cutjoint_bench.studies import report, tables
+
+
+def point(dt: float, seconds: float, error: float, failure: str = "") -> dict[str, Any]:
+    errors = {"position": error, "velocity": error, "energy": None, "residual": None}
+    return {"dt": dt, "seconds": [] if failure else [seconds], "errors": errors, "failure": failure}
+
+
+def line(name: str, group: str, *points: dict[str, Any]) -> dict[str, Any]:
+    of = {"contender": name, "label": name, "group": group, "configuration": {"digest": "0123456789"}}
+    return {**of, "dt": points[0]["dt"], "points": points}
+
+
+STUDIES: dict[str, Any] = {
+    "swings": {
+        "machine": {"processor": "one", "system": "another"}, "drifts": [], "atlases": [], "situations": [],
+        "cases": [{
+            "name": "clock/swing", "title": "and peers", "model": "clock", "scene": "swing", "end": 1.0, "reference": None,
+            "lines": [
+                line("recursive", "generated", point(0.01, 0.5, 1e-4), point(0.005, 1.0, 2e-5), point(0.001, 9.0, 1e-6)),
+                line("mujoco/rk4", "peer", point(0.01, 3.0, 1e-3), point(0.005, 6.0, 5e-5), point(0.001, 0.1, 1e-9, "it stopped")),
+            ],
+        }],
+    }
+}  # fmt: skip
+
+
+def test_the_fastest_points_that_are_accurate_enough() -> None:
+    summary = json.loads(json.dumps(summarise(STUDIES)))
+    ours, peer = Spot(0.5, "recursive", 0.01, 1e-4), Spot(3.0, "mujoco/rk4", 0.01, 1e-3)
+    assert fastest_of(summary, "swings", "clock/swing") == [
+        (1e-3, ours, peer), (1e-4, ours, Spot(6.0, "mujoco/rk4", 0.005, 5e-5)),
+    ]  # fmt: skip
+    assert fastest_of(summary, "swings", "clock/strike") == fastest_of(summary, "walks", "clock/swing") == []
+
+
+def test_tables_come_from_the_summary_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "SUMMARY", tmp_path / "summary.json")
+    report.write_docs(tmp_path, STUDIES)
+    said = CliRunner().invoke(tables.main, catch_exceptions=False).output
+    assert said.count("## ") == 3
+    assert "| study | processor | system | measured with other code than this version's |\n| --- | --- | --- | --- |\n" in said
+    assert "## swings: clock/swing, at equal errors" in said
+    assert "| recursive | 10 | 500 ± 0 | 1.0e-04 |" in said
+
+
+def test_the_page_links_the_charts_that_docs_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "PICTURES", ("swings",))
+    report.write_docs(tmp_path, STUDIES)
+    page = (tmp_path / "bench.html").read_text(encoding="utf-8")
+    assert '<img src="clock_swing.svg" alt="Time over error, clock/swing">' in page
+    assert report.NOTE in page
+    assert "<svg" not in page
+    assert (tmp_path / "clock_swing.svg").read_text(encoding="utf-8").startswith("<svg")
+
+
+def test_a_page_that_is_too_large_for_git_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "LARGEST", 1000)
+    with pytest.raises(ClickException, match=r"the page for .* has \d+ bytes"):
+        report.write_docs(tmp_path, STUDIES)
+    assert not (tmp_path / "bench.html").exists()
