@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 from cutjoint.formulate.recursive.joints import motion_groups
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves, motion_cross
-from cutjoint.model.records import GROUND, JointKind
+from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.vary import Inputs, Variation
 
@@ -127,7 +127,7 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
     assert motion.b is not None
     assert motion.chart is not None
     chart, groups = motion.chart, motion_groups(motion.tree_joint)
-    takes_pole_along = motion.tree_joint.joint.kind is JointKind.FREE and parent == GROUND
+    takes_pole_along = motion.tree_joint.joint.element.is_free and parent == GROUND
     columns = [b.take(motion.b, (0, 6), (i, i + 1)) for i in range(motion.b.shape[1])]
     vdot = b.symbol(f"vdot:{chart.joint}", len(columns), BindingTime.ITERATION)
     shifts = _shifts(k, motion, columns)

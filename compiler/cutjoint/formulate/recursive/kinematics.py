@@ -16,7 +16,7 @@ from cutjoint.formulate.inputs import guide_rates, inner_point, reference_point
 from cutjoint.formulate.records import Chart
 from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, derive_joint
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import GROUND, JointKind, Model, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint
 
@@ -203,7 +203,7 @@ def _add_root(
     b = k.builder
     inner = k.vector(inner_point(t.joint, t.reversed))
     origin = reference_point(t.joint, t.reversed)
-    if t.joint.kind is JointKind.FREE:
+    if t.joint.element.is_free:
         Z = b.column(rate)
         v, w = halves(b, Z)
         frame = Frame(R=turn, r=b.zero(3), origin=origin, Z=Z, pole=b.add(inner, shift), root=t.child)
@@ -211,7 +211,7 @@ def _add_root(
     subspace = local.matrix(kernel.subspace) if kernel.u else None
     Z = b.mul(subspace, b.column(rate)) if subspace is not None else b.zero(6)
     frame = Frame(R=turn, r=shift, origin=origin, Z=Z, pole=inner, root=t.child)
-    centre = b.zero(3) if t.joint.kind is JointKind.SPHERICAL else None
+    centre = b.zero(3) if t.joint.element.is_ball else None
     return frame, (subspace, local.matrix(kernel.drift), centre)
 
 
@@ -231,7 +231,7 @@ def _add_branch(
     b.label(added, f"bv_{_name(t.joint.name)}")
     drift = b.add(motion_cross(b, parent.Z, added), _to_pole(k, parent.R, at, local.matrix(kernel.drift)))
     frame = Frame(R=R, r=r, origin=origin, Z=b.add(parent.Z, added), pole=parent.pole, root=parent.root)
-    return frame, (subspace, drift, at if t.joint.kind is JointKind.SPHERICAL else None)
+    return frame, (subspace, drift, at if t.joint.element.is_ball else None)
 
 
 def _to_pole(k: Kinematics, R: Block, at: Block, motion: Block) -> Block:
