@@ -49,11 +49,15 @@ class Slide:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn about a direction; with ``advances`` it moves along it too, by the joint's pitch in m a radian."""
+    """A turn about a direction by a share of a coordinate; with ``advances`` it moves along it too, by the joint's pitch in m a radian.
+
+    The shares of a coordinate in several turns of a chain add up to one.
+    """
 
     coordinate: str
     direction: Direction
     advances: bool = False
+    share: Fraction = Fraction(1)
 
 
 @dataclass(frozen=True)
@@ -177,6 +181,15 @@ PERPENDICULAR = Products(
     sums=((Product(_on_base(Direction.AXIS), Carried(End.FOLLOWER, Direction.AXIS_2)),),),
 )  # fmt: skip
 
+#: The follower does not turn about the axis: it carries two directions across it, and each leans towards the base's other one alike.
+NO_TWIST = Products(
+    names=("twist",), base=(Direction.ACROSS_1, Direction.ACROSS_2), follower=(Direction.ACROSS_1, Direction.ACROSS_2),
+    sums=((
+        Product(Carried(End.FOLLOWER, Direction.ACROSS_1), _on_base(Direction.ACROSS_2), Fraction(1, 2)),
+        Product(Carried(End.FOLLOWER, Direction.ACROSS_2), _on_base(Direction.ACROSS_1), Fraction(-1, 2)),
+    ),),
+)  # fmt: skip
+
 # Angles
 
 
@@ -227,9 +240,10 @@ class JointElement:
     """A kind of joint.
 
     ``text`` says what it leaves free.  ``chain`` moves the follower beside the base; a reversed joint moves the base by the opposite
-    motions, unless ``from_inner`` says that its motions count from the body nearer to the ground, whichever that is.  ``conditions``
-    are the equations of the cut joint, none for a joint that closes nothing.  ``measures`` says how natural coordinates read its
-    angles; angles without one they do not have.  ``note`` is what `explain` says of a tree joint of the kind.
+    motions, unless ``from_inner`` says that its motions count from the body nearer to the ground, whichever that is.  With
+    ``axis_is_bisector`` its axis is the bisector of the two axes in the file.  ``conditions`` are the equations of the cut joint, none for
+    a joint that closes nothing.  ``measures`` says how natural coordinates read its angles; angles without one they do not have.
+    ``note`` is what `explain` says of a tree joint of the kind.
     """
 
     kind: JointKind
@@ -239,6 +253,7 @@ class JointElement:
     operations: Operations
     fields: tuple[JointField, ...] = ()
     from_inner: bool = False
+    axis_is_bisector: bool = False
     measures: Mapping[str, Measure] = field(default_factory=dict)
     note: str = ""
 
@@ -271,6 +286,11 @@ class JointElement:
         """The coordinates that are angles."""
         return tuple(name for name in self.coordinates if self.units[name] == "rad")
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether natural coordinates can have all of its angles."""
+        return self.angles == tuple(self.measures)
+
     @cached_property
     def has_ball(self) -> bool:
         """Whether a ball is among its motions."""
@@ -280,6 +300,11 @@ class JointElement:
     def is_ball(self) -> bool:
         """Whether it is a ball and nothing else."""
         return self.chain == (Ball(),)
+
+    @property
+    def shares_coordinates(self) -> bool:
+        """Whether several motions of its chain have a coordinate in common."""
+        return len(self.coordinates) < len(list(self.scalar_motions))
 
     @property
     def is_free(self) -> bool:

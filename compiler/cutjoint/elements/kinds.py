@@ -14,6 +14,7 @@ class JointKind(StrEnum):
     CYLINDRICAL = "cylindrical"
     SCREW = "screw"
     UNIVERSAL = "universal"
+    CONSTANT_VELOCITY = "constant_velocity"
     PLANAR = "planar"
     SPHERICAL = "spherical"
     POINT_ON_LINE = "point_on_line"

@@ -90,6 +90,16 @@ def triple(vector: Array) -> Triple:
     return x, y, z
 
 
+def chain_problems(mechanism: Mechanism, joints: Sequence[PeerJoint]) -> list[Problem]:
+    """Joints of which several motions share a coordinate, and forces on coordinates that belong to no part."""
+    return [*(_shared(joint) for joint in joints if joint.element.shares_coordinates), *joint_force_problems(mechanism)]
+
+
+def _shared(joint: PeerJoint) -> Problem:
+    message, hint = f"a joint of kind {joint.kind} is not exported to this simulator", "write a universal joint"
+    return Problem(span=joint.span, element=f"joint '{joint.name}'", message=message, hint=hint)
+
+
 def joint_force_problems(mechanism: Mechanism) -> list[Problem]:
     """Forces on coordinates that belong to no part of a chain."""
     kinds = {joint.name: joint.kind for joint in mechanism.tree if joint.element.from_inner}

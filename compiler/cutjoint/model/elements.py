@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,11 @@ from cutjoint.elements.joint import PERPENDICULAR, JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model import body_parts, document, joint_parts
 from cutjoint.model.forces import joint_forces, read_force
-from cutjoint.model.geometry import coincide, perpendicular, read_direction, read_point
+from cutjoint.model.geometry import coincide, perpendicular, read_direction, read_point, unit
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.mass import read_mass
 from cutjoint.model.records import Body, Force, Joint, JointKind, Marker, Reaction, Scalar, Vector
-from cutjoint.model.scope import Element, Scope, element, with_points
+from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
 from cutjoint.model.units import ANGLE, LENGTH, TIME
 
 
@@ -91,7 +92,21 @@ def _axes(element: Element, kind: JointElement, given: Mapping[str, Any]) -> tup
     axes = tuple(read_direction(element, given[name], (name,)) for name in names)
     if PERPENDICULAR in kind.conditions and not perpendicular(element, *axes):
         element.fail("axis and axis_2 are not perpendicular", "", ("axis_2",))
+    if kind.axis_is_bisector and len(axes) == 2:
+        return (_bisector(element, *axes),)
     return axes
+
+
+def _bisector(element: Element, a: Vector, b: Vector) -> Vector:
+    x, y, z = (p + q for p, q in zip(a, b, strict=True))
+    if math.hypot(*map(element.value, (x, y, z))) < OPPOSITE:
+        element.fail("axis and axis_2 are opposite", "let both point from the base to the follower", ("axis_2",))
+        return (FAILED, FAILED, FAILED)
+    return unit((x, y, z))
+
+
+#: The least length of the sum of two unit vectors that are not opposite.
+OPPOSITE = 1e-6
 
 
 def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | None:

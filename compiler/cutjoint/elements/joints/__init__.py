@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import (
+    constant_velocity,
     cylindrical,
     distance,
     fixed,
@@ -23,5 +24,7 @@ from cutjoint.elements.kinds import JointKind
 #: Each kind's record, in the order of the documentation.
 JOINTS: Mapping[JointKind, JointElement] = {
     module.ELEMENT.kind: module.ELEMENT
-    for module in (fixed, revolute, prismatic, screw, cylindrical, universal, planar, spherical, point_on_line, distance, free)
-}
+    for module in (
+        fixed, revolute, prismatic, screw, cylindrical, universal, constant_velocity, planar, spherical, point_on_line, distance, free,
+    )
+}  # fmt: skip

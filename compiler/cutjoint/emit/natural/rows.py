@@ -1,6 +1,6 @@
 """The constraint equations of a description: what each is a product, turn or component of.
 
-- ``product``: weight (u . w) - value - course - factor angle,
+- ``product``: sum of weight (u . w) over one or two pairs of forms - value - course - factor angle,
 - ``turned``: f . (b_2 cos angle - b_1 sin angle), the angle a node or a course,
 - ``component``: an element of a form,
 - ``angle``: an angle less its course.
@@ -68,7 +68,7 @@ class _Rows:
         """A product that keeps its design value; of two ways between points over the longer one's length."""
         p, q = (_place(form) for form in (u, w))
         weight = kept_weight(self._layout, u, w)
-        details = {"kind": "product", "weight": weight, "value": self._trees.one(weight * p.dot(q))}
+        details = {"kind": "product", "weights": [weight], "value": self._trees.one(weight * p.dot(q))}
         return Row(element=group.name, name=name, details=details, forms=((Use(1, group.name, u),), (Use(1, group.name, w),)))
 
     def _held(self, group: Group, node: Node) -> Iterator[Row]:
@@ -85,7 +85,7 @@ class _Rows:
                 yield Row(element=group.name, name=f"{node.name}.{axis}", details={"kind": "component", "axis": i}, forms=(gap,))
 
     def _product(self, element: str, name: str, u: Uses, w: Uses) -> Row:
-        return Row(element=element, name=name, details={"kind": "product", "weight": 1.0}, forms=(u, w))
+        return Row(element=element, name=name, details={"kind": "product", "weights": [1.0]}, forms=(u, w))
 
     # Joints
 
@@ -101,8 +101,7 @@ class _Rows:
         return Row(element=joint.name, name=row.name, details=details)
 
     def _sum(self, joint: Joint, row: SumRow) -> Row:
-        (term,) = row.terms
-        details: Json = {"kind": "product", "weight": self._trees.one(term.weight)}
+        details: Json = {"kind": "product", "weights": [self._trees.one(term.weight) for term in row.terms]}
         if row.constant is not None:
             details["value"] = self._trees.one(row.constant)
         if row.pitch is not None:
@@ -110,8 +109,9 @@ class _Rows:
         if row.guide is not None:
             details |= self._course(row.guide)
         way = self._table.way((joint.follower, joint.to or joint.at), (joint.base, joint.at))
-        forms = tuple(way if isinstance(f, Way) else self._table.direction(f.body, f.place) for f in (term.left, term.right))
-        return Row(element=joint.name, name=row.name, details=details, forms=forms, pulls=term.left is Way.WAY)
+        factors = [factor for term in row.terms for factor in (term.left, term.right)]
+        forms = tuple(way if isinstance(f, Way) else self._table.direction(f.body, f.place) for f in factors)
+        return Row(element=joint.name, name=row.name, details=details, forms=forms, pulls=factors[0] is Way.WAY)
 
     def _angle(self, joint: Joint, coordinate: str) -> Json:
         return {"angle": self._layout.nodes.index(self._layout.angles[joint.name, coordinate])}

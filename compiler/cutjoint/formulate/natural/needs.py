@@ -77,12 +77,13 @@ def require_told(model: Model, scene: Scene, outputs: Sequence[Output]) -> None:
     """Natural coordinates do not have all angles: a rod of a distance joint has no attitude.
 
     Raises:
-        ModelError: an output or a force asks for one that they do not have.
+        ModelError: an output, a force or a guide asks for one that they do not have.
     """
-    kinds = {j.name: j.kind for j in model.joints if set(j.element.angles) - j.element.measures.keys()}
+    kinds = {j.name: j.kind for j in model.joints if not j.element.is_measured}
     asked = [(kinds[o.element], o.span, f"output '{o.column}'") for o in outputs if o.element in kinds]
     forces = [f for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)]
     asked += [(kinds[f.joint], f.span, f"force '{f.name}'") for f in forces if f.joint in kinds]
+    asked += [(j.kind, j.span, f"joint '{j.name}'") for j in model.joints if j.guide is not None and j.name in kinds]
     if asked:
         raise ModelError([
             Problem(

@@ -44,6 +44,7 @@ class JointKernel:
 
     ``q`` are its scalar coordinates, ``has_ball`` tells of a quaternion behind them, ``u`` its speeds: the rates of q, then the ball's
     angular velocity in the inner body's axes.  ``rotation`` (3, 3), ``displacement`` (3, 1), ``subspace`` (6, nu), ``drift`` (6, 1).
+    ``columns`` (6, n) are those of the elementary motions in the chain's order, whose sums by speeds are the subspace.
     """
 
     q: tuple[Scalar, ...]
@@ -53,6 +54,7 @@ class JointKernel:
     displacement: Matrix
     subspace: Matrix
     drift: Matrix
+    columns: Matrix
 
 
 def derive_joint(tree_joint: TreeJoint) -> JointKernel:
@@ -67,17 +69,29 @@ def derive_joint(tree_joint: TreeJoint) -> JointKernel:
     general, known = _derive_kind(joint.kind, tree_joint.reversed), _given(tree_joint)
     return replace(
         general, rotation=general.rotation.xreplace(known), displacement=general.displacement.xreplace(known),
-        subspace=general.subspace.xreplace(known), drift=general.drift.xreplace(known),
+        subspace=general.subspace.xreplace(known), drift=general.drift.xreplace(known), columns=general.columns.xreplace(known),
     )  # fmt: skip
 
 
-def motion_groups(tree_joint: TreeJoint) -> tuple[tuple[int, ...], ...]:
-    """The places among a joint's speeds of its elementary motions, those next to the inner body first; a ball is one motion."""
+@dataclass(frozen=True)
+class ElementaryMotion:
+    """A motion of a chain: the places of its speeds among the joint's, three of a ball, and its share of the coordinate."""
+
+    places: tuple[int, ...]
+    share: float
+
+
+def elementary_motions(tree_joint: TreeJoint) -> tuple[ElementaryMotion, ...]:
+    """A joint's elementary motions, those next to the inner body first."""
     element = tree_joint.joint.element
-    places = {name: (i,) for i, name in enumerate(element.coordinates)}
-    ball = tuple(range(len(places), len(element.speeds)))
-    moving = [m for m in element.chain_seen(tree_joint.reversed) if not isinstance(m, Offset)]
-    return tuple(ball if isinstance(m, Ball) else places[m.coordinate] for m in moving)
+    return tuple(_elementary(element, m) for m in element.chain_seen(tree_joint.reversed) if not isinstance(m, Offset))
+
+
+def _elementary(element: JointElement, motion: Slide | Turn | Ball) -> ElementaryMotion:
+    if isinstance(motion, Ball):
+        return ElementaryMotion(tuple(range(len(element.coordinates), len(element.speeds))), 1.0)
+    share = float(motion.share) if isinstance(motion, Turn) else 1.0
+    return ElementaryMotion((element.coordinates.index(motion.coordinate),), share)
 
 
 @cache
@@ -91,6 +105,7 @@ def _derive_kind(kind: JointKind, is_reversed: bool) -> JointKernel:
     return JointKernel(
         q=tuple(q.values()), u=tuple(u.values()), has_ball=element.has_ball, rotation=rotation, displacement=displacement,
         subspace=_subspace(element, chain, columns), drift=_drift(chain, columns, u),
+        columns=sympy.Matrix.hstack(*columns) if columns else sympy.zeros(6, 0),
     )  # fmt: skip
 
 
@@ -122,7 +137,7 @@ def _seen_direction(tree_joint: TreeJoint, direction: Direction) -> Matrix:
 
 
 def _compose(chain: Sequence[Motion], q: Mapping[str, Scalar]) -> tuple[Matrix, Matrix, list[Matrix]]:
-    """Rotation, displacement and the columns of the motions in the chain's order, three of a ball."""
+    """Rotation, displacement and the columns of the motions by their speeds in the chain's order, three of a ball."""
     rotation, displacement = sympy.eye(3), sympy.zeros(3, 1)
     columns: list[Matrix] = []
     for motion in chain:
@@ -131,9 +146,10 @@ def _compose(chain: Sequence[Motion], q: Mapping[str, Scalar]) -> tuple[Matrix, 
             displacement = displacement + direction * q[motion.coordinate]
             columns.append(sympy.Matrix.vstack(direction, sympy.zeros(3, 1)))
         elif isinstance(motion, Turn):
-            angle, pitch = q[motion.coordinate], _PITCH if motion.advances else sympy.Integer(0)
+            share = sympy.sympify(motion.share)
+            angle, pitch = share * q[motion.coordinate], _PITCH if motion.advances else sympy.Integer(0)
             direction = rotation * _SYMBOLS[motion.direction]
-            columns.append(sympy.Matrix.vstack(displacement.cross(direction) + pitch * direction, direction))
+            columns.append(share * sympy.Matrix.vstack(displacement.cross(direction) + pitch * direction, direction))
             displacement = displacement + pitch * direction * angle
             rotation = rotation * rotation_about(_SYMBOLS[motion.direction], angle)
         elif isinstance(motion, Ball):
@@ -158,8 +174,10 @@ def _names(chain: Sequence[Motion]) -> list[str]:
 
 
 def _subspace(element: JointElement, chain: Sequence[Motion], columns: Sequence[Matrix]) -> Matrix:
-    """The columns in the order of the speeds."""
-    by_name = dict(zip(_names(chain), columns, strict=True))
+    """The columns in the order of the speeds; those of motions that share a coordinate add up."""
+    by_name: dict[str, Matrix] = {}
+    for name, column in zip(_names(chain), columns, strict=True):
+        by_name[name] = by_name[name] + column if name in by_name else column
     return sympy.Matrix.hstack(*(by_name[name] for name in element.speeds)) if columns else sympy.zeros(6, 0)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from cutjoint.elements.joint import Direction, Way
+import sympy
+
+from cutjoint.elements.joint import Direction, End, Way
 from cutjoint.formulate.directions import direction_of
-from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, joint_rows
+from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.model.geometry import GLOBAL_AXES
@@ -27,6 +29,8 @@ _NOTES = (
 )
 
 _DISTANCE_NOTE = "$l$ is the length of $d$ in the design position."
+
+_MARK_NOTE = "Directions with a mark are those of the follower."
 
 _ANGLE_NOTE = (
     "An angle is measured from $b_1$ towards $b_2$, two directions of one body, to the direction $f$ of the other; the residual is the "
@@ -62,12 +66,17 @@ def _sum(joint: Joint, row: SumRow) -> Equation:
     if row.constant is not None:
         return Equation(name=row.name, residual=r"\frac{d \cdot d - l^2}{2 l}", directions=())
     arms = dict.fromkeys(f for term in row.terms for f in (term.left, term.right) if isinstance(f, Arm))
-    residual = " + ".join(rf"{_symbol(joint, term.left)} \cdot {_symbol(joint, term.right)}" for term in row.terms)
+    residual = " + ".join(_term(joint, term) for term in row.terms).replace("+ -", "- ")
     if row.pitch is not None:
         residual += rf" - h {coordinate_symbol(*joint.element.coordinates)}"
     if row.guide is not None:
         residual += f" - {coordinate_symbol(row.name.removesuffix('_guide'))}"
     return Equation(name=row.name, residual=residual, directions=tuple((_symbol(joint, arm), arm.place) for arm in arms))
+
+
+def _term(joint: Joint, term: Term) -> str:
+    weight = "" if term.weight == 1 else f"{sympy.latex(term.weight)} "
+    return rf"{weight}{_symbol(joint, term.left)} \cdot {_symbol(joint, term.right)}"
 
 
 def _symbol(joint: Joint, factor: Arm | Way) -> str:
@@ -76,7 +85,8 @@ def _symbol(joint: Joint, factor: Arm | Way) -> str:
         return "d"
     direction = factor.carried.direction
     if direction in (Direction.ACROSS_1, Direction.ACROSS_2):
-        return f"t_{1 + (direction is Direction.ACROSS_2)}"
+        mark = "'" if factor.carried.end is End.FOLLOWER else ""
+        return f"t_{1 + (direction is Direction.ACROSS_2)}{mark}"
     return "a" if len(joint.axes) == 1 else f"a_{factor.carried.end[0]}"
 
 
@@ -149,6 +159,7 @@ def _entry(d: Derivation, joints: Sequence[Joint], equations: Sequence[Sequence[
     first, names = joints[0], [e.name for e in equations[0]]
     notes = [f"Equations: {code(names)}.", *left_out_note(d, [f"{j.name}.{name}" for j in joints for name in names])]
     notes += [_DISTANCE_NOTE] if first.to is not None else []
+    notes += [_MARK_NOTE] if any("'" in e.residual for e in equations[0]) else []
     notes += [_ANGLE_NOTE] if any("cos" in e.residual for e in equations[0]) else []
     residual = rf"\Phi = {matrix([e.residual] for e in equations[0])}"
     guides = variants([j.name for j in joints], [explain_guide(j, d.full) for j in joints])
