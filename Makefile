@@ -56,6 +56,8 @@ methods: setup
 
 pictures: setup
 	$(BIN)/python docs/pictures/simul1.py
+	$(BIN)/cutjoint simulate models/press.yaml --out results/press.csv --plots results/press
+	cp results/press/position.png docs/pictures/press.png
 
 tables: setup
 	$(BIN)/python -m benchmarks.tables

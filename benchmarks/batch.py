@@ -26,7 +26,8 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.reduce.ladder import climb
 from cutjoint.run.scenes import find_scene
-from cutjoint.toolchain.build import FLAGS, find_compiler
+from cutjoint.toolchain.build import FLAGS
+from cutjoint.toolchain.compiler import find_compiler
 
 ROOT = Path(__file__).resolve().parent.parent
 RUNS = 64
@@ -47,7 +48,7 @@ def peak() -> dict[int, float]:
     """Multiply-adds of doubles per second, by vector width; each counts as two operations."""
     with TemporaryDirectory() as folder:
         program = Path(folder) / "peak"
-        subprocess.run([find_compiler(), "-std=c++20", *FLAGS, ROOT / "benchmarks" / "peak.cpp", "-o", program], check=True)
+        subprocess.run([*find_compiler().command, "-std=c++20", *FLAGS, ROOT / "benchmarks" / "peak.cpp", "-o", program], check=True)
         measured = json.loads(subprocess.run([program], check=True, capture_output=True, text=True).stdout)
     return {int(width): each for width, each in measured.items()}
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cutjoint.bench.measure import machine
-from cutjoint.toolchain.build import FLAGS, compiler_version, find_compiler, runtime_digest
+from cutjoint.toolchain.build import FLAGS, runtime_digest
+from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.version import __version__
 
 
 def provenance(flags: Sequence[str] = FLAGS) -> str:
     """Machine, compiler, flags and runtime in a line."""
-    made = (compiler_version(find_compiler()), " ".join(flags), f"cutjoint {__version__}", f"runtime {runtime_digest()[:16]}")
+    made = (find_compiler().name, " ".join(flags), f"cutjoint {__version__}", f"runtime {runtime_digest()[:16]}")
     return ", ".join((*machine().values(), *(part for part in made if part)))

@@ -17,7 +17,6 @@ from typing import Any
 import click
 
 from cutjoint.bench.cases import make_case
-from cutjoint.bench.command import write_whole
 from cutjoint.bench.contenders import choose
 from cutjoint.bench.exact.chain import Chain, chain_motion, write_chain
 from cutjoint.bench.failures.situations import all_situations
@@ -29,6 +28,7 @@ from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
 from cutjoint.report.bench.charts import draw_work_precision
 from cutjoint.report.bench.page import render_page
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import with_figures
 
 ROOT = Path(__file__).resolve().parent.parent

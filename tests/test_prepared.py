@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -21,9 +20,11 @@ from cutjoint import prepared
 from cutjoint.cli import main
 from cutjoint.commands import options, preparing
 from cutjoint.prepared import Prepared, Request, find_prepared
-from cutjoint.toolchain import build
-from cutjoint.toolchain.build import cache_folder
+from cutjoint.toolchain import compiler
+from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from tests.conftest import MODELS
+from tests.toolchain.damage import DAMAGE, damaged_records
+from tests.toolchain.test_paths import can_mount, run_mounted
 
 #: A block on a spring: one parameter changes the law alone, the other one where the block starts.
 SLIDE = """
@@ -231,7 +232,7 @@ def test_another_processor_is_another_run_where_flags_mean_it(model: Path, monke
     for flags in (("-O1",), ("-O1", "-march=native")):
         monkeypatch.setattr(prepared, "FLAGS", flags)
         for capabilities in ("avx2", "avx512f"):
-            monkeypatch.setattr(build, "processor", lambda found=capabilities: (found,))
+            monkeypatch.setattr(compiler, "processor", lambda found=capabilities: (found,))
             places.add(prepared._place(request, b""))
     assert len(places) == 3
 
@@ -284,34 +285,55 @@ def _kept(model: Path) -> tuple[Path, Prepared]:
     return file, found
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", "{}", '{"run": {"simulator": "x"}}'])
-def test_what_is_not_in_one_piece_is_prepared_anew(text: str, model: Path) -> None:
+def test_what_came_to_harm_is_prepared_anew(model: Path) -> None:
     file, _ = _kept(model)
-    file.write_text(text, encoding="utf-8")
-    assert find_prepared(Request(model=model, scene="still"), {}) is None
-    assert simulate(model).exit_code == 0
-    assert find_prepared(Request(model=model, scene="still"), {}) is not None
-
-
-def test_a_simulator_that_is_gone_is_built_again(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, found = _kept(model)
-    hidden = model.parent / "simulator"
-    found.run.simulator.rename(hidden)
-    try:
+    sound, rows = file.read_bytes(), table(model)
+    harmed = list(damaged_records(sound))
+    for content in harmed:
+        file.write_bytes(content)
         assert find_prepared(Request(model=model, scene="still"), {}) is None
-    finally:
-        hidden.rename(found.run.simulator)
+    for content in harmed[:: len(harmed) // 5]:
+        file.write_bytes(content)
+        assert simulate(model).exit_code == 0
+        assert (file.read_bytes(), table(model)) == (sound, rows)
+
+
+@pytest.mark.parametrize("damage", ["gone", "cut off", "a bit flipped", "not executable", "a folder", "digest gone"])
+def test_a_simulator_that_came_to_harm_is_not_run(damage: str, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, found = _kept(model)
+    monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
+    shutil.copytree(found.run.simulator.parent, cache_folder() / found.run.simulator.parent.name)
+    _, copied = _kept(model)
+    assert copied.run.simulator.is_relative_to(cache_folder())
+    DAMAGE[damage](copied.run.simulator)
+    assert find_prepared(Request(model=model, scene="still"), {}) is None
+
+
+@can_mount
+def test_a_run_needs_no_cache_to_write_to(model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, found = _kept(model)
+    monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
+    shutil.copytree(found.run.simulator.parent, cache_folder() / found.run.simulator.parent.name)
+    command = ["simulate", str(model), "--scene", "still", "--out", str(model.parent / "run.csv")]
+    script = f"from cutjoint.cli import main; main({command!r})"
+    rows = table(model)
+    for _ in range(2):  # with the simulator alone in the cache, and with the run
+        (model.parent / "run.csv").unlink()
+        done = run_mounted(cache_folder(), script)
+        assert done.returncode == 0, done.stderr
+        assert table(model) == rows
+        _kept(model)
 
 
 def test_a_kept_file_names_no_program_outside_of_the_cache(model: Path) -> None:
     file, found = _kept(model)
-    data = json.loads(file.read_text(encoding="utf-8"))
+    data = read_record(file)
     folder = model.parent / "elsewhere"
     folder.mkdir()
     shutil.copy2(found.run.simulator, folder)
     for place in (str(folder), os.path.relpath(folder, cache_folder()), f"../{cache_folder().name}/{found.run.simulator.parent.name}"):
         assert (cache_folder() / place / "simulator").exists()
-        file.write_text(json.dumps({**data, "run": {**data["run"], "simulator": place}}), encoding="utf-8")
+        write_record(file, {**data, "run": {**data["run"], "simulator": place}})
         assert find_prepared(Request(model=model, scene="still"), {}) is None
 
 

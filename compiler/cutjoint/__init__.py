@@ -18,17 +18,19 @@ if TYPE_CHECKING:
     from cutjoint.model.errors import ModelError
     from cutjoint.model.read import read_model, read_model_text
     from cutjoint.pipeline import compile_model, simulate
+    from cutjoint.run.outputs import OutputError
     from cutjoint.run.run_file import RunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError, find_equilibrium
-    from cutjoint.toolchain.build import ToolchainError
+    from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.spanning_tree import TopologyError
 
 __all__ = [
-    "GuideError", "MissingLibraryError", "ModelError", "NoEquilibriumError", "NoInertiaError", "RunError", "SimulatorError",
-    "ToolchainError", "TopologyError", "build_topology", "compile_model", "find_equilibrium", "read_model", "read_model_text", "simulate",
+    "GuideError", "MissingLibraryError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError",
+    "SimulatorError", "ToolchainError", "TopologyError", "build_topology", "compile_model", "find_equilibrium", "read_model",
+    "read_model_text", "simulate",
 ]  # fmt: skip
 
 _HOMES = {
@@ -37,11 +39,12 @@ _HOMES = {
     "cutjoint.model.errors": ("ModelError",),
     "cutjoint.model.read": ("read_model", "read_model_text"),
     "cutjoint.pipeline": ("compile_model", "simulate"),
+    "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.run.run_file": ("RunError",),
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.states": ("NoEquilibriumError", "find_equilibrium"),
-    "cutjoint.toolchain.build": ("ToolchainError",),
+    "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.spanning_tree": ("TopologyError",),
 }

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -16,6 +18,7 @@ from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import EXPLICIT
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import derive, only_starting
+from cutjoint.run.cases import CaseTable
 from cutjoint.run.results import Array, Batch
 from cutjoint.run.run_file import RunError, changing, following, make_run_file, parameter_values, require_figures
 from cutjoint.run.scenes import with_figures
@@ -62,15 +65,18 @@ def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -
 
 def simulate_batch(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], *, dt: float | None = None, end: float | None = None,
-    tolerance: float | None = None, threads: int | None = None, progress: Progress | None = None,
+    tolerance: float | None = None, threads: int | None = None, out: Path | None = None, progress: Progress | None = None,
 ) -> Batch:  # fmt: skip
     """Run a scene once for each of ``cases``, parameters by name (SI units); ``threads`` are as many as processors by default.
 
-    Results do not depend on the number of threads.  A run that fails does not stop the others.
+    ``out`` receives a table of the results (`CaseTable`), each row when its run is done.  Results do not depend on the number of threads.
+    A run that fails does not stop the others.
 
     Raises:
         RunError: a parameter that cannot be set, figures that no run has, or cases that do not set the same parameters.
         SimulatorError: the simulator could not begin.
+        OutputError: the table cannot be written.
+        Interrupted, Terminated: a signal has ended the batch.
     """
     require_figures(dt=dt, end=end, tolerance=tolerance, threads=threads)
     if any(case.keys() != cases[0].keys() for case in cases):
@@ -82,13 +88,24 @@ def simulate_batch(
     file = make_run_file(artifact.model, scene, {}, task="batch")
     file["cases"] = _own_parts(artifact.model, scene, cases)
     file["threads"] = len(os.sched_getaffinity(0)) if threads is None else threads
-    summary = call_simulator(artifact.binary.path, file, progress)
+    units = {c.name: c.unit for c in artifact.equations.columns}
+    results: list[dict[str, Any]] = [{}] * len(cases)
+    with ExitStack() as stack:
+        table = None if out is None else stack.enter_context(CaseTable(out, cases, units))
+
+        def receive(record: Mapping[str, Any]) -> None:
+            first, new = record["first"], record["results"]
+            results[first : first + len(new)] = new
+            if table is not None:
+                table.take(first, new)
+
+        summary = call_simulator(artifact.binary.path, file, progress, receive)
+        if table is not None:
+            table.finish()
     elapsed = perf_counter() - begin
-    results = summary["results"]
-    columns = artifact.equations.columns
-    tables = {kind: _columns(results, kind, [c.name for c in columns]) for kind in ("end", "smallest", "largest")}
+    tables = {kind: _columns(results, kind, list(units)) for kind in ("end", "smallest", "largest")}
     return Batch(
-        cases=tuple(dict(case) for case in cases), **tables, units={c.name: c.unit for c in columns},
+        cases=tuple(dict(case) for case in cases), **tables, units=units,
         evaluations=tuple(r.get("evaluations", 0) for r in results),
         failures=tuple(failure_of(r) for r in results), undetermined=tuple(results[0].get("undetermined", ())) if results else (),
         seconds=summary["seconds"], elapsed=elapsed,

@@ -26,6 +26,7 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, RodForce, Scene
 from cutjoint.prepared import Compilation
 from cutjoint.program.records import Program
+from cutjoint.run.outputs import require_apart
 from cutjoint.run.ready import ReadyRun, start
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError, make_run_file, require_figures
@@ -174,6 +175,7 @@ def compile_scene(
         RunError: there is no such method or precision, or the method or the generic twin does not take the model.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side failed.
+        OutputError: a file of ``out`` is the model.
     """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
@@ -190,6 +192,9 @@ def compile_scene(
     wanted = scene.outputs if outputs is None else outputs
     equations, program, source = generate_for(model, scene, wanted, method=method, lanes=lanes, precision=precision)
     generated = perf_counter()
+    if out is not None:
+        files = (*source.files, "simulator")
+        require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {out}: file", out / name) for name in files])
     # Source -> Binary
     kind = Kind(comparison=comparison, precision=precision)
     flags = flags if precision in _SIDE_BY_SIDE else (*flags, *_SCALAR_FLAGS)
@@ -213,11 +218,13 @@ def simulate(
     INTEGRATORS, by default the scene's, ``events`` one of EVENTS, by default the scene's, else what is usual with the integrator,
     ``iterations`` how many each step of the recursive method has then, ``steps`` a CSV file that receives iterations and residuals of each
     step, ``tangents`` a file that receives a line of JSON for each row, the Jacobians of the recursive method's accelerations.  A run that
-    fails numerically is returned as far as it came, with its failure.
+    fails numerically is returned as far as it came, with its failure; then the files are those of `partial_of`.
 
     Raises:
         RunError: a parameter that cannot be set, figures that no run has, or that do not go together.
-        SimulatorError: the simulator could not begin.
+        SimulatorError: the simulator could not begin, or could not write a file.
+        OutputError: a file cannot be written, or is the same as another one.
+        Interrupted, Terminated: a signal has ended the run.
     """
     if tangents is not None and (integrator != "trapezoidal" or events != "crossed"):
         raise RunError("tangents are those of the trapezoidal rule over events: pass integrator=\"trapezoidal\", events=\"crossed\"")

@@ -12,6 +12,7 @@ import json
 import re
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from hashlib import sha256
@@ -21,7 +22,10 @@ from typing import Any
 
 from cutjoint.locations import code_folders
 from cutjoint.run.ready import ReadyRun
-from cutjoint.toolchain.build import FLAGS, ToolchainError, cache_folder, compiler_version, find_compiler, keep, resolve, workplace
+from cutjoint.toolchain.build import FLAGS
+from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
+from cutjoint.toolchain.compiler import find_compiler, resolve
+from cutjoint.toolchain.errors import ToolchainError
 
 #: Bytes that are read of a model file: more than a model may have, so that a part of a larger file is none that was kept.
 _LARGEST = 8_000_000
@@ -87,23 +91,19 @@ def find_prepared(request: Request, parameters: Mapping[str, float]) -> Prepared
     try:
         with request.model.open("rb") as stream:
             content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
-        prepared = _from_json(json.loads(_place(request, content).read_text(encoding="utf-8")))
-    except (OSError, ToolchainError, PackageNotFoundError, ValueError, KeyError, TypeError):
-        return None  # nothing kept, or not in one piece; what else is wrong will be told by who prepares
-    if not prepared.takes(parameters) or not prepared.run.simulator.exists():
+        record = read_record(_place(request, content))
+        prepared = None if record is None else _from_json(record)
+    except (OSError, ToolchainError, PackageNotFoundError, ValueError):
+        return None  # whatever is wrong is an error, with its message, of preparing anew
+    if prepared is None or not prepared.takes(parameters) or not is_sound(prepared.run.simulator):
         return None
     return replace(prepared, run=prepared.run.with_parameters(parameters))
 
 
 def keep_prepared(request: Request, text: str, prepared: Prepared) -> None:
-    """Keep what was prepared from the text of a model, with the parameters that it has there."""
-    try:
-        place = _place(request, text.encode())
-    except PackageNotFoundError:
-        return  # installed in a way that does not tell the versions
-    with workplace() as folder:
-        (folder / place.name).write_text(json.dumps(_as_json(prepared)), encoding="utf-8")
-        keep(folder / place.name, place)
+    """Keep what was prepared from the text of a model, with the parameters that it has there; a run needs no cache to write to."""
+    with suppress(PackageNotFoundError, ToolchainError):  # installed without versions, or a cache that cannot be written
+        write_record(_place(request, text.encode()), _as_json(prepared))
 
 
 def _place(request: Request, content: bytes) -> Path:
@@ -121,7 +121,7 @@ def made_with() -> tuple[Any, ...]:
         PackageNotFoundError: what is installed does not tell its version.
     """
     compiler = find_compiler()
-    return code_digest(code_folders()), versions(), compiler, compiler_version(compiler), resolve(FLAGS)
+    return code_digest(code_folders()), versions(), compiler.command, compiler.key, resolve(FLAGS)
 
 
 @cache

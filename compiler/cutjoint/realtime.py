@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.pipeline import Artifact, ends_at_events, require_fixed_cost
-from cutjoint.run.results import FailureReport, clear_places, read_run_table
+from cutjoint.run.result_files import RunTables
+from cutjoint.run.results import FailureReport, read_run_table
 from cutjoint.run.run_file import RunError, make_run_file, require_figures
 from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import call_simulator, failure_of
@@ -22,13 +22,14 @@ class StepTimes:
     """Times of steps that were begun ``period`` (s) apart.
 
     ``took`` (n,) is how long each lasted and ``late`` (n,) how long after the next one was due it ended, in s; negative where it was in
-    time.  A run that failed has the steps up to then.
+    time.  A run that failed has the steps up to then.  ``table`` is the file that has the times, if there is one.
     """
 
     period: float
     took: NDArray[np.float64]
     late: NDArray[np.float64]
     failure: FailureReport | None
+    table: Path | None = None
 
     @property
     def missed(self) -> int:
@@ -51,7 +52,9 @@ def run_in_real_time(
 
     Raises:
         RunError: a parameter that cannot be set, figures that no run has, or steps that cannot be of fixed cost.
-        SimulatorError: the simulator could not begin.
+        SimulatorError: the simulator could not begin, or could not write a file.
+        OutputError: a file cannot be written.
+        Interrupted, Terminated: a signal has ended the run.
     """
     require_figures(dt=dt, end=end, iterations=iterations)
     if artifact.implementation != "generated":
@@ -61,13 +64,14 @@ def run_in_real_time(
         require_fixed_cost(artifact, events=events)
     scene = with_figures(artifact.scene, artifact.method, {} if dt is None else {"dt": dt})
     scene = replace(scene, end=scene.end if end is None else end)
-    with TemporaryDirectory() as folder:
-        table = Path(folder) / "times.csv" if out is None else out
-        run_file = make_run_file(
-            artifact.topology.model, scene, parameters or {}, task="realtime", method=artifact.method, out=str(table.resolve()),
-            events=events, fixed_cost=iterations,
-        )  # fmt: skip
-        clear_places(table)
-        failure = failure_of(call_simulator(artifact.binary.path, run_file))
-        _, columns = read_run_table(table, ("took", "late"))
-    return StepTimes(period=scene.numerics.of_method(artifact.method).dt, took=columns["took"], late=columns["late"], failure=failure)
+    run_file = make_run_file(
+        artifact.topology.model, scene, parameters or {}, task="realtime", method=artifact.method, events=events, fixed_cost=iterations
+    )
+    with RunTables(None, out=out) as tables:
+        summary = call_simulator(artifact.binary.path, {**run_file, **tables.places})
+        _, columns = read_run_table(tables.rows, ("took", "late"), summary.get("rows", 0))
+        failure = failure_of(summary)
+        table = tables.finish() if failure is None else tables.leave(str(failure))
+    return StepTimes(
+        period=scene.numerics.of_method(artifact.method).dt, took=columns["took"], late=columns["late"], failure=failure, table=table
+    )

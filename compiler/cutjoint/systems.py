@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
+import numpy as np
+
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.source import Source
@@ -77,14 +79,21 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
 
 
 def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:
-    """The classical method's factorisation, with pivots that hold in all states.
+    """The classical method's factorisation, with pivots that hold in all states in which the laws have values.
 
     Raises:
-        RunError: the equations depend on each other in one of the states.
+        RunError: the equations depend on each other in one of the states, or some law has no value in any of them.
     """
     dt = equations.scene.numerics.of_method("classical").dt
+    samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
+    if not samples:
+        file = equations.topology.model.span.file
+        raise RunError(
+            f"{file}: classical: a law has no finite value in the design position and near it, where pivots are chosen; "
+            "give it one there, or use --method recursive"
+        )
     try:
-        return plan_unsymmetric(pattern, list(tangent_samples(equations, states, dt)))
+        return plan_unsymmetric(pattern, samples)
     except NoPivotError as error:
         raise RunError(f"{equations.topology.model.span.file}: classical: {error}; use --method augmented or recursive") from error
     except SingularError as error:

@@ -11,6 +11,7 @@
 
 #include "cutjoint/batch/group.hpp"
 #include "cutjoint/program.hpp"
+#include "cutjoint/stop.hpp"
 
 namespace cutjoint::batch {
 
@@ -20,19 +21,20 @@ namespace {
 class Batch {
  public:
   Batch(const Json& file, const MakeAlone& make_alone, const MakeInstances& make_instances)
-      : file_(file), make_alone_(make_alone), make_instances_(make_instances), cases_(file.at("cases").get<std::vector<Json>>()),
-        results_(cases_.size()) {
+      : file_(file), make_alone_(make_alone), make_instances_(make_instances), cases_(file.at("cases").get<std::vector<Json>>()) {
     file_.erase("cases");  // each case adds to a copy of the rest
   }
 
+  /// Run all cases and return the summary; the results of each group are printed when it is done.
   Json run() {
+    heed_stop_requests();
     {
       const std::size_t groups = (cases_.size() + width - 1) / width;
       std::vector<std::jthread> threads;  // joined at the end of the block
-      for (std::size_t i = 0; i < std::min(groups, file_.at("threads").get<std::size_t>()); ++i) threads.emplace_back([this] { work(); });
+      for (std::size_t i = 0; i < std::min(groups, static_cast<std::size_t>(read_integer(file_, "threads", 1, 4096))); ++i) threads.emplace_back([this] { work(); });
     }
     if (error_) std::rethrow_exception(error_);
-    return Json{{"status", "done"}, {"seconds", seconds_}, {"results", results_}};
+    return Json{{"status", done_ < cases_.size() ? "interrupted" : "done"}, {"seconds", seconds_}};
   }
 
  private:
@@ -43,11 +45,12 @@ class Batch {
       Group group(*alone, *instances, file_);
       for (std::size_t first = width * next_++; first < cases_.size(); first = width * next_++) {
         const std::size_t number = std::min<std::size_t>(width, cases_.size() - first);
-        const std::vector<Json> results = group.run(std::span(cases_).subspan(first, number));
-        std::copy(results.begin(), results.end(), results_.begin() + static_cast<std::ptrdiff_t>(first));
+        const Json results = group.run(std::span(cases_).subspan(first, number));
         const std::lock_guard lock(mutex_);
+        if (stop_requested()) break;  // they may not have come to their ends
         done_ += number;
-        std::cout << Json{{"progress", static_cast<double>(done_) / static_cast<double>(cases_.size())}} << std::endl;
+        std::cout << Json{{"first", first}, {"results", results}} << '\n'
+                  << Json{{"progress", static_cast<double>(done_) / static_cast<double>(cases_.size())}} << std::endl;
       }
       const std::lock_guard lock(mutex_);
       seconds_ += group.seconds();
@@ -60,7 +63,7 @@ class Batch {
   Json file_;
   const MakeAlone& make_alone_;
   const MakeInstances& make_instances_;
-  std::vector<Json> cases_, results_;
+  std::vector<Json> cases_;
   std::atomic<std::size_t> next_ = 0;
   std::mutex mutex_;
   std::size_t done_ = 0;

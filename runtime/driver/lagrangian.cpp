@@ -2,6 +2,7 @@
 #include "cutjoint/driver.hpp"
 #include "cutjoint/lagrangian/method.hpp"
 #include "cutjoint/program.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/sdirk/method.hpp"
@@ -14,11 +15,14 @@ extern template class cutjoint::RecursiveNewton<cutjoint::AnySystem<cutjoint::Pr
 
 int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system) {
   return run_program(argc, argv, "simulator", [&](const Json& file) {
-    if (reference::is_reference(file)) {
+    const std::string integrator = read_word(
+        file, "integrator",
+        std::to_array<std::string_view>({"trapezoidal", "sdirk4", "sdirk4-fixed", "generalised-alpha", "reference"}), "trapezoidal");
+    if (integrator == "reference") {
       reference::NaturalReference<AnySystem<Precision>> method(system, file);
       return Run(start, method, file).perform();
     }
-    if (file.value("integrator", "").starts_with("sdirk4")) {
+    if (integrator.starts_with("sdirk4")) {
       sdirk::ImplicitMethod<AnySystem<Precision>> method(system, file);
       return Run(start, method, file).perform();
     }

@@ -5,6 +5,7 @@
 #include "cutjoint/program.hpp"
 #include "cutjoint/recursive.hpp"
 #include "cutjoint/reference/method.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/stepping/parted.hpp"
 #include "cutjoint/stepping/trapezoidal_rule.hpp"
@@ -13,11 +14,12 @@ extern template class cutjoint::Trapezoidal<cutjoint::AnyMechanism<cutjoint::Pre
 
 int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism) {
   return run_program(argc, argv, "simulator", [&](const Json& file) {
-    if (reference::is_reference(file)) {
+    const std::string integrator = read_word(
+        file, "integrator", std::to_array<std::string_view>({"trapezoidal", "rk4", "dormand-prince", "reference"}), "trapezoidal");
+    if (integrator == "reference") {
       reference::RelativeReference<AnyMechanism<Precision>> method(mechanism, file);
       return Run(start, method, file).perform();
     }
-    const std::string integrator = file.value("integrator", "");
     if (integrator == "rk4") {
       runge_kutta::ExplicitMethod<AnyMechanism<Precision>, runge_kutta::ClassicalTable> method(mechanism, file);
       return Run(start, method, file).perform();

@@ -1,4 +1,5 @@
-// The simulator of a model that is interpreted at run time: `generic RUN.json`, where the run file names the model's description.
+// The simulator of a model that is interpreted at run time: `generic RUN.json`, where the run file has the model's description, or names a file
+// with it.
 #include "cutjoint/generic/mechanism.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/recursive.hpp"
@@ -16,7 +17,8 @@ static_assert(cutjoint::Mechanism<Mechanism>);
 
 int main(int argc, char** argv) {
   return cutjoint::run_program(argc, argv, "generic", [](const Json& file) {
-    const Json model = cutjoint::read_json(file.at("model"));
+    const Json& place = file.at("model");
+    const Json model = place.is_string() ? cutjoint::read_json(place) : place;
     if (model.contains("method")) return run_natural(model, file);
     Mechanism start(model), mechanism(model);
     cutjoint::Recursive<Mechanism> method(mechanism, file);

@@ -187,6 +187,8 @@ class Mechanism:
         settings.solution.sensors.writePeriod = max(output_step, dt)
         settings.linearSolver.solverType = exudyn.LinearSolverType.EigenSparse
         run = settings.timeIntegration
+        if not (dt > 0 and (end == 0 or dt <= end * (1 + 1e-9)) and end / dt <= 2**53):
+            raise ValueError("--dt is longer than --end, or a run of more than 9e15 steps")
         run.numberOfSteps, run.endTime = max(1, int(np.ceil(end / dt - 1e-9))), end
         run.adaptiveStep = False
         run.verboseMode = 0

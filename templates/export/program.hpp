@@ -1,6 +1,7 @@
 // The program around an exported model: command line, table of results, summary as one line of JSON.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -115,8 +116,11 @@ class Table {
 /// Steps from row to row; only the steps are timed.  A peer throws from step() when it cannot go on.
 template <class Peer>
 int simulate(Peer& peer, const Options& options, std::span<const Column> columns) {
-  const long steps = std::lround(std::ceil(options.end / options.dt - 1e-9));
-  const long stride = std::max(1L, std::lround(options.output_step / options.dt));
+  if (!(options.dt > 0 && options.end / options.dt <= 0x1p53))
+    throw std::invalid_argument("--end over --dt is no number of steps: write seconds above zero, and no more than 9e15 steps");
+  if (!(options.end == 0 || options.dt <= options.end * (1 + 1e-9))) throw std::invalid_argument("--dt is longer than --end");
+  const long steps = static_cast<long>(std::max(0.0, std::ceil(options.end / options.dt - 1e-9)));
+  const long stride = static_cast<long>(std::clamp(std::floor(options.output_step / options.dt + 0.5), 1.0, std::max(1.0, double(steps))));
   Table table(options.out, columns);
   table.row(0, peer);
   double seconds = 0;

@@ -32,6 +32,7 @@ from cutjoint.report.bench.tables import tabulate_configurations, tabulate_stiff
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.run_file import RunError
 from tests.conftest import MODELS
+from tests.toolchain.damage import damaged_records
 
 
 def test_steps_have_rows_in_common() -> None:
@@ -202,6 +203,15 @@ def test_a_store_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
     assert again.get({"dt": 1}, lambda: pytest.fail("it was measured")) == {"x": 1}
     assert again.get({"dt": 2}, lambda: {"x": 2}) == {"x": 2}
     assert Store(path).get({"dt": 2}, lambda: pytest.fail("it was measured")) == {"x": 2}
+
+
+def test_a_line_of_a_store_that_came_to_harm_is_measured_again(tmp_path: Path) -> None:
+    path = tmp_path / "measurements.jsonl"
+    Store(path).get({"dt": 1}, lambda: {"seconds": [0.5, 0.25], "failure": ""})
+    for harmed in damaged_records(path.read_bytes().rstrip(b"\n")):
+        path.write_bytes(harmed + b"\n")
+        assert Store(path).get({"dt": 1}, lambda: {"x": 1}) == {"x": 1}
+        assert Store(path).get({"dt": 1}, lambda: pytest.fail("it was measured")) == {"x": 1}
 
 
 def test_every_method_is_a_contender() -> None:

@@ -21,6 +21,7 @@ from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
 from cutjoint.run.run_file import RunError
 from tests.conftest import MODELS
+from tests.toolchain.damage import damaged_records
 
 
 def records(path: Path) -> list[dict[str, Any]]:
@@ -65,6 +66,22 @@ def test_a_reference_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         one, other = pool.map(reference.find_reference, [case, case])
     assert len(made) == 1
     assert one.t.tolist() == other.t.tolist() == [0.0]
+
+
+def test_a_reference_that_came_to_harm_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = make_case(MODELS / "pendulum.yaml", end=0.5)
+    about = {"position_apart": 1e-9, "velocity_apart": np.nan, "provenance": {"routes": ["one"]}}
+    made = Reference(t=np.zeros(2), columns={"bob.x": np.ones(2)}, **about)
+    monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path))
+    monkeypatch.setattr(reference, "_compiled", lambda *_: None)
+    monkeypatch.setattr(reference, "_integrate", lambda *_: made)
+    reference.find_reference(case)
+    (file,) = (tmp_path / "references").iterdir()
+    sound = file.read_bytes()
+    for harmed in damaged_records(sound):
+        file.write_bytes(harmed)
+        assert reference.find_reference(case).columns["bob.x"].tolist() == [1.0, 1.0]
+        assert file.read_bytes() == sound
 
 
 def test_a_parameter_that_is_not_there_is_told_before_anything_is_made(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from cutjoint.locations import runtime_folder
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import derive, generate
 from cutjoint.run.scenes import find_scene
-from cutjoint.toolchain.build import find_compiler
+from cutjoint.toolchain.compiler import find_compiler
 from tests.mechanisms.chains import pendulums_in_a_row
 
 LINKS = 12
@@ -60,7 +60,7 @@ def test_loops_compile(case: str, tmp_path: Path) -> None:
     for name, code in source.files.items():
         if name.endswith(".cpp") and "for (int " in code and not name.startswith(("factor", "solve")):
             command = [
-                find_compiler(), "-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-psabi",
+                *find_compiler().command, "-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-psabi",
                 f"-I{runtime_folder()}/include", f"-I{tmp_path}", *REALS[real], str(tmp_path / name),
             ]  # fmt: skip
             done = subprocess.run(command, capture_output=True, text=True)

@@ -15,7 +15,7 @@ from cutjoint.locations import runtime_folder
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import derive, generate, only_starting
-from cutjoint.toolchain.build import find_compiler
+from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import MODELS, needs_cpp
 from tests.reduce.test_rolling import CART
 
@@ -54,7 +54,8 @@ def check(files: Mapping[str, str], kind: str, folder: Path) -> None:
     for number, (sources, options) in enumerate(libraries(files, kind)):
         whole = folder / f"unity_{number}.cxx"
         whole.write_text("".join(f'#include "{name}"\n' for name in sources), encoding="utf-8")
-        command = [find_compiler(), "-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-march=native", *options]
+        flags = ["-std=c++20", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-march=native", *options]
+        command = [*find_compiler().command, *flags]
         places = [f"-I{runtime_folder() / 'include'}", f"-I{folder}"]
         done = subprocess.run([*command, *places, str(whole)], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr

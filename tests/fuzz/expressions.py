@@ -10,7 +10,10 @@ from typing import Any
 
 VARIABLES = ("length", "rate", "t")
 SMOOTH = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "sqrt", "exp", "log")
-NUMBERS = ("0", "1", "2", "3", "7", "0.5", "1e-3", "2.5e2", "1e-300", "1e300", "9007199254740991", "pi", ".5", "12")
+NUMBERS = (
+    "0", "1", "2", "3", "7", "12", "0.5", ".5", "(1/3)", "1e-3", "2.5e2", "1e-300", "1e200", "1e300", "1e308", "5e-324",
+    "9007199254740991", "pi",
+)  # fmt: skip
 GARBAGE = (
     "",
     " ",
@@ -130,6 +133,8 @@ def nest(rng: random.Random) -> str:
             "sqrt(({x})**2+{c})",
             "sqrt(({x})**2)",
             "({x}+{c})**12",
+            "({x})**12 + 1/3",
+            "1e200*({x})",
             "({x})*(length+{c})",
             "({x})*sin(length*{c})",
             "log(1+{x}*t)",
@@ -197,18 +202,66 @@ _PYTHON: Mapping[str, Any] = {
 }
 
 
-def plain_value(text: str, values: Mapping[str, float]) -> float:
-    """Python's value of a text that reading has accepted; NaN where it has none."""
-    try:
-        tree = ast.parse(text.replace("\n", " ").strip(), mode="eval")
-    except SyntaxError:  # a number with a unit
-        return math.nan
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "where":
+#: How far the numbers of a text are moved, relative and absolute, to see whether its value hangs on their last digits.
+_NEAR, _TINY = 1e-9, 1e-12
+
+
+class _Prepared(ast.NodeTransformer):
+    """Branches of `where` become functions, so that only one is evaluated; numbers are moved by ``shift``, up and down in turns.
+
+    Exponents stay: a root of what is negative has no real value near a whole power.
+    """
+
+    def __init__(self, shift: float) -> None:
+        self.shift = shift
+
+    def visit_Call(self, node: ast.Call) -> ast.Call:
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name) and node.func.id == "where":
             none = ast.arguments(posonlyargs=[], args=[], kwonlyargs=[], kw_defaults=[], defaults=[])
             node.args[1:] = [ast.Lambda(args=none, body=branch) for branch in node.args[1:]]
+        return node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.BinOp:
+        node.left = self.visit(node.left)
+        if not isinstance(node.op, ast.Pow):
+            node.right = self.visit(node.right)
+        return node
+
+    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
+        if self.shift and type(node.value) in (int, float):
+            self.shift = -self.shift
+            return ast.Constant(value=float(node.value) * (1 + self.shift) + math.copysign(_TINY, self.shift))
+        return node
+
+
+def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, float]], float]:
+    """Python's value, over variables, of a text that reading has accepted; NaN where it has none."""
     try:
-        value = eval(compile(ast.fix_missing_locations(tree), "text", "eval"), {**_PYTHON, **values})
-        return float(value) if isinstance(value, int | float) else math.nan
-    except (ArithmeticError, ValueError, TypeError):  # a complex number compared
-        return math.nan
+        tree = _Prepared(shift).visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
+        code = compile(ast.fix_missing_locations(tree), "text", "eval")
+    except (SyntaxError, OverflowError):  # a number with a unit; a number beyond the floats
+        return lambda values: math.nan
+
+    def function(values: Mapping[str, float]) -> float:
+        try:
+            value = eval(code, {**_PYTHON, "pi": math.pi * (1 + shift), **values})
+            return float(value) if isinstance(value, int | float) else math.nan
+        except (ArithmeticError, ValueError, TypeError):  # a complex number compared
+            return math.nan
+
+    return function
+
+
+def steady_value(text: str) -> Callable[[Mapping[str, float]], float]:
+    """Python's value of a text over variables; NaN where it has none, or where near variables and numbers give another one."""
+    plain, *moved = (plain_function(text, shift) for shift in (0.0, _NEAR, -_NEAR))
+
+    def function(values: Mapping[str, float]) -> float:
+        wanted = plain(values)
+        near = [f(values) for f in moved]
+        near += [plain({**values, name: x + sign * _NEAR}) for name, x in values.items() for sign in (1, -1)]
+        steady = all(math.isfinite(y) and abs(y) < 1e100 and abs(y - wanted) <= 1e-4 * abs(wanted) + 1e-7 for y in (wanted, *near))
+        return wanted if steady else math.nan
+
+    return function

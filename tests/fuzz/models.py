@@ -367,14 +367,14 @@ class Maker:
     def document(self) -> Node:
         """The whole model."""
         rng = self.rng
-        self.tree(rng.randint(1, 5))
+        self.tree(rng.choice((1, 1, 2, 2, 3, 4, 5)))
         while len(self.bodies) < 2:
             self.tree(1)
         for _ in range(rng.choice((0, 0, 1, 1, 2))):
             self.loop()
         trees = [n for n, j in self.joints.items() if "cut" not in j and "guide" not in j and COORDINATES[j["kind"]]]
         loops = len(self.joints) > len(self.bodies) and all("cut" not in j for j in self.joints.values())
-        forces = {self.name("force"): self.force([] if loops else trees) for _ in range(rng.randint(0, 4))}
+        forces = {self.name("force"): self.force([] if loops else trees) for _ in range(rng.choice((0, 1, 1, 2, 4)))}
         if self.chance(0.2):
             forces[self.name("tyre")] = self.tyre()
         cuts = [n for n, j in self.joints.items() if j.get("cut")]
@@ -398,7 +398,7 @@ class Maker:
                 self.name("reaction"): {"joint": cut, "body": self.joints[cut]["bodies"][0], "direction": self.axis()} for cut in cuts
             },
         }
-        if self.chance(0.4):
+        if self.chance(0.3):
             made["submodels"] = {"side": self.submodel()}
             uses = {self.name("side"): mirror for mirror in rng.sample(["x", "y", "z", None], rng.randint(1, 3))}
             made["instances"] = {

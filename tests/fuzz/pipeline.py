@@ -14,13 +14,14 @@ from cutjoint.formulate.records import Equations
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
+from cutjoint.program.blocks import ConstantError
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.topology.spanning_tree import TopologyError
 
 FILE = "fuzzed.yaml"
 #: Seconds of processor time that a model may take.
 SLOWEST = 10.0
-_PLACED = re.compile(rf"{re.escape(FILE)}:\d+:\d+: \S.*")
+_PLACED = re.compile(rf"{re.escape(FILE)}:\d+(:\d+)?: \S.*")
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def _compile(text: str) -> Outcome:
         scene = next(iter(model.scenes.values()), None) or pipeline.find_scene(model, None)
         equations, _, source = pipeline.generate(model, scene, scene.outputs)
         make_run_file(model, scene, {}, task="simulate", out="table.csv")
-    except (ModelError, TopologyError, NoInertiaError, GuideError, RunError) as error:
+    except (ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, RunError) as error:
         problems = str(error).splitlines()
         return Outcome(problems=tuple(problems))
     return Outcome(source=source, model=model, scene=scene, equations=equations)

@@ -22,7 +22,8 @@ from cutjoint.locations import runtime_folder
 from cutjoint.model.read import read_model_text
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import call_simulator
-from cutjoint.toolchain.build import build, find_compiler, write_source
+from cutjoint.toolchain.build import build, write_source
+from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import needs_cpp
 
 from .models import NASTY, ODD_NAMES, any_model, make_document, write
@@ -65,7 +66,7 @@ def check_syntax(outcome: Outcome) -> None:
         write_source(outcome.source, Path(name))
         flags = ["-std=c++20", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-fsyntax-only", f"-I{runtime_folder() / 'include'}"]
         sources = sorted(str(path) for path in Path(name).glob("*.cpp"))
-        done = subprocess.run([find_compiler(), *flags, *sources], capture_output=True, text=True, check=False)
+        done = subprocess.run([*find_compiler().command, *flags, *sources], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr[:4000]
 
 

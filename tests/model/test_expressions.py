@@ -10,7 +10,7 @@ import sympy
 
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import read_term, variable
-from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.operations import MAX_EXACT, ExpressionError, Term
 from cutjoint.model.units import LENGTH, MASS, SPEED
 
 X, Y = variable("x"), variable("y")
@@ -134,6 +134,9 @@ LISTED = "use numbers, names, + - * / **, comparisons inside where, and the list
         ("x y", "'x y' is not an expression", "write for example '2*pi*radius'"),
         ("3 foo", "unknown unit 'foo'", "write for example '30 deg' or '5 N*s/m'"),
         ("1e999", "a number is not finite", ""),
+        ("1_0*x", "'1_0' is not a number here", "write it in decimal digits, without underscores"),
+        ("0x10", "'0x10' is not a number here", "write it in decimal digits, without underscores"),
+        ("2 kg^0", "'kg^0' is not a unit: a power of zero has none", "write for example '30 deg' or '5 N*s/m'"),
     ],
 )  # fmt: skip
 def test_mistakes_are_named(text: str, message: str, hint: str) -> None:
@@ -238,3 +241,45 @@ def test_choices_stay_as_they_are_written() -> None:
     assert expression.func is sympy.Pow
     assert expression.xreplace({X: -X}).xreplace({X: -X}) == expression
     assert str(read_term("abs(x)", NAMES).value) == "Piecewise((x, x >= 0), (-x, True))"
+
+
+def nested(form: str, times: int, innermost: str) -> str:
+    text = innermost
+    for _ in range(times):
+        text = form.replace("@", text)
+    return text
+
+
+LONG = [
+    ("(@)**12 + 1/3", 7, "1/3"),
+    ("(@)**12*1/3 + 1/7", 14, "1/3"),
+    ("1/(@ + 1/9007199254740881)", 20, "1/3"),
+    ("(@)*9007199254740881/9007199254740847", 25, "1/3"),
+]
+
+
+@pytest.mark.parametrize(("form", "times", "innermost"), LONG)
+def test_long_fractions_become_floats(form: str, times: int, innermost: str) -> None:
+    term = read_term(nested(form, times, innermost), {})
+    assert term.number is not None
+    assert float(term.value) == pytest.approx(term.number, rel=1e-14)
+    assert all(max(abs(n.p), n.q) <= MAX_EXACT for n in term.value.atoms(sympy.Rational))
+
+
+def test_short_fractions_stay_exact() -> None:
+    assert read_term("(1/3)**12 + 1/7 - 2/21", {}).value == sympy.Rational(1, 3) ** 12 + sympy.Rational(1, 21)
+
+
+@pytest.mark.parametrize(
+    ("form", "times", "message"),
+    [
+        ("(@)**12 + 1/3", 8, "powers within each other multiply to more than 1000"),
+        ("(3*@)**12", 20, "powers within each other multiply to more than 1000"),
+        ("(@*@)**12", 3, "powers within each other multiply to more than 1000"),
+        ("sin((@)**10)", 4, "powers within each other multiply to more than 1000"),
+        ("(@)**(11/7)", 20, "more than 6 roots or fractional powers stand within each other"),
+        ("sqrt(@)**3", 9, "more than 6 roots or fractional powers stand within each other"),
+    ],
+)
+def test_powers_within_powers_are_bounded(form: str, times: int, message: str) -> None:
+    assert refusal(nested(form, times, "x"))[0] == message

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.errors import MAX_PROBLEMS, ModelError, Problem
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Span
 
@@ -110,6 +110,17 @@ VALUES = [
         "[0.1, 0.2, 0.2]",
         "{principal: [1, 1, 1], x: [1, 0, 0], z: §[1e-6, 0, 1]}",
         "@: body 'arm': the directions x and z are not perpendicular",
+    ),
+    (
+        "mass: arm_mass",
+        "mass: §2 kg^0",
+        "@: body 'arm': mass: 'kg^0' is not a unit: a power of zero has none; write for example '30 deg' or '5 N*s/m'",
+    ),
+    ("mass: arm_mass", "mass: §1e300", "@: body 'arm': mass: is larger than 1e+50 in SI units; mind its unit"),
+    (
+        "centre_of_mass: [1, 0, 0]",
+        "centre_of_mass: [1, §1e155, 0]",
+        "@: body 'arm': centre_of_mass: is larger than 1e+50 in SI units; mind its unit",
     ),
     ("axis: [0, 1, 0]", "axis: §[0, 0, 0]", "@: joint 'hinge': axis has no direction: its length is zero"),
     (
@@ -349,6 +360,36 @@ def test_problems_are_records() -> None:
 
 def test_messages_are_safe_to_print() -> None:
     found = problem("name: pendulum", 'name: "\\e[31m' + "x" * 5000 + '"')
-    assert found.startswith("m.yaml:2:7: model: name: '?[31mxxx")
+    assert found.startswith("m.yaml:2:7: model: name: '\\x1b[31mxxx")
     assert len(found) < 700
     assert found.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        ("1/(dt - 0.001)", "numerics.penalty has no finite value at dt = 0.001 s"),
+        ("exp(1/dt)", "numerics.penalty has no finite value at dt = 0.001 s"),
+        ("sqrt(dt - 0.002)", "numerics.penalty has no finite value at dt = 0.001 s"),
+        ("1/(dt - 0.004)**2", "numerics.penalty has no finite value at dt = 0.004 s"),
+        ("dt - 0.002", "penalty must be greater than zero"),
+    ],
+)
+def test_numerics_that_follow_the_step_are_finite(law: str, message: str) -> None:
+    numerics = f'numerics: {{penalty: §"{law}", methods: {{classical: {{dt: 0.004}}}}}}'
+    check("fall: {end: 2}", f"fall: {{end: 2, {numerics}}}", f"@: scene 'fall': {message}")
+
+
+@pytest.mark.parametrize("law", ["exp(1/dt)", "1/(dt - 0.001)"])
+def test_a_frequency_that_follows_the_step_is_finite(law: str) -> None:
+    message = "@: scene 'fall': numerics.frequency has no finite value at dt = 0.001 s"
+    check("fall: {end: 2}", f'fall: {{end: 2, numerics: {{frequency: §"{law}"}}}}', message)
+
+
+def test_problems_without_end_are_cut_short() -> None:
+    names = [f"body_{i}" for i in range(3000)]
+    bodies = ", ".join(f"{name}: {{massless: true}}" for name in names)
+    joints = ", ".join(f"j{i}: {{kind: fixed, bodies: [x{name}, y{name}], at: [0, 0, 0]}}" for i, name in enumerate(names))
+    found = problems(f"cutjoint: 1\nname: m\ngravity: [0, 0, 0]\nbodies: {{{bodies}}}\njoints: {{{joints}}}\n")
+    assert len(found) == MAX_PROBLEMS + 1
+    assert sum("there may be more problems than these; mend these first" in line for line in found) == 1

@@ -102,6 +102,37 @@ def test_merge_bombs_end_quickly() -> None:
     assert time.process_time() - start < 20
 
 
+WIDE = "a: &a {" + ", ".join(f"k{i}: 1" for i in range(24_000)) + "}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (WIDE + "b:\n  <<: [" + ", ".join(["*a"] * 20_000) + "]\n", "m.yaml:3:3"),
+        (WIDE + "".join(f"b{i}: {{<<: *a}}\n" for i in range(3000)), "m.yaml:1:"),
+        ("a0: &a0 {k0: 1}\n" + "".join(f"a{i}: &a{i} {{k{i}: 1, <<: *a{i - 1}}}\n" for i in range(1, 5000)), "m.yaml:"),
+    ],
+)
+def test_merge_keys_are_counted(text: str, place: str) -> None:
+    found = refusal(text)
+    assert found.startswith(place)
+    assert "200000" in found
+
+
+@pytest.mark.parametrize("last", ["*a4999", "[*a4999, *a0]"])
+def test_long_chains_of_merge_keys_are_refused(last: str) -> None:
+    """All mappings of the chain are merged into the one that contains them, the last of the chain first."""
+    chain = ", ".join(f"k{i}: &a{i} {{<<: *a{i - 1}}}" for i in range(1, 5000))
+    found = refusal(f"{{k0: &a0 {{x: 1}}, {chain}, <<: {last}}}")
+    assert "merge keys lead over more than 80 mappings, each of which merges the next; write the entries into fewer mappings" in found
+
+
+def test_what_is_refused_is_shown_without_control_characters() -> None:
+    found = refusal('a: 1\n"\\e[31m": 1\n"\\e[31m": 2\n')
+    assert found == r"m.yaml:3:1: file: duplicate key '\x1b[31m', first defined at line 2; keep one of them"
+    assert len(refusal("!" * 1000)) < 400
+
+
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     missing = tmp_path / "none.yaml"
     with pytest.raises(ModelError, match=r"none.yaml:1:1: file: cannot be read: No such file or directory"):

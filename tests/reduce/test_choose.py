@@ -18,11 +18,14 @@ from cutjoint.cli import main
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.reduce import choose as choose_module
 from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_rung
 from cutjoint.reduce.measure import distance
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
+from cutjoint.toolchain.compiler import Compiler
 from tests.conftest import MODELS
+from tests.toolchain.damage import damaged_records
 
 PENDULUM = """\
 cutjoint: 1
@@ -99,11 +102,18 @@ def test_a_choice_is_kept(calibrations: list[str]) -> None:
     assert calibrations == ["pendulum"]
 
 
-@pytest.mark.parametrize("content", ["", '{"picked": {"rung": "fu', "{}", "[]"])
-def test_half_a_file_is_no_choice(content: str, calibrations: list[str], tmp_path: Path) -> None:
+def test_a_choice_that_came_to_harm_is_made_again(calibrations: list[str], tmp_path: Path) -> None:
     choose_again()
-    (kept,) = (tmp_path / "cache" / "choices").iterdir()
-    kept.write_text(content, encoding="utf-8")
+    (file,) = (tmp_path / "cache" / "choices").iterdir()
+    for harmed in damaged_records(file.read_bytes()):
+        file.write_bytes(harmed)
+        assert choose_module._read(file) is None
+    assert [choose_again(), choose_again()] == [MADE, MADE]
+    assert len(calibrations) == 2
+
+
+def test_a_choice_needs_no_cache_to_write_to(calibrations: list[str], tmp_path: Path) -> None:
+    (tmp_path / "cache").touch()
     assert [choose_again(), choose_again()] == [MADE, MADE]
     assert len(calibrations) == 2
 
@@ -120,7 +130,7 @@ def another_flag(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def another_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prepared, "compiler_version", lambda compiler: "another")
+    monkeypatch.setattr(prepared, "find_compiler", lambda: Compiler(command=("c++",), version="another"))
 
 
 def another_processor(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.guards import guard_forces
-from cutjoint.run.cases import read_cases, write_results
+from cutjoint.run.cases import read_cases
 from cutjoint.run.results import Batch, Trajectory
 from cutjoint.run.run_file import RunError
 
@@ -275,12 +275,12 @@ def test_the_command_writes_a_row_for_each_run(tmp_path: Path) -> None:
     arguments = ["simulate", str(tmp_path / "quarter.yaml"), "--batch", str(tmp_path / "cases.csv"), "--set", "speed=6", "--out", str(out)]
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 1, done.output
-    assert "run 2: the fixed point diverged to infinity" in done.output
+    assert "run 2: the law of 'rope' (quarter.yaml:27) has no finite value: the argument of sqrt leaves its domain" in done.output
     assert "1 of 2 runs failed" in done.output
     with out.open(encoding="utf-8", newline="") as stream:
         first, second = csv.DictReader(stream)
     assert (first["speed"], first["load"], first["slack"], first["run.failure"]) == ("6.0", "250.0", "10.0", "")
-    assert second["run.failure"].startswith("the fixed point diverged")
+    assert second["run.failure"].startswith("the law of 'rope' (quarter.yaml:27) has no finite value")
     run = alone({"load": 250.0, "speed": 6.0})
     assert float(first["chassis.z.max"]) == pytest.approx(run["chassis.z"].max(), abs=1e-8)
     units = json.loads(out.with_suffix(".units.json").read_text(encoding="utf-8"))
@@ -288,8 +288,7 @@ def test_the_command_writes_a_row_for_each_run(tmp_path: Path) -> None:
 
 
 def test_what_did_not_start_has_no_values(tmp_path: Path) -> None:
-    batch = simulate_batch(compiled(), [{"slack": -1.0}])
-    write_results(batch, tmp_path / "table.csv")
+    batch = simulate_batch(compiled(), [{"slack": -1.0}], out=tmp_path / "table.csv")
     header, row = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()
     assert header.startswith("slack,run.failure,run.evaluations,chassis.z.end,chassis.z.min,chassis.z.max,")
     assert row.endswith(",0" + "," * 3 * len(batch.units))

@@ -11,6 +11,7 @@ from textwrap import dedent
 import pytest
 
 from cutjoint.run.simulator import SimulatorError, call_simulator
+from tests.toolchain.test_paths import can_mount, run_mounted
 
 Script = Callable[[str], Path]
 
@@ -52,7 +53,7 @@ def test_many_complaints_hold_nobody_up(script: Script) -> None:
         ("print('hello', flush=True); time.sleep(60)", "the simulator wrote a line that is no record: 'hello'"),
         ("print('[1, 2]')", r"the simulator wrote a line that is no record: '\[1, 2\]'"),
         ("print('{\"status\": ', end='', flush=True); os.kill(os.getpid(), signal.SIGKILL)", "the simulator ended with status -9"),
-        ("sys.exit('error: no such file')", "error: no such file"),
+        ("sys.exit('error: no such file')", "no such file"),
         ("print('{\"status\": \"done\"}'); sys.exit(2)", "the simulator ended with status 2"),
     ],
 )
@@ -75,3 +76,31 @@ def test_a_simulator_that_nobody_follows_is_ended(script: Script, tmp_path: Path
         call_simulator(binary, {}, stop)
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+@pytest.mark.parametrize(
+    ("content", "mode", "reason"),
+    [
+        (b"", 0o755, "Exec format error"),
+        (b"\x7fELF\x02\x01\x01", 0o755, "Exec format error"),
+        (b"no program", 0o755, "Exec format error"),
+        (b"#!/nowhere/sh\n", 0o755, "No such file or directory"),
+        (b"#!/bin/sh\n", 0o644, "Permission denied"),
+    ],
+)
+def test_what_cannot_be_run_is_told(content: bytes, mode: int, reason: str, tmp_path: Path) -> None:
+    path = tmp_path / "simulator"
+    path.write_bytes(content)
+    path.chmod(mode)
+    with pytest.raises(SimulatorError) as caught:
+        call_simulator(path, {})
+    advice = "set $CUTJOINT_CACHE to a folder whose programs may be run"
+    assert str(caught.value) == f"the simulator {path} cannot be run: {reason}; {advice}"
+
+
+@can_mount
+def test_a_disk_whose_programs_must_not_be_run(script: Script, tmp_path: Path) -> None:
+    call = f"from cutjoint.run import simulator; simulator.call_simulator(simulator.Path({str(script('pass'))!r}), {{}})"
+    done = run_mounted(tmp_path, call, "noexec")
+    assert done.stderr.splitlines()[-1].startswith("cutjoint.run.simulator.SimulatorError: the simulator ")
+    assert "cannot be run: Permission denied; set $CUTJOINT_CACHE" in done.stderr

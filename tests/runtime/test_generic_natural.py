@@ -30,7 +30,8 @@ from cutjoint.program.interpret import interpret_blocks
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator, failure_of
-from cutjoint.toolchain.build import build_generic, find_compiler
+from cutjoint.toolchain.build import build_generic
+from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS
 from tests.mechanisms import random_models
@@ -74,7 +75,8 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("generic_natural") / "evaluate"
     source = Path(__file__).with_name("generic_natural.cpp")
     subprocess.run(
-        [find_compiler(), "-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-Wno-maybe-uninitialized", "-isystem", "/usr/include/eigen3",
+        [*find_compiler().command,
+         "-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-Wno-maybe-uninitialized", "-isystem", "/usr/include/eigen3",
          f"-I{runtime_folder() / 'include'}", str(source), "-o", str(target)],
         check=True,
     )  # fmt: skip

@@ -76,8 +76,9 @@ def test_steps_up_to_a_failure_are_told(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["realtime", str(MODELS / "flyball.yaml"), "--dt", "0.05", "--out", str(out)])
     assert result.exit_code == 1
     assert "did not converge" in result.output or "diverged" in result.output
-    assert "the steps up to then are told" in result.output
-    assert out.exists()
+    assert f"the rows up to then are in {tmp_path / 'times.partial.csv'}" in result.output
+    assert read_table(tmp_path / "times.partial.csv")[0].size == 0  # the first step fails
+    assert not out.exists()
 
 
 def test_the_twin_does_not_run_against_the_clock() -> None:

@@ -15,7 +15,7 @@ from cutjoint.emit.factorisation import emit_factorisation
 from cutjoint.emit.source import Page
 from cutjoint.locations import runtime_folder
 from cutjoint.sparse.plan import Plan
-from cutjoint.toolchain.build import find_compiler
+from cutjoint.toolchain.compiler import find_compiler
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,8 @@ class Factorisation:
         sources = sorted(str(p) for p in folder.glob("*.cpp"))
         flags = os.environ["CUTJOINT_FLAGS"].split()
         target = folder / "factorisation.so"
-        command = [compiler or find_compiler(), "-std=c++20", *_WARNINGS, *flags, "-shared", "-fPIC", f"-I{runtime_folder() / 'include'}"]
+        called = [compiler] if compiler else find_compiler().command
+        command = [*called, "-std=c++20", *_WARNINGS, *flags, "-shared", "-fPIC", f"-I{runtime_folder() / 'include'}"]
         done = subprocess.run([*command, f"-I{folder}", *sources, "-o", str(target)], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         self._library = ctypes.CDLL(str(target))

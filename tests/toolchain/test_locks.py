@@ -28,12 +28,16 @@ file(APPEND "{log}" "simulator {stem}\\n")
 if(NOT DEFINED CUTJOINT_LAUNCH)
   add_library(launch STATIC part.cpp)
 endif()
-if(NOT DEFINED CUTJOINT_DRIVER)
+if(DEFINED CUTJOINT_DRIVER)
+  add_library(driver STATIC IMPORTED)
+  set_target_properties(driver PROPERTIES IMPORTED_LOCATION ${{CUTJOINT_DRIVER}})
+else()
   file(APPEND "{log}" "parts\\n")
   add_library(driver STATIC part.cpp)
 endif()
 execute_process(COMMAND sh -c "while [ ! -e '{gate}' ]; do sleep 0.02; done")
 add_executable(simulator main.cpp)
+target_link_libraries(simulator driver)
 """
 
 #: Builds a source in a process of its own, and says so before.
@@ -61,11 +65,11 @@ class Site:
     def open_gate(self) -> None:
         (self.folder / "gate").touch()
 
-    def build(self, stem: str, flags: tuple[str, ...] = ()) -> Binary:
+    def build(self, stem: str, flags: tuple[str, ...] = (), folder: Path | None = None) -> Binary:
         project = PROJECT.format(log=self.folder / "log", gate=self.folder / "gate", stem=stem)
-        main = f'#include <cstdio>\nint main() {{ std::puts("{stem}"); }}\n'
+        main = f'#include <cstdio>\nint part();\nint main() {{ std::puts("{stem}"); return part() - 1; }}\n'
         files = {"CMakeLists.txt": project, "main.cpp": main, "part.cpp": "int part() { return 1; }\n"}
-        return build(Source(stem=stem, files=files, digest=stem, driver="recursive"), flags=flags)
+        return build(Source(stem=stem, files=files, digest=stem, driver="recursive"), flags=flags, folder=folder)
 
     def ask(self, stem: str) -> subprocess.Popen[str]:
         """A process that is about to build."""
@@ -136,7 +140,8 @@ def test_a_process_that_was_killed_holds_up_nobody(site: Site) -> None:
     site.wait_for("simulator one", "parts")
     killed.send_signal(signal.SIGKILL)
     killed.communicate()
-    assert len(list((site.folder / "cache").glob("*.lock"))) == 3  # it had the simulator's and those of both parts
+    # it had the locks of the simulator, of both parts and of the folder where it built
+    assert len(list((site.folder / "cache").glob("*.lock"))) == 4
     site.open_gate()
     assert site.ask("one").communicate(timeout=120)[0] == "True\n"
     found = site.build("one")

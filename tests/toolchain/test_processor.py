@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cutjoint.export import compile_cpp
-from cutjoint.toolchain import build
+from cutjoint.toolchain import build, compiler
 from tests.toolchain.test_locks import Site, pytestmark, site
 
 __all__ = ["pytestmark", "site"]
@@ -18,13 +18,18 @@ X86 = "processor\t: {i}\nvendor_id\t: {vendor}\nmodel\t\t: 17\ncpu MHz\t\t: {spe
 ARM = "processor\t: {i}\nBogoMIPS\t: {speed}\nFeatures\t: {flags}\nCPU implementer\t: {vendor}\nCPU part\t: 0xd40\n\n"
 
 
+def touched(path: Path) -> Path:
+    path.touch()
+    return path
+
+
 def capabilities(folder: Path, text: str) -> tuple[str, ...]:
     (folder / "cpuinfo").write_text(text, encoding="utf-8")
-    build.processor.cache_clear()
+    compiler.processor.cache_clear()
     try:
-        return build.processor(folder / "cpuinfo")
+        return compiler.processor(folder / "cpuinfo")
     finally:
-        build.processor.cache_clear()
+        compiler.processor.cache_clear()
 
 
 @pytest.mark.parametrize("block", [X86, ARM])
@@ -38,16 +43,16 @@ def test_a_processor_is_what_it_can_do(block: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "nothing\n"])
 def test_a_machine_that_does_not_tell_has_its_name(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(build.platform, "node", lambda: "here")
+    monkeypatch.setattr(compiler.platform, "node", lambda: "here")
     assert capabilities(tmp_path, text)[0].endswith(" here")
-    assert build.processor(tmp_path / "none") == capabilities(tmp_path, text)
+    assert compiler.processor(tmp_path / "none") == capabilities(tmp_path, text)
 
 
 def test_each_processor_has_its_simulator_and_parts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     site.open_gate()
     built = {}
     for name in ("avx2", "avx512f", "avx2"):
-        monkeypatch.setattr(build, "processor", lambda name=name: (name,))
+        monkeypatch.setattr(compiler, "processor", lambda name=name: (name,))
         assert site.build("one", NATIVE).fresh is (name not in built)
         built[name] = site.build("one", NATIVE).path
     assert built["avx2"] != built["avx512f"]
@@ -57,18 +62,18 @@ def test_each_processor_has_its_simulator_and_parts(site: Site, monkeypatch: pyt
 def test_flags_that_name_no_processor_are_the_same_everywhere(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     site.open_gate()
     assert site.build("one", ("-O1", "-mavx2")).fresh
-    monkeypatch.setattr(build, "processor", lambda: ("another",))
+    monkeypatch.setattr(compiler, "processor", lambda: ("another",))
     assert not site.build("one", ("-O1", "-mavx2")).fresh
 
 
 def test_each_processor_has_its_twin_and_its_peers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(build, "_cmake", lambda source, out, flags: (out / "generic").touch())
+    monkeypatch.setattr(build, "_build_generic_in", lambda folder, compiler, flags: touched(folder / "generic"))
     monkeypatch.setattr(compile_cpp, "FLAGS", NATIVE)
     (tmp_path / "peer").mkdir()
     (tmp_path / "peer" / "main.cpp").write_text("int main() {}\n", encoding="utf-8")
     found = set()
     for name in ("avx2", "avx512f", "avx2"):
-        monkeypatch.setattr(build, "processor", lambda name=name: (name,))
+        monkeypatch.setattr(compiler, "processor", lambda name=name: (name,))
         found |= {build.build_generic(flags=NATIVE).path, compile_cpp.compile_program(tmp_path / "peer", [])}
     assert len(found) == 4

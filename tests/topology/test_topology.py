@@ -61,3 +61,38 @@ def test_a_joint_whose_coordinate_is_reported_stays_in_the_tree(tmp_path: Path) 
     text = four_bar_text(3).replace(", cut: true", "")
     topology = build_topology(read_model_text(text, "four_bar.yaml"))
     assert {"crank_0.pin", "crank_1.pin", "crank_2.pin", "crank_3.pin"} <= {t.joint.name for t in topology.tree}
+
+
+#: A cylinder between a boom and a stick: its slide carries a force, so that one of its eyes is cut.  No joint at the ground is used.
+CYLINDER = """\
+cutjoint: 1
+name: cylinder
+gravity: [0, 0, -9.81]
+points: {A: [0, 0, 1], B: [1, 0, 1], D: [2, 0, 1], S1: [0.2, 0, 1.3], S2: [1.3, 0, 1.4]}
+bodies:
+  boom: {mass: 10, centre_of_mass: {midpoint: [A, B]}, inertia: [1, 1, 1]}
+  stick: {mass: 10, centre_of_mass: {midpoint: [B, D]}, inertia: [1, 1, 1]}
+  tube: {mass: 1, centre_of_mass: S1, inertia: [1, 1, 1]}
+  rod: {mass: 1, centre_of_mass: S2, inertia: [1, 1, 1]}
+joints:
+  foot: {kind: revolute, bodies: [ground, boom], at: A, axis: [0, 1, 0]}
+  elbow: {kind: revolute, bodies: [boom, stick], at: B, axis: [0, 1, 0]}
+  eye_1: {kind: revolute, bodies: [boom, tube], at: S1, axis: [0, 1, 0]}
+  slide: {kind: prismatic, bodies: [tube, rod], at: S1, axis: {from: S1, to: S2}}
+  eye_2: {kind: revolute, bodies: [rod, stick], at: S2, axis: [0, 1, 0]}
+forces: {pressure: {kind: joint_force, joint: slide, law: "100"}}
+scenes: {lift: {end: 1, outputs: [OUTPUTS]}}
+"""
+
+
+@pytest.mark.parametrize("used", ["", "elbow.angle", "eye_1.angle", "eye_2.angle", "elbow.angle, eye_1.angle", "eye_1.angle, eye_2.angle"])
+def test_a_joint_is_cut_wherever_one_of_a_loop_is_free(used: str) -> None:
+    topology = build_topology(read_model_text(CYLINDER.replace("OUTPUTS", used), "cylinder.yaml"))
+    (cut,) = topology.cuts
+    assert cut.name in {"elbow", "eye_1", "eye_2"} - {name.partition(".")[0] for name in used.split(", ")}
+
+
+def test_a_loop_whose_joints_are_all_used_is_refused() -> None:
+    text = CYLINDER.replace("OUTPUTS", "elbow.angle, eye_1.angle, eye_2.angle")
+    with pytest.raises(TopologyError, match="must not be cut"):
+        build_topology(read_model_text(text, "cylinder.yaml"))

@@ -17,9 +17,12 @@ from cutjoint.bench.records import Case
 from cutjoint.bench.reference import TOLERANCES
 from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, perform
-from cutjoint.commands.options import FiniteRange
+from cutjoint.commands.options import Setting, WholeRange
+from cutjoint.model.numbers import read_number
+from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
-from cutjoint.run.figures import fault_of
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.run_file import RunError
 
 
@@ -35,18 +38,22 @@ def run_bench(
     """
     from cutjoint.report.bench.page import render_page
 
+    measurements, data_file, page_file = (out / name for name in ("measurements.jsonl", "bench.json", "bench.html"))
+    require_apart(
+        {f"the model {path}": path for path in models},
+        documents=[(f"--out {out}: file", path) for path in (measurements, data_file, page_file)],
+    )
     plan = Plan(
         cases=list(_cases(models, scenes, end=end, row=row, parameters=parameters, link_masses=link_masses)),
         contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
         drift=drift, atlas=atlas, vary=vary,
     )  # fmt: skip
-    measurements = out / "measurements.jsonl"
     with progress_bar() as say:
         make_ready([plan], measurements, say)
         data = perform(plan, Store(measurements), say)
         say("drawing")
         page = render_page({"bench": data})
-    return [write_whole(out / "bench.json", json.dumps(data, indent=1) + "\n"), write_whole(out / "bench.html", page)]
+    return [write_whole(data_file, json.dumps(data, indent=1) + "\n"), write_whole(page_file, page)]
 
 
 def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterator[Case]:
@@ -60,25 +67,16 @@ def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterato
             yield make_case(path, scene, **how)
 
 
-def write_whole(path: Path, text: str) -> Path:
-    """Write a file so that nobody sees half of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(text, encoding="utf-8", newline="\n")
-    part.replace(path)
-    return path
-
-
 def _listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def _seconds(text: str) -> list[float]:
     try:
-        steps = [float(part) for part in _listed(text)]
+        steps = [read_number(part) for part in _listed(text)]
     except ValueError:
         raise click.BadParameter(f"'{text}': write seconds with commas between, such as 0.01,0.005") from None
-    if faults := [fault for step in steps if (fault := fault_of(step, above=0.0))]:
+    if faults := [fault for step in steps if (fault := fault_of_setting("dt", step))]:
         raise click.BadParameter(f"'{text}': {faults[0]}")
     return steps
 
@@ -90,10 +88,10 @@ def bench_options(command: Any) -> Any:
         click.option("--scenes", default="", callback=lambda *x: _listed(x[2]), metavar="A,B", help="Scenes; all of each model otherwise."),
         click.option("--methods", default="generated,peer", show_default=True, callback=lambda *x: _listed(x[2]), metavar="A,B",
                      help=f"Contenders, or groups of them: {', '.join(groups())}."),
-        click.option("--end", type=FiniteRange(min=0, min_open=True), help="End time in s; the scenes' otherwise."),
-        click.option("--row", type=FiniteRange(min=0, min_open=True), help="Seconds between rows that are compared."),
+        click.option("--end", type=Setting("end", positive=True), help="End time in s; the scenes' otherwise."),
+        click.option("--row", type=Setting("output_step"), help="Seconds between rows that are compared."),
         click.option("--steps", default="", callback=lambda *x: _seconds(x[2]), metavar="S,S", help="Steps in s to try."),
-        click.option("--repetitions", type=click.IntRange(min=1), default=5, show_default=True, help="Timed runs of each point."),
+        click.option("--repetitions", type=WholeRange(min=1), default=5, show_default=True, help="Timed runs of each point."),
         click.option("--reference", type=click.Choice([*TOLERANCES, "none"]), default="quad", show_default=True,
                      help="Number type in which references are integrated; extended is faster, and enough where roads have kinks."),
         click.option("--limits/--no-limits", default=True, help="Look for the largest step of each method."),

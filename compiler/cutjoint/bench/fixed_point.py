@@ -6,15 +6,15 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import inf
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from cutjoint.bench.cases import make_rows
 from cutjoint.bench.records import Case
 from cutjoint.pipeline import Artifact, simulate
+from cutjoint.run.outputs import partial_of
 from cutjoint.run.results import Array
+from cutjoint.toolchain.temporary import temporary_folder
 
 #: Rows at which the map is looked at, at most.
 MOST_STATES = 500
@@ -52,11 +52,11 @@ def predict_limit(case: Case, artifact: Artifact) -> Prediction | None:
 
 def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Array]]:
     """Time, da/dq and da/dv at rows of a run at the scene's own step."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "tangents.jsonl"
+    with temporary_folder() as folder:
+        path = folder / "tangents.jsonl"
         own = replace(artifact, scene=replace(case.scene, output_step=make_rows(case.scene.output_step, case.scene.end, MOST_STATES)))
-        simulate(own, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path)
-        with path.open(encoding="utf-8") as lines:
+        run = simulate(own, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path)
+        with (path if run.failure is None else partial_of(path)).open(encoding="utf-8") as lines:
             for line in lines:
                 found = json.loads(line)
                 columns = (np.array(found[name], dtype=float) for name in ("stiffness", "damping"))

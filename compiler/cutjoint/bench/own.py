@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from cutjoint.bench.cases import common_step
@@ -19,6 +18,7 @@ from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.temporary import temporary_folder
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
@@ -52,10 +52,10 @@ class OwnRunner:
         is there, so that repetitions of the same one would not show it.
         """
         scene, binary = self.artifact.scene, self.artifact.binary
-        with TemporaryDirectory() as folder:
+        with temporary_folder() as folder:
             copied = replace(binary, path=Path(shutil.copy2(binary.path, folder)))
             artifact = replace(self.artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)), binary=copied)
-            steps = Path(folder) / "steps.csv" if measured else None
+            steps = folder / "steps.csv" if measured else None
             events = "located" if self.located or self.integrator in LOCATING else "crossed"
             return simulate(
                 artifact, dt=dt, solver=self.solver, integrator=self.integrator, events=events, tolerance=self.tolerance,

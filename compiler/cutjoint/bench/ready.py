@@ -24,7 +24,7 @@ from cutjoint.bench.store import Store
 from cutjoint.bench.study import Plan, atlas_reference, case_reference, find_drift, find_limits, grid_of, has_limits
 from cutjoint.model.errors import ModelError
 from cutjoint.run.run_file import RunError
-from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.errors import ToolchainError
 
 Task = Callable[[], object]
 

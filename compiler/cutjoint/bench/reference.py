@@ -23,7 +23,7 @@ from cutjoint.bench.records import Case
 from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import RunError, make_run_file
-from cutjoint.toolchain.build import alone, cache_folder, keep, workplace
+from cutjoint.toolchain.cache import alone, cache_folder, read_record, write_record
 
 #: The routes: formulation by name of the integrator.
 ROUTES: Mapping[str, str] = {"Runge-Kutta": "classical", "extrapolation": "recursive"}
@@ -62,15 +62,15 @@ def find_reference(case: Case, *, precision: str = "quad", say: Say = silently) 
     say(f"{case.name}: compiling the reference")
     artifacts = {route: _compiled(case, method, precision) for route, method in ROUTES.items()}
     key = _key(case, artifacts, TOLERANCES[precision])
-    kept = cache_folder() / "references" / f"{key}.json"
-    with alone(kept):
-        if not kept.exists():
+    place = cache_folder() / "references" / f"{key}.json"
+    if (record := read_record(place)) is not None:
+        return _from_json(record)
+    with alone(place):
+        if (record := read_record(place)) is None:
             say(f"{case.name}: integrating the reference")
-            made = _integrate(case, artifacts, precision)
-            with workplace() as folder:
-                (folder / kept.name).write_text(json.dumps(_as_json(made)), encoding="utf-8")
-                keep(folder / kept.name, kept)
-    return _from_json(json.loads(kept.read_text(encoding="utf-8")))
+            record = _as_json(_integrate(case, artifacts, precision))
+            write_record(place, record)
+    return _from_json(record)
 
 
 def _exact(case: Case) -> Reference:

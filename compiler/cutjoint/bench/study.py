@@ -26,7 +26,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact
 from cutjoint.run.run_file import RunError
-from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.errors import ToolchainError
 
 #: Steps are tried up to this multiple of a scene's own step; a run of more steps than ``MOST_STEPS`` is not begun.
 LONGEST = 16.0

@@ -12,7 +12,7 @@ from cutjoint.commands.preparing import read_request, require_own
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import Request
 from cutjoint.report.tables import batch_facts
-from cutjoint.run.cases import read_cases, write_results
+from cutjoint.run.cases import read_cases
 from cutjoint.run.results import Batch
 from cutjoint.run.run_file import RunError
 
@@ -40,17 +40,15 @@ def run_batch(
         scene = replace(scene, numerics=replace(scene.numerics, integrator=request.integrator))
     if request.events is not None:
         scene = replace(scene, numerics=replace(scene.numerics, events=request.events))
-    done = _run(request, model, scene, parameters, _cases(table, model, parameters, out), threads, out)
+    done = _run(request, model, scene, parameters, _cases(table, model, parameters), threads, out)
     _report_failures(done, table, out)
 
 
-def _cases(table: Path, model: Model, parameters: Mapping[str, float], out: Path) -> list[dict[str, float]]:
-    """The cases of a table, which sets none of ``parameters`` and is not written to."""
+def _cases(table: Path, model: Model, parameters: Mapping[str, float]) -> list[dict[str, float]]:
+    """The cases of a table, which sets none of ``parameters``."""
     cases = read_cases(table, model)
     if twice := sorted(cases[0].keys() & parameters.keys()):
         raise RunError(f"--set {twice[0]}: the table {table} has it too; set it in one of the two")
-    if out.resolve() == table.resolve():
-        raise RunError(f"--out {out}: that is the table of parameters; write the results elsewhere")
     return cases
 
 
@@ -58,17 +56,16 @@ def _run(
     request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
     out: Path,
 ) -> Batch:  # fmt: skip
-    out.parent.mkdir(parents=True, exist_ok=True)
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_batch(model, scene)
     with options.progress_bar(f"running {scene.name}") as progress:
         done = simulate_batch(
             artifact, [{**parameters, **case} for case in cases], dt=request.dt, end=request.end, tolerance=request.tolerance,
-            threads=threads, progress=progress,
+            threads=threads, out=out, progress=progress,
         )  # fmt: skip
-    write_results(done, out)
-    options.out.print(batch_facts(artifact, done))
-    options.out.print(f"results: {out}, {len(cases)} runs", markup=False)
+    console = options.console_beside(out)
+    console.print(batch_facts(artifact, done))
+    console.print(f"results: {out}, {len(cases)} runs", markup=False)
     return done
 
 

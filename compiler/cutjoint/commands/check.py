@@ -25,13 +25,17 @@ from cutjoint.topology.choice import rank_cuts
 @options.reports_errors
 def command(model: Path, scene: str | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
-    checked = read_model(model)
+    with options.progress_bar(f"reading {model.name}"):
+        checked = read_model(model)
     chosen = options.take_scene(checked, scene)
-    topology = build_topology(checked)
-    equations = formulate_recursive(topology, chosen, ())
+    with options.progress_bar(f"topology of {model.name}"):
+        topology = build_topology(checked)
+    with options.progress_bar(f"equations of {model.name}"):
+        equations = formulate_recursive(topology, chosen, ())
     require_inertia(equations)
-    poses = explore(equations)
-    mobility = find_mobility(equations, poses)
+    with options.progress_bar(f"degrees of freedom of {model.name}"):
+        poses = explore(equations)
+        mobility = find_mobility(equations, poses)
     options.out.print(tables.facts(f"model {checked.name}", tables.topology_facts(topology, mobility)))
     if topology.loops:
         options.out.print(tables.loop_table(topology))

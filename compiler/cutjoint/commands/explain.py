@@ -10,6 +10,8 @@ from cutjoint.commands import options
 from cutjoint.model.read import read_model
 from cutjoint.reduce.ladder import climb
 from cutjoint.report.explain.document import explain
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_whole
 
 
 @click.command("explain")
@@ -21,6 +23,7 @@ from cutjoint.report.explain.document import explain
 @options.reports_errors
 def command(model: Path, scene: str | None, method: str, reduced: bool, out: Path | None) -> None:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
+    require_apart({"the model": model}, documents=[("--out", out)])
     checked = read_model(model)
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"explaining {model.name}"):
@@ -29,4 +32,4 @@ def command(model: Path, scene: str | None, method: str, reduced: bool, out: Pat
     if out is None:
         click.echo(text, nl=False)
     else:
-        out.write_text(text, encoding="utf-8", newline="\n")
+        write_whole(out, text)

@@ -12,6 +12,7 @@ from cutjoint.export.peers import PEERS, write_export
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output
+from cutjoint.run.outputs import require_apart
 from cutjoint.run.scenes import find_scene
 
 
@@ -34,6 +35,7 @@ def command(
     outputs = [_output(checked, name) for name in asked] or known_outputs(checked, chosen.outputs)
     with options.progress_bar(f"exporting {model.name}"):
         exported = PEERS[peer].export(checked, chosen, options.read_parameters(changes), outputs)
+    require_apart({"the model": model}, documents=[(f"--out {out}: file", out / name) for name in exported.files])
     write_export(exported, out)
     for sentence in exported.differences:
         options.out.print(sentence, markup=False)

@@ -9,6 +9,8 @@ import click
 from cutjoint.commands import options
 from cutjoint.model.read import read_model
 from cutjoint.report.modes import mode_tables, modes_json
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_scene
 from cutjoint.states import find_modes
 
@@ -17,18 +19,19 @@ from cutjoint.states import find_modes
 @options.model
 @click.option("--scene", metavar="NAME",
               help="Scene of the model file; the first otherwise. With --at it may be left out if there is only one.")
-@click.option("--at", type=options.FiniteRange(min=0), metavar="T",
+@click.option("--at", type=options.Setting("at"), metavar="T",
               help="Linearise about the scene's motion at T seconds; otherwise about the static equilibrium.")
 @options.changes
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file for all figures.")
 @options.reports_errors
 def command(model: Path, scene: str | None, at: float | None, changes: tuple[str, ...], out: Path | None) -> None:
     """Linearise MODEL and print eigenvalues, frequencies, damping and mode shapes."""
+    require_apart({"the model": model}, documents=[("--out", out)])
     checked = read_model(model)
     chosen = options.take_scene(checked, scene) if at is None else find_scene(checked, scene)
     with options.progress_bar(f"linearising {model.name}") as progress:
         found = find_modes(checked, chosen, at=at, parameters=options.read_parameters(changes), progress=progress)
     for table in mode_tables(found):
-        options.out.print(table)
+        options.console_beside(out).print(table)
     if out is not None:
-        out.write_text(modes_json(found, checked.name, chosen.name), encoding="utf-8")
+        write_whole(out, modes_json(found, checked.name, chosen.name))

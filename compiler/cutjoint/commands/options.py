@@ -10,38 +10,67 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from cutjoint.methods import METHODS
-from cutjoint.run.figures import fault_of
+from cutjoint.model.numbers import is_number, is_whole, read_number
+from cutjoint.model.printing import escaped_lines
+from cutjoint.model.ranges import WHOLE, fault_of, fault_of_setting
+from cutjoint.run.outputs import OutputError, descriptor_of
 from cutjoint.run.results import FailureReport
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Scene
 
 
-class FiniteRange(click.FloatRange):
-    """Numbers of a range without infinity and nan, which click takes for numbers of any range."""
+class Setting(click.types.FloatParamType):
+    """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts."""
+
+    def __init__(self, setting: str, *, positive: bool = False) -> None:
+        self.name = "integer" if setting in WHOLE else "float"
+        self._setting, self._positive = setting, positive
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, as click has it."""
-        number = super().convert(value, param, ctx)
-        if fault := fault_of(number):
+        whole = self._setting in WHOLE
+        if isinstance(value, str) and not (is_whole if whole else is_number)(value):
+            self.fail(f"{value!r} is not a {'whole' if whole else 'plain decimal'} number.", param, ctx)
+        number = (click.INT if whole else click.FLOAT).convert(value, param, ctx)
+        fault = fault_of_setting(self._setting, number) or (fault_of(number, above=0.0) if self._positive else "")
+        if fault:
             self.fail(fault, param, ctx)
         return number
 
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+class WholeRange(click.IntRange):
+    """Whole numbers of a range in plain digits."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, as click has it."""
+        if isinstance(value, str) and not is_whole(value):
+            self.fail(f"{value!r} is not a whole number in plain digits.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class _PlainConsole(Console):
+    """Prints texts with their control characters escaped, so that names of files and of what is asked for do not move a terminal."""
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), **how)
+
+
+out = _PlainConsole(highlight=False, soft_wrap=True)
+err = _PlainConsole(stderr=True, highlight=False, soft_wrap=True)
 
 model = click.argument("model", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
 some_scene = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
 method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
 changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
-dt = click.option("--dt", type=FiniteRange(min=0, min_open=True), help="Step in s; the scene's otherwise.")
-end = click.option("--end", type=FiniteRange(min=0, min_open=True), help="End time in s; the scene's otherwise.")
-iterations = click.option("--iterations", type=click.IntRange(min=1),
+dt = click.option("--dt", type=Setting("dt"), help="Step in s; the scene's otherwise.")
+end = click.option("--end", type=Setting("end", positive=True), help="End time in s; the scene's otherwise.")
+iterations = click.option("--iterations", type=Setting("iterations"),
                            help="Of each step of the method recursive, no less and no more, so that all steps cost the same.")  # fmt: skip
 links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
                       help="Make a massless body a slender rod; * in BODY stands for any text.")  # fmt: skip
@@ -57,10 +86,20 @@ def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         except (click.ClickException, KeyboardInterrupt, SystemExit):
             raise
         except _user_errors() as error:
-            err.print(str(error), markup=False)
+            err.print(describe_error(error), markup=False)
             raise SystemExit(1) from None
 
     return wrapped
+
+
+def describe_error(error: BaseException) -> str:
+    """What an error says, and on further lines what became of the results."""
+    return "\n".join([str(error), *getattr(error, "__notes__", ())])
+
+
+def console_beside(*outputs: Path | None) -> Console:
+    """Where a command writes what is for people: standard error if standard output takes results."""
+    return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
 
 
 def _user_errors() -> tuple[type[Exception], ...]:
@@ -68,16 +107,17 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.model.errors import ModelError
+    from cutjoint.program.blocks import ConstantError
     from cutjoint.run.run_file import RunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError
-    from cutjoint.toolchain.build import ToolchainError
+    from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.spanning_tree import TopologyError
 
     return (
-        ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
-        NoEquilibriumError, OSError,
+        ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
+        NoEquilibriumError, OutputError, OSError,
     )  # fmt: skip
 
 
@@ -101,11 +141,16 @@ def describe_failure(failure: FailureReport, scene: str, places: Mapping[str, st
     return f"{where}: scene '{scene}': {failure}"
 
 
+def describe_rest(table: Path | None) -> str:
+    """Where the rows of a run are that failed."""
+    return f"the rows up to then are in {table}" if table else "no file has rows of it"
+
+
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     """A progress bar on standard error; it yields the function that moves it."""
     with Progress(console=err, transient=True) as bar:
-        task = bar.add_task(label, total=None)
+        task = bar.add_task(escape(escaped_lines(label)), total=None)
         yield lambda share: bar.update(task, total=1.0, completed=share)
 
 
@@ -119,7 +164,7 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
     for change in changes:
         name, _, text = change.partition("=")
         try:
-            value = float(text)
+            value = read_number(text)
             fault = fault_of(value)
         except ValueError:
             fault = "write NAME=NUMBER"

@@ -10,6 +10,7 @@ from cutjoint.commands import options
 from cutjoint.pipeline import compile_model
 from cutjoint.realtime import run_in_real_time
 from cutjoint.report.realtime import time_tables
+from cutjoint.run.outputs import require_apart
 
 
 @click.command("realtime")
@@ -27,13 +28,14 @@ def command(
     out: Path | None,
 ) -> None:  # fmt: skip
     """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
+    require_apart({"the model": model}, tables={"--out": out})
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_model(model, scene=scene, method=method)
     with options.progress_bar(f"running {artifact.scene.name}"):
         times = run_in_real_time(artifact, dt=dt, end=end, iterations=iterations, parameters=options.read_parameters(changes), out=out)
     for table in time_tables(times):
-        options.out.print(table)
+        options.console_beside(out).print(table)
     if times.failure is not None:
         where = options.describe_failure(times.failure, artifact.scene.name, artifact.places, model)
-        options.err.print(f"{where}; the steps up to then are told", markup=False)
+        options.err.print(f"{where}; the figures are of the steps up to then; {options.describe_rest(times.table)}", markup=False)
         raise SystemExit(1)

@@ -10,6 +10,7 @@ from cutjoint.commands import options
 from cutjoint.methods import CLOSURES, EVENTS, EXPLICIT, IMPLEMENTATIONS, IMPLICIT, METHODS, SOLVERS
 from cutjoint.prepared import Prepared, Request, find_prepared
 from cutjoint.report import tables
+from cutjoint.run.outputs import require_apart
 from cutjoint.run.ready import start
 from cutjoint.run.results import Trajectory
 from cutjoint.toolchain.build import PRECISIONS
@@ -20,7 +21,7 @@ from cutjoint.toolchain.build import PRECISIONS
 @options.scene
 @click.option("--method", type=click.Choice(["auto", *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
               "by default the scene's, else recursive.")
-@click.option("--tolerance", type=options.FiniteRange(min=0, min_open=True), help="Of method auto in m and rad, of a step of "
+@click.option("--tolerance", type=options.Setting("tolerance"), help="Of method auto in m and rad, of a step of "
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
 @click.option("--implementation", type=click.Choice(IMPLEMENTATIONS), default="generated", show_default=True,
               help="Code made for the model, or a generic program that interprets it.")
@@ -42,7 +43,7 @@ from cutjoint.toolchain.build import PRECISIONS
 @click.option("--batch", type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="CSV file of parameters, a row for each run (SI units): many runs side by side; --out has a row for each, with end, "
               "smallest and largest value of each output over the scene's rows.")
-@click.option("--threads", type=click.IntRange(min=1), help="Of a batch; as many as processors otherwise.")
+@click.option("--threads", type=options.Setting("threads"), help="Of a batch; as many as processors otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
@@ -54,6 +55,9 @@ def command(
     plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
+    require_apart(
+        {"the model": model, "the table of parameters": batch}, tables={"--out": out, "--steps": steps}, plots=plots
+    )  # fmt: skip
     parameters = options.read_parameters(changes)
     request = Request(
         model=model, scene=scene, method=method, closure=closure, implementation=implementation, solver=solver, integrator=integrator,
@@ -76,19 +80,20 @@ def command(
         from cutjoint.commands.preparing import prepare_and_play
 
         prepared, run = prepare_and_play(request, parameters, play)
-    options.out.print(tables.facts(f"model {prepared.model}", prepared.counts))
-    options.out.print(tables.run_facts(prepared.compilation, run))
-    options.out.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
+    console = options.console_beside(out, steps)
+    console.print(tables.facts(f"model {prepared.model}", prepared.counts))
+    console.print(tables.run_facts(prepared.compilation, run))
+    if run.failure is None:
+        console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
     if plots is not None:
-        _plot(prepared, run, plots)
+        console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots))}", markup=False)
     if run.failure is not None:
         where = options.describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
-        options.err.print(f"{where}; the results up to then are kept", markup=False)
+        options.err.print(f"{where}; {options.describe_rest(run.table)}", markup=False)
         raise SystemExit(1)
 
 
-def _plot(prepared: Prepared, run: Trajectory, folder: Path) -> None:
+def _plot(prepared: Prepared, run: Trajectory, folder: Path) -> list[Path]:
     from cutjoint.report.plots import plot_run
 
-    title = f"{prepared.model}, {prepared.compilation.scene}"
-    options.out.print(f"plots: {', '.join(str(p) for p in plot_run(run, title, folder))}", markup=False)
+    return plot_run(run, f"{prepared.model}, {prepared.compilation.scene}", folder)

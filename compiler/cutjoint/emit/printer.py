@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 
 from cutjoint.program.scalars import Graph, Scalar
 
@@ -103,10 +104,10 @@ class Printer:
             return self.known[n], _ATOM
         node = self.graph.nodes[n]
         if node.op == "const":
-            return f"Real({node.data!r})", _ATOM
+            return real(node.data), _ATOM
         if node.op == "lane_const":
             assert isinstance(node.data, tuple)
-            return f"{lanes_type(node.lanes)}{{{', '.join(f'Real({x!r})' for x in node.data)}}}", _ATOM
+            return f"{lanes_type(node.lanes)}{{{', '.join(map(real, node.data))}}}", _ATOM
         return self._expression(n)
 
     def _expression(self, n: int) -> tuple[str, int]:
@@ -165,6 +166,13 @@ class Printer:
         if node.op in _LOGICAL:
             return "auto" if node.lanes else self.conditions
         return lanes_type(node.lanes)
+
+
+def real(value: object) -> str:
+    """A constant, by the fewest digits that name it.  Folding lets no other than finite ones come here."""
+    assert isinstance(value, float)
+    assert isfinite(value)
+    return f"Real({value!r})"
 
 
 def kept_type(node: Scalar, conditions: str) -> str:

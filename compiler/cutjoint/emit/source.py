@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import jinja2
 
@@ -151,6 +152,10 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
             for guard in guards_of(equations.topology.model, equations.scene)
         ],
         "columns": equations.columns,
+        "domains": [
+            {"function": d.function, "element": d.element, "place": _quotable(d.place), "strict": "true" if d.strict else "false"}
+            for d in equations.domains
+        ],
     }
 
 
@@ -180,6 +185,7 @@ def _sources(files: Mapping[str, str]) -> list[str]:
     return sorted(f for f in files if f.endswith(".cpp") and f != "main.cpp")
 
 
+@cache
 def environment() -> jinja2.Environment:
     """How templates are rendered."""
     return jinja2.Environment(

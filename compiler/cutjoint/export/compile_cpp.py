@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import subprocess
-import tempfile
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from cutjoint.toolchain.build import FLAGS, ToolchainError, cache_folder, compiler_version, find_compiler, resolve
+from cutjoint.toolchain.build import FLAGS
+from cutjoint.toolchain.cache import cache_folder, find_or_make
+from cutjoint.toolchain.compiler import find_compiler, resolve
+from cutjoint.toolchain.errors import ToolchainError
 
 
 def compile_program(folder: Path, options: Sequence[str]) -> Path:
@@ -19,19 +21,19 @@ def compile_program(folder: Path, options: Sequence[str]) -> Path:
         ToolchainError: there is not one such file, or the compiler refused it.
     """
     compiler, source = find_compiler(), _only(folder, "*.cpp")
-    command = [compiler, *FLAGS, "-std=c++20", source.name]
+    command = [*compiler.command, *FLAGS, "-std=c++20", source.name]
     files = sorted(p for p in folder.iterdir() if p.suffix in (".cpp", ".hpp"))
     content = [part for p in files for part in (p.name, p.read_text(encoding="utf-8"))]
-    about = [compiler_version(compiler), *resolve(command), *options, *content]
+    about = [*compiler.key, *resolve(command), *options, *content]
     digest = hashlib.sha256("\0".join(about).encode()).hexdigest()[:32]
-    kept = cache_folder().resolve() / f"peer-{digest}" / source.stem
-    if not kept.exists():
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=kept.parent) as place:
-            fresh = Path(place) / source.stem
-            _call([*command, *options, "-o", str(fresh)], folder)
-            fresh.replace(kept)
-    return kept
+    cached = cache_folder() / f"peer-{digest}" / source.stem
+
+    def make(place: Path) -> Path:
+        _call([*command, *options, "-o", str(place / source.stem)], folder)
+        return place / source.stem
+
+    find_or_make(cached, make)
+    return cached
 
 
 def module_folder(module: str, package: str) -> Path:

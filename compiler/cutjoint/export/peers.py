@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import subprocess
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -16,8 +15,10 @@ from cutjoint.export import exudyn, mujoco, pinocchio
 from cutjoint.export.records import Export
 from cutjoint.model.quantities import QUANTITIES
 from cutjoint.model.records import Body, Model, Output, Scene
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import FailureReport, Trajectory, read_table
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.toolchain.temporary import temporary_folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,9 +62,8 @@ def available(peer: Peer) -> bool:
 
 def write_export(export: Export, folder: Path) -> None:
     """Put an export's files into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
     for name, text in export.files.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        write_whole(folder / name, text)
 
 
 def run_peer(peer: Peer, folder: Path, *, dt: float, end: float, integrator: str, output_step: float) -> Trajectory:
@@ -73,8 +73,8 @@ def run_peer(peer: Peer, folder: Path, *, dt: float, end: float, integrator: str
         ToolchainError: the peer is not installed, or its program does not compile.
         SimulatorError: the program could not begin.
     """
-    with tempfile.TemporaryDirectory() as place:
-        table = Path(place) / "table.csv"
+    with temporary_folder() as place:
+        table = place / "table.csv"
         times = ["--dt", repr(dt), "--end", repr(end), "--output-step", repr(output_step)]
         summary = _call([*peer.build(folder), *times, "--integrator", integrator, "--out", str(table)], folder)
         if not table.exists():

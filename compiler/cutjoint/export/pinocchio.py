@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from cutjoint.export.program_cpp import column_text, offset, part_texts, support
 from cutjoint.export.records import Export, Mechanism
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import JointForce, Model, Output, Scene
+from cutjoint.toolchain.temporary import temporary_folder
 
 INTEGRATORS = ("rk4", "semi_implicit_euler")
 
@@ -71,8 +71,7 @@ def build_pinocchio(folder: Path) -> list[str]:
     prefix = next(p for p in installed.parents if p.name == "cmeel.prefix")
     headers = (f"{prefix}/include", f"{prefix}/include/eigen3", "/usr/include/eigen3", "/usr/local/include/eigen3")
     options = ["-w", *DEFINITIONS, *(f"-isystem{folder}" for folder in headers)]
-    with tempfile.TemporaryDirectory() as name:
-        engine = Path(name)
+    with temporary_folder() as engine:
         for file in (*ENGINE, "mechanics.hpp", "program.hpp"):
             (engine / file).with_suffix(".cpp" if file.endswith(".cc") else ".hpp").write_bytes((folder / file).read_bytes())
         compiled = compile_program(engine, ["-c", *options])

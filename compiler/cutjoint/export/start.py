@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +15,7 @@ from cutjoint.run.results import read_table
 from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.simulator import call_simulator, failure_of
 from cutjoint.toolchain.build import build_generic
+from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint.topology.records import Topology
 
 Array = NDArray[np.float64]
@@ -66,8 +65,7 @@ def run_generic(
         RunError: the scene has no start, or a step fails.
         SimulatorError, ToolchainError: as for a run.
     """
-    with TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         (folder / "model.json").write_text(json.dumps(describe_generic(topology, scene, outputs)), encoding="utf-8")
         run_file = make_run_file(topology.model, scene, parameters, task="simulate", out=str(folder / "table.csv"))
         summary = call_simulator(build_generic().path, {**run_file, "model": str(folder / "model.json")})

@@ -53,6 +53,19 @@ class SwitchPlace:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DomainPlace:
+    """A place where a law may have no value: what must be in its domain, the element and its line in the model file.
+
+    The margin there is not negative, or positive if it is ``strict``.
+    """
+
+    function: str
+    element: str
+    place: str
+    strict: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class Column:
     """One reported quantity and its unit."""
 
@@ -84,7 +97,7 @@ class Function:
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """The symbolic mechanics of one model in one scene, by any formulation.
+    """The symbolic mechanics of one model in one scene, by any formulation; ``domains`` describe the margins of the function of that name.
 
     ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables,
     ``columns`` the outputs with their units, ``slots`` the places of inputs and results, ``load_arguments`` what the generated
@@ -101,6 +114,7 @@ class Equations:
     functions: tuple[Function, ...]
     slots: Mapping[str, Slot]
     load_arguments: tuple[str, ...]
+    domains: tuple[DomainPlace, ...] = ()
 
     def function(self, name: str) -> Function:
         """A function by name."""

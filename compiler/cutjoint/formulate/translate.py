@@ -86,15 +86,15 @@ class Translator:
         numerator, denominator = sympy.fraction(e)
         if denominator == 1:
             return reduce(self._product_of, [self._scalar(a) for a in e.args])
-        return self._b.call("div", self._scalar(numerator), self._scalar(denominator))
+        return self._b.restrict(self._b.call("div", self._scalar(numerator), self._scalar(denominator)))
 
     def _power(self, e: Any) -> Block:
         base, exponent = e.args
         if exponent.is_number and exponent.is_negative:
-            return self._b.call("div", self._b.number(1.0), self._scalar(base**-exponent))
+            return self._b.restrict(self._b.call("div", self._b.number(1.0), self._scalar(base**-exponent)))
         if exponent == sympy.Rational(1, 2):
-            return self._b.call("sqrt", self._scalar(base))
-        return self._b.call("pow", self._scalar(base), self._scalar(exponent))
+            return self._b.restrict(self._b.call("sqrt", self._scalar(base)))
+        return self._b.restrict(self._b.call("pow", self._scalar(base), self._scalar(exponent)))
 
     def _piecewise(self, e: Any) -> Block:
         *cases, (last, condition) = e.args
@@ -120,7 +120,8 @@ class Translator:
         name = _CALLS.get(e.func, "")
         if not name:
             raise ValueError(f"{e.func} has no counterpart in the program")
-        return b.call(name, *[self._scalar(a) for a in e.args])
+        call = b.call(name, *[self._scalar(a) for a in e.args])
+        return b.restrict(call) if name in ("log", "asin", "acos") else call
 
     def _sign(self, x: Block) -> Block:
         b, zero = self._b, self._b.number(0.0)

@@ -6,9 +6,13 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from cutjoint.model.printing import printable
 from cutjoint.model.records import Span
 
-MAX_MESSAGE = 300
+#: How often problems are noted, those of several instances at one place counted each, before reading ends.
+MAX_PROBLEMS = 1000
+#: Options that a wrong name is compared with.
+MAX_COMPARED = 500
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,9 +42,19 @@ class Problems:
 
     def __init__(self) -> None:
         self._found: dict[tuple[Span, str], Problem] = {}
+        self._count = 0
 
     def add(self, span: Span, element: str, message: str, hint: str = "") -> None:
-        """Note one problem."""
+        """Note one problem.
+
+        Raises:
+            ModelError: there are more than MAX_PROBLEMS, each of which takes time.
+        """
+        self._count += 1
+        if self._count > MAX_PROBLEMS:
+            message, hint = "there may be more problems than these", "mend these first"
+            self._found[span, message] = Problem(span=span, element="file", message=message, hint=hint)
+            raise self.error()
         problem = Problem(span=span, element=printable(element), message=printable(message), hint=printable(hint))
         self._found.setdefault((span, message), problem)
 
@@ -59,16 +73,10 @@ def worded(field: str, message: str) -> str:
     return f"{field} {message}" if message.startswith(("needs ", "has ")) else f"{field}: {message}"
 
 
-def printable(text: str) -> str:
-    """Text from a file made safe to print: no control characters, no endless lines."""
-    plain = "".join(c if c.isprintable() else "?" for c in text)
-    return plain if len(plain) <= MAX_MESSAGE else plain[: MAX_MESSAGE - 3] + "..."
-
-
 def nearest(word: str, options: Iterable[str], what: str = "choose from") -> str:
     """A hint: the option nearest to ``word``, or the list of options."""
     known = sorted(options)
-    matches = difflib.get_close_matches(word[:100], known, n=1)
+    matches = difflib.get_close_matches(word[:100], known[:MAX_COMPARED], n=1)
     if matches:
         return f"did you mean '{matches[0]}'?"
     shown = ", ".join(known[:20]) + (", ..." if len(known) > 20 else "")

@@ -15,6 +15,7 @@ import sympy
 
 from cutjoint.model.choices import bottom_up
 from cutjoint.model.errors import nearest
+from cutjoint.model.numbers import is_number
 from cutjoint.model.operations import (
     FUNCTIONS,
     MANY,
@@ -61,10 +62,11 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     if quantity is not None:
         return constant(quantity.value, quantity.dimension)
     try:
-        term = _Parser(names).term(_syntax_tree(value), 0)
+        text = _one_line(value)
+        term = _Parser(names, text).term(_syntax_tree(text), 0)
     except RecursionError:
         raise ExpressionError("the expression is nested too deep") from None
-    if not all(_is_finite(number) for number in term.value.atoms(sympy.Number)):
+    if not has_finite_numbers(term.value):
         raise ExpressionError("a number in the expression is out of range")
     check_extent(term.value)
     if not any(known.value is sympy.nan for known in names.values()):
@@ -72,6 +74,11 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     if term.value.has(sympy.Abs):
         return replace(term, value=term.value.replace(sympy.Abs, _absolute_value))
     return term
+
+
+def has_finite_numbers(expression: Scalar) -> bool:
+    """Whether all numbers in an expression fit floats."""
+    return all(_is_finite(number) for number in expression.atoms(sympy.Number))
 
 
 def _is_finite(number: Scalar) -> bool:
@@ -94,15 +101,19 @@ def _absolute_value(argument: Scalar) -> Scalar:
     return choice((argument, sympy.GreaterThan(argument, 0, evaluate=False)), (-argument, sympy.true))
 
 
-def _syntax_tree(text: str) -> ast.expr:
+def _one_line(text: str) -> str:
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters")
     if not text.isascii() or not text.replace("\n", " ").isprintable() or "#" in text:
         raise ExpressionError("the expression has a character that does not belong there")
+    return text.replace("\n", " ").strip()
+
+
+def _syntax_tree(text: str) -> ast.expr:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return ast.parse(text.replace("\n", " ").strip(), mode="eval").body
+            return ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise ExpressionError(f"'{_short(text)}' is not an expression", "write for example '2*pi*radius'") from None
 
@@ -114,15 +125,16 @@ def _short(text: str) -> str:
 class _Parser:
     """Turns a syntax tree into a :class:`Term`; every kind of node that it does not name is refused."""
 
-    def __init__(self, names: Mapping[str, Term]) -> None:
+    def __init__(self, names: Mapping[str, Term], text: str) -> None:
         self.names = names
+        self.text = text
 
     def term(self, node: ast.expr, depth: int) -> Term:
         if depth > MAX_DEPTH:
             raise ExpressionError(f"the expression is nested deeper than {MAX_DEPTH} levels")
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                result = constant(value)
+                result = self.number(node, value)
             case ast.Name(id=name):
                 result = self.name(name)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -151,6 +163,12 @@ class _Parser:
         for sign, right in reversed(rest):
             result = binary(sign, result, self.term(right, depth + 1))
         return result
+
+    def number(self, node: ast.Constant, value: int | float) -> Term:
+        written = self.text[node.col_offset : node.end_col_offset]
+        if not is_number(written):
+            raise ExpressionError(f"'{_short(written)}' is not a number here", "write it in decimal digits, without underscores")
+        return constant(value)
 
     def name(self, name: str) -> Term:
         if name in self.names:

@@ -9,6 +9,7 @@ import sympy
 
 from cutjoint.model import values
 from cutjoint.model.errors import nearest
+from cutjoint.model.ranges import fault_of_state
 from cutjoint.model.records import Scalar, Vector
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path, field_name
@@ -33,7 +34,12 @@ def read_point(element: Element, point: Any, keys: Path) -> Vector:
         return _vector((a + b) / 2 for a, b in zip(p, q, strict=True))
     if isinstance(point, str):
         return _named_point(element, point, keys)
-    return element.triple(point, LENGTH, keys)
+    vector = element.triple(point, LENGTH, keys)
+    for i, component in enumerate(vector):
+        if fault := fault_of_state(element.value(component), is_angle=False):
+            element.fail(f"{field_name(keys)}: {fault}", "", (*keys, i))
+            return (FAILED, FAILED, FAILED)
+    return vector
 
 
 def _named_point(element: Element, name: str, keys: Path) -> Vector:

@@ -11,11 +11,12 @@ from typing import Any
 import sympy
 
 from cutjoint.model import values
-from cutjoint.model.expressions import variable
+from cutjoint.model.errors import worded
+from cutjoint.model.expressions import has_finite_numbers, variable
 from cutjoint.model.operations import Term, choice
 from cutjoint.model.records import Scalar
 from cutjoint.model.scope import FAILED, Element
-from cutjoint.model.source import Path
+from cutjoint.model.source import Path, field_name
 from cutjoint.model.units import Dimension
 
 
@@ -34,7 +35,11 @@ class LawKind:
 def read_law(element: Element, law: Any, kind: LawKind, keys: Path, names: Mapping[str, Term] | None = None) -> Scalar:
     """The expression of a law over its variables and over ``names`` (by default all parameters)."""
     symbols = element.with_variables(*kind.variables) if names is None else names
-    return _Law(element, kind, symbols).read(law, keys)
+    expression = _Law(element, kind, symbols).read(law, keys)
+    if has_finite_numbers(expression):
+        return expression
+    element.fail(worded(field_name(keys), "a number in it overflows"), "write smaller numbers", keys)
+    return FAILED
 
 
 @dataclass(frozen=True)
@@ -120,7 +125,17 @@ class _Law:
             return FAILED
         x = self.column(law.table[of], self.kind.variables[of], (*inner, of))
         y = self.column(law.table["value"], self.kind.result, (*inner, "value"))
-        return monotone_cubic(variable(of), x, y) if self.is_curve(of, x, y, inner) else FAILED
+        return self.curve(of, x, y, inner) if self.is_curve(of, x, y, inner) else FAILED
+
+    def curve(self, of: str, x: list[float], y: list[float], keys: Path) -> Scalar:
+        try:
+            curve = monotone_cubic(variable(of), x, y)
+        except ArithmeticError:
+            curve = sympy.oo
+        if has_finite_numbers(curve):
+            return curve
+        self.element.fail("the curve through the table is too steep for numbers", f"take {of} farther apart, or smaller values", keys)
+        return FAILED
 
     def column(self, numbers: tuple[Any, ...], dimension: Dimension | None, keys: Path) -> list[float]:
         return [self.element.number(value, dimension, (*keys, index)) for index, value in enumerate(numbers)]
@@ -181,7 +196,7 @@ def soft_stops(
         element.fail("the stiffness of a stop must be greater than zero", "", (*keys, "stiffness"))
     if element.value(c) < 0:
         element.fail("the damping of a stop must not be negative", "", (*keys, "damping"))
-    branches = []
+    branches: list[tuple[Scalar, Scalar]] = []
     for given, key, beyond, inward in (
         (lower, "lower", sympy.StrictLessThan, sympy.StrictGreaterThan),
         (upper, "upper", sympy.StrictGreaterThan, sympy.StrictLessThan),
@@ -190,6 +205,8 @@ def soft_stops(
             place = (*keys, key) if keys[-1] == "limits" else (*keys, "at")
             limit = element.scalar(given, kind.variables[name], place)
             force = k * (limit - variable(name)) - c * variable("rate")
+            if force.has(FAILED):
+                return FAILED
             met = beyond(variable(name), limit, evaluate=False)
             pushes = inward(force, 0, evaluate=False)
             branches.append((force, met if c == 0 else sympy.And(met, pushes, evaluate=False)))

@@ -10,7 +10,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -24,6 +24,11 @@ MAX_SIZE = 5000  #: nodes after expansion
 MAX_DERIVED = 25_000  #: nodes of a second derivative, about
 MAX_POWER = 12
 MAX_INTEGER = 2**53
+MAX_EXACT = 2**256  #: numerators and denominators of fractions that stay exact
+MAX_IRRATIONAL = 30  #: operations of irrational constants that stay exact
+MAX_ROOT = 100  #: denominators of exponents that stay exact
+MAX_DEGREE = 1000  #: exponents within each other, multiplied
+MAX_ROOTS = 6  #: fractional powers within each other
 
 
 class ExpressionError(ValueError):
@@ -40,13 +45,16 @@ class Term:
     """An expression with what is known of it.
 
     ``dimension`` is None when it is not known: bare numbers fit everywhere.  ``number`` is the value of a
-    constant, None when the expression has symbols.  ``size`` counts the nodes of the expression.
+    constant, None when the expression has symbols.  ``size`` counts the nodes of the expression, ``degree`` is
+    that of a polynomial with the same powers within each other, ``roots`` counts fractional powers within each other.
     """
 
     value: Scalar
     dimension: Dimension | None = None
     number: float | None = None
     size: int = 1
+    degree: float = 1
+    roots: int = 0
 
 
 def constant(value: int | float, dimension: Dimension | None = None) -> Term:
@@ -95,9 +103,30 @@ def _power(a: Term, b: Term) -> Term:
         raise ExpressionError("an exponent must be a number", "use exp and log for other powers")
     if abs(b.number) > MAX_POWER:
         raise ExpressionError(f"the exponent {b.number:g} is larger than {MAX_POWER} in absolute value")
-    exponent = sympy.Integer(int(b.number)) if b.number == int(b.number) else b.value
+    exponent = _exponent(b)
+    base = replace(a, degree=a.degree * max(abs(b.number), 1), roots=a.roots + (not exponent.is_Integer))
+    _check_powers(base)
     dimension = a.dimension ** Fraction(b.number).limit_denominator(100) if a.dimension else None
-    return _apply("**", lambda x, _: x**exponent, operator.pow, [a, b], dimension)
+    return _apply("**", lambda x, _: x**exponent, operator.pow, [base, b], dimension)
+
+
+def _check_powers(term: Term) -> None:
+    """Raises ExpressionError for powers within powers for which SymPy makes numbers of endless length, or takes endless time."""
+    if term.number is not None:
+        return
+    if term.degree > MAX_DEGREE:
+        raise ExpressionError(f"powers within each other multiply to more than {MAX_DEGREE}", "write smaller exponents")
+    if term.roots > MAX_ROOTS:
+        raise ExpressionError(f"more than {MAX_ROOTS} roots or fractional powers stand within each other", "write one power in their place")
+
+
+def _exponent(term: Term) -> Scalar:
+    """A whole number, a fraction with a small denominator, or a float; SymPy takes exponential time for powers of powers with others."""
+    assert term.number is not None
+    if term.number == int(term.number):
+        return sympy.Integer(int(term.number))
+    is_simple = term.value.is_Rational and term.value.q <= MAX_ROOT
+    return term.value if is_simple else sympy.Float(term.number)
 
 
 def _apply(
@@ -111,11 +140,29 @@ def _apply(
     size = 1 + sum(term.size for term in terms)
     numbers = [term.number for term in terms if term.number is not None]
     if len(numbers) < len(terms):
-        return Term(symbolic(*(term.value for term in terms)), dimension, None, size)
+        degrees = [term.degree for term in terms if term.number is None]
+        degree, roots = sum(degrees) if name in ("*", "/") else max(degrees), max(term.roots for term in terms)
+        return Term(_short_numbers(symbolic(*(term.value for term in terms))), dimension, None, size, degree, roots)
     number = _numeric(name, numeric, numbers)
     if number == 0:
         return Term(sympy.Integer(0), dimension, 0.0)
-    return Term(symbolic(*(term.value for term in terms)), dimension, number, size)
+    return Term(_short_constant(_short_numbers(symbolic(*(term.value for term in terms))), number, size), dimension, number, size)
+
+
+def _short_constant(value: Scalar, number: float, size: int) -> Scalar:
+    """A constant, as a float where it is irrational and long: SymPy takes exponential time for its digits."""
+    return value if size <= MAX_IRRATIONAL or value.is_Rational else sympy.Float(number)
+
+
+def _short_numbers(result: Scalar) -> Scalar:
+    """The result of one operation with its long fractions as floats.
+
+    One operation on short fractions makes fractions of a few thousand digits at most, which stand at the top of the result: as a term,
+    as a factor of one, or as an exponent.  The next operation must not meet them.
+    """
+    top = (result, *result.args, *(inner for part in result.args for inner in part.args))
+    long = {part: sympy.Float(part) for part in top if part.is_Rational and max(abs(part.p), part.q) > MAX_EXACT}
+    return result.xreplace(long) if long else result
 
 
 def _numeric(name: str, numeric: Callable[..., Any], numbers: list[float]) -> float:
@@ -145,8 +192,10 @@ def smooth(name: str, terms: list[Term]) -> Term:
     dimension = None
     if name == "atan2":
         return _apply(name, _atan2, numeric, terms)
-    if name == "sqrt" and terms[0].dimension is not None:
-        dimension = terms[0].dimension ** Fraction(1, 2)
+    if name == "sqrt":
+        dimension = terms[0].dimension ** Fraction(1, 2) if terms[0].dimension else None
+        terms = [replace(terms[0], roots=terms[0].roots + 1)]
+        _check_powers(terms[0])
     return _apply(name, symbolic, numeric, terms, dimension)
 
 
@@ -198,7 +247,8 @@ def where(condition: Scalar, yes: Term, no: Term, size: int) -> Term:
     if condition in (sympy.true, sympy.false):
         chosen = yes if condition is sympy.true else no
         return Term(chosen.value, dimension, chosen.number, chosen.size)
-    return Term(choice((yes.value, condition), (no.value, sympy.true)), dimension, None, 1 + size + yes.size + no.size)
+    degree, roots = max(yes.degree, no.degree), max(yes.roots, no.roots)
+    return Term(choice((yes.value, condition), (no.value, sympy.true)), dimension, None, 1 + size + yes.size + no.size, degree, roots)
 
 
 def choice(*branches: tuple[Scalar, Scalar]) -> Scalar:

@@ -376,11 +376,13 @@ class Numerics:
     closure: str = "penalty"
 
     def of_method(self, method: str) -> Numerics:
-        """The figures of one method, at its step."""
+        """The figures of one method, at its step; NaN where an expression has no value there."""
+        from cutjoint.model.evaluate import evaluate
+
         given = self.methods.get(method, {})
         dt = given.get("dt", self.dt)
         laws = self.by_step if dt != self.dt else {}
-        followed = {name: float(law.subs(dict.fromkeys(law.free_symbols, dt))) for name, law in laws.items()}
+        followed = {name: evaluate(law, dict.fromkeys(law.free_symbols, dt)) for name, law in laws.items()}
         return replace(self, **{**followed, **given})  # type: ignore[arg-type]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from math import inf
+from math import inf, isfinite, isnan
 from typing import Any
 
 from cutjoint.model import document
@@ -18,6 +18,7 @@ from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.operations import ExpressionError, Term, check_extent
 from cutjoint.model.quantities import JOINT_QUANTITIES, quantities
 from cutjoint.model.quantities import Element as Quantified
+from cutjoint.model.ranges import RANGES, fault_of_state
 from cutjoint.model.records import (
     COORDINATES,
     SPEEDS,
@@ -33,8 +34,9 @@ from cutjoint.model.records import (
     SegmentKind,
     Span,
 )
-from cutjoint.model.scope import Element, element
+from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
+from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, TIME, Dimension
 
 #: What penalty and frequency may follow.
@@ -67,13 +69,15 @@ def read_scenes(model: document.Document, expansion: Expansion) -> dict[str, Sce
 def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
     numerics = _numerics(where, scene.numerics)
     step, outputs = numerics.dt, stage.outputs
+    end = _positive(where, where.number(scene.end, TIME, ("end",)), ("end",))
     if scene.output_step is not None:
         step = _positive(where, where.number(scene.output_step, TIME, ("output_step",)), ("output_step",))
+    _require_steps(where, scene, end, step, numerics)
     if scene.outputs is not None:
         outputs = _outputs(where, scene.outputs, (*where.path, "outputs"), "", stage)
     return Scene(
         name=where.name,
-        end=_positive(where, where.number(scene.end, TIME, ("end",)), ("end",)),
+        end=end,
         output_step=step,
         pose=scene.pose,
         positions=_states(where, scene.positions, "positions", COORDINATES, stage),
@@ -97,9 +101,35 @@ def _above_zero(where: Element, value: int | float | str | None, key: str) -> fl
 
 
 def _positive(where: Element, value: float, keys: Path) -> float:
-    if value <= 0:
+    """A number that is noted as wrong unless it is above zero and, of a setting, in its range; NaN has been noted before."""
+    most = RANGES.get(keys[-1], {}).get("most", inf) if isinstance(keys[-1], str) else inf
+    if not (isnan(value) or value > 0):
         where.fail(f"{keys[-1]} must be greater than zero", "", keys)
+    _at_most(where, value, most, keys)
     return value
+
+
+def _at_most(where: Element, value: float, most: float, keys: Path) -> None:
+    if not (isnan(value) or value <= most):
+        where.fail(f"{keys[-1]} must be at most {most if isinstance(most, int) else format(most, 'g')}", "", keys)
+
+
+def _require_steps(where: Element, scene: document.Scene, end: float, output_step: float, numerics: Numerics) -> None:
+    """Note steps that no run of the scene has; each of the numbers is right for itself."""
+    given = {"scene": numerics.dt, **{name: own["dt"] for name, own in numerics.methods.items() if "dt" in own}}
+    if not all(value > 0 for value in (end, output_step, *given.values())):
+        return
+    if scene.output_step is not None and not output_step <= end * (1 + 1e-9):
+        message = f"output_step: {output_step:g} s is longer than the run, which ends at {end:g} s"
+        where.fail(message, "write a smaller output_step or a later end", ("output_step",))
+    for name, dt in given.items():
+        try:
+            count_steps(dt, end, output_step)
+        except StepsError as error:
+            message, _, hint = str(error).partition("; ")
+            place: Path = ("numerics", "dt") if name == "scene" else ("numerics", "methods", name, "dt")
+            where.fail(message, hint, ("end",) if message.startswith("end") or "dt" not in scene.numerics.model_fields_set else place)
+            return
 
 
 def _numerics(where: Element, part: document.Numerics) -> Numerics:
@@ -118,8 +148,8 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     }
     steps = {numbers["dt"], *(figures["dt"] for figures in methods.values() if "dt" in figures)}
     for key, law in laws.items():
-        for dt in steps:
-            _in_range(where, key, evaluate(law, {_STEP: dt}), ("numerics", key))
+        for dt in sorted(steps):
+            _require_value(where, key, law, dt)
         numbers[key] = evaluate(law, {_STEP: numbers["dt"]})
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
     if part.closure == "proximal":
@@ -142,13 +172,25 @@ def _figures(
     return figures
 
 
+def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:
+    """Note an expression of ``dt`` whose value is none, or out of its range."""
+    value = evaluate(law, {_STEP: dt})
+    if isfinite(value):
+        _in_range(where, key, value, ("numerics", key))
+    elif isfinite(dt) and not law.has(FAILED):
+        where.fail(f"{key} has no finite value at dt = {dt:g} s", "write another expression", ("numerics", key))
+
+
 def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
     if key in ("dt", "penalty", "tolerance", "absolute_tolerance", "iterations"):
         _positive(where, value, keys)
-    elif key == "spectral_radius" and not 0 <= value <= 1:
-        where.fail("spectral_radius must be between 0 and 1", "1 damps nothing, 0 all that is fast beside a step", keys)
-    elif value < 0:
+    elif key == "spectral_radius":
+        if not (isnan(value) or 0 <= value <= 1):
+            where.fail("spectral_radius must be between 0 and 1", "1 damps nothing, 0 all that is fast beside a step", keys)
+    elif not (isnan(value) or value >= 0):
         where.fail(f"{key} must not be negative", "", keys)
+    else:
+        _at_most(where, value, RANGES[key].get("most", inf), keys)
 
 
 def _states(
@@ -173,6 +215,8 @@ def _states(
         elif _has_state(where, joint, component, section, components):
             expected = _DIMENSIONS[JOINT_QUANTITIES[joint.kind][component]]
             states[key] = where.scalar(value, expected, (section, key))
+            if fault := fault_of_state(where.value(states[key]), is_angle=expected == NONE):
+                where.fail(f"{section}: '{key}': {fault}", "", (section, key))
     return states
 
 

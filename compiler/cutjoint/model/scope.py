@@ -15,11 +15,14 @@ from cutjoint.model.expressions import read_term, variable
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.records import GROUND, Scalar, Span, Vector
 from cutjoint.model.source import Path, Source, field_name
-from cutjoint.model.units import Dimension, described
+from cutjoint.model.units import ACCELERATION, INERTIA, LENGTH, MASS, Dimension, described
 
 #: Stands for a value that could not be read; its problem is noted, and checks pass it by.
 FAILED = sympy.nan
 FAILED_TERM = Term(FAILED)
+#: The largest masses, lengths, inertias and accelerations in SI: products and squares of these stay far below the largest float.
+LARGEST = 1e50
+_BOUNDED = frozenset((MASS, LENGTH, INERTIA, ACCELERATION))
 #: Stands for a body that does not exist; its problem is noted.
 UNKNOWN = ""
 
@@ -135,6 +138,9 @@ class Element:
             )
         if self._is_closed(term.value) and not math.isfinite(self.value(term.value)):
             self.fail(worded(field_name(keys), "has no finite value"), "", keys)
+            return FAILED
+        if expected in _BOUNDED and abs(self.value(term.value)) > LARGEST:
+            self.fail(worded(field_name(keys), f"is larger than {LARGEST:g} in SI units"), "mind its unit", keys)
             return FAILED
         return term.value
 

@@ -16,6 +16,8 @@ from typing import Any, TypeAlias
 import yaml
 
 from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.numbers import UNSIGNED
+from cutjoint.model.printing import printable
 from cutjoint.model.records import Span
 
 #: Keys and indices from the root of the document to a value.
@@ -74,10 +76,7 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-_FLOAT = (
-    r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
-    r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
-)
+_FLOAT = rf"[-+]?{UNSIGNED}|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
 for _name, _pattern, _first in (
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
     ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
@@ -124,7 +123,7 @@ def parse_yaml(text: str, file: str) -> Source:
 
 
 def _error(span: Span, message: str, hint: str = "") -> ModelError:
-    return ModelError([Problem(span=span, element="file", message=message, hint=hint)])
+    return ModelError([Problem(span=span, element="file", message=printable(message), hint=hint)])
 
 
 def _compose(text: str, file: str) -> yaml.Node | None:
@@ -151,12 +150,13 @@ class _Converter:
         self.problems: list[Problem] = []
         self._open: set[int] = set()
         self._flattened: dict[int, dict[str, Any]] = {}
+        self._merged = 0
 
     def span(self, node: yaml.Node) -> Span:
         return Span(file=self.file, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
 
     def fail(self, node: yaml.Node, message: str, hint: str = "") -> None:
-        self.problems.append(Problem(span=self.span(node), element="file", message=message, hint=hint))
+        self.problems.append(Problem(span=self.span(node), element="file", message=printable(message), hint=hint))
 
     def convert(self, node: yaml.Node, path: Path) -> Any:
         if len(self.values) >= MAX_EXPANDED:
@@ -206,7 +206,9 @@ class _Converter:
         for key, value in node.value:
             if key.tag == _TAG + "merge":
                 for source in self._merge_sources(value):
-                    merged = {**self._flat(source), **merged}
+                    entries = self._flat(source)
+                    self._count_merged(key, len(entries) + len(merged))
+                    merged = {**entries, **merged}
             elif not isinstance(key, yaml.ScalarNode):
                 self.fail(key, "a key must be a name, not a list or a mapping")
             elif key.value in own:
@@ -216,11 +218,20 @@ class _Converter:
                 own[key.value] = (key, value)
         return merged, own
 
+    def _count_merged(self, key: yaml.Node, entries: int) -> None:
+        self._merged += 1 + entries
+        if self._merged > MAX_EXPANDED:
+            hint = "merge fewer or smaller mappings"
+            raise _error(self.span(key), f"merge keys bring more than {MAX_EXPANDED} entries into the file's mappings", hint)
+
     def _flat(self, node: yaml.MappingNode) -> dict[str, Any]:
         """All entries of a mapping that is merged into another."""
         if id(node) in self._open:
             raise _error(self.span(node), "an alias stands inside the value it names", "remove the recursive alias")
         if id(node) not in self._flattened:
+            if len(self._open) > 2 * MAX_DEPTH:
+                message = f"merge keys lead over more than {2 * MAX_DEPTH} mappings, each of which merges the next"
+                raise _error(self.span(node), message, "write the entries into fewer mappings")
             self._open.add(id(node))
             merged, own = self._entries(node)
             self._open.discard(id(node))

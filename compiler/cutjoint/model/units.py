@@ -10,7 +10,10 @@ from fractions import Fraction
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pint
+
+from cutjoint.model.numbers import UNSIGNED
 
 
 @dataclass(frozen=True)
@@ -91,10 +94,11 @@ class Measure:
     unit: str
 
 
-_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_NUMBER = rf"[-+]?{UNSIGNED}"
 _FACTOR = r"[A-Za-z]+(?:(?:\^|\*\*)-?[0-9]{1,2})?"
 _FACTORS = rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR})*"
 _UNIT = rf"(?:1\s*/\s*)?{_FACTORS}"
+_ZEROTH_POWER = re.compile(r"(?:\^|\*\*)-?0+(?![0-9])")
 _MEASURE = re.compile(rf"\s*({_NUMBER})(?:\s*({_FACTORS})|\s+(1\s*/\s*{_FACTORS}))\s*")
 MAX_UNIT_LENGTH = 40
 
@@ -115,8 +119,11 @@ def measure(value: float, unit: str) -> Measure:
         return Measure(value, NONE, "1")
     if len(unit) > MAX_UNIT_LENGTH or not re.fullmatch(_UNIT, unit):
         raise UnitError(f"'{unit[:MAX_UNIT_LENGTH]}' is not a unit")
+    if _ZEROTH_POWER.search(unit):
+        raise UnitError(f"'{unit}' is not a unit: a power of zero has none")
     try:
-        quantity = _registry().Quantity(value, unit).to_base_units()
+        with np.errstate(all="ignore"):  # units of logarithms are converted by NumPy
+            quantity = _registry().Quantity(value, unit).to_base_units()
     except (pint.PintError, ArithmeticError, AttributeError, TypeError, ValueError):
         raise UnitError(f"unknown unit '{unit}'") from None
     if not math.isfinite(quantity.magnitude):

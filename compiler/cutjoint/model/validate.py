@@ -11,7 +11,7 @@ from cutjoint.model.expand import Expansion
 from cutjoint.model.forces import JOINT_FORCES
 from cutjoint.model.mass import moments_problem
 from cutjoint.model.records import GROUND, Body, Joint, Span
-from cutjoint.model.scope import Scope
+from cutjoint.model.scope import LARGEST, Scope
 from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
 
@@ -137,6 +137,9 @@ def _mass_problems(scope: Scope, body: Body) -> Iterator[str]:
     if mass < 0:
         yield f"the mass is negative: {mass:g} kg"
     inertia = [evaluate(entry, scope.values) for entry in body.inertia]
+    if any(abs(x) > LARGEST for x in (mass, *inertia)):
+        yield f"its mass or inertia is larger than {LARGEST:g} in SI units"
+        return
     problem = moments_problem(inertia)
     if problem:
         yield problem

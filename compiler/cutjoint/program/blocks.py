@@ -36,6 +36,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from math import isfinite
 from typing import Any
 
 
@@ -74,6 +75,17 @@ class Section:
         return f"{self.stage}: {self.element}" if self.element else self.stage
 
 
+class ConstantError(ArithmeticError):
+    """A constant of the equations is too large for a floating-point number.  The text has the place in the model file and the element."""
+
+    def __init__(self, sections: Sequence[Section], number: int) -> None:
+        section = sections[number]
+        place = section.source or next((s.source for s in sections if s.source and s.element == section.element), "")
+        what = f"'{section.element}': " if section.element else ""
+        message = f"{what}a constant of its equations ({section.stage}) is too large for a floating-point number"
+        super().__init__(f"{place + ': ' if place else ''}{message}; write smaller numbers")
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Block:
     """A node of the block IR; made by a :class:`Builder` only."""
@@ -99,6 +111,7 @@ class Builder:
         self._nodes: dict[Hashable, Block] = {}
         self._section = 0
         self._mark = ""
+        self.restricted: set[Block] = set()
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
         self.labels: dict[Block, str] = {}
 
@@ -122,6 +135,12 @@ class Builder:
         finally:
             self._mark = before
 
+    def restrict(self, block: Block) -> Block:
+        """Note that a law calls a function whose arguments must lie in its domain."""
+        if block.op == "call":
+            self.restricted.add(block)
+        return block
+
     def label(self, block: Block, name: str) -> Block:
         """Name a block as the literature does; the first name stays."""
         self.labels.setdefault(block, self._mark + name)
@@ -143,8 +162,14 @@ class Builder:
     # Leaves
 
     def const(self, values: Sequence[Sequence[float]]) -> Block:
-        """A matrix of numbers, given by rows."""
+        """A matrix of numbers, given by rows.
+
+        Raises:
+            ConstantError: one of them is not finite.
+        """
         rows = tuple(tuple(float(x) + 0.0 for x in row) for row in values)
+        if not all(isfinite(x) for row in rows for x in row):
+            raise ConstantError(self.sections, self._section)
         n, m = len(rows), len(rows[0])
         symmetric = n == m and all(rows[i][j] == rows[j][i] for i in range(n) for j in range(i))
         return self._make("const", (), (n, m), data=rows, symmetric=symmetric)

@@ -23,6 +23,15 @@ FOLDED: dict[str, Callable[..., float]] = {
     "not": lambda a: float(not a), "where": lambda c, a, b: a if c else b,
 }  # fmt: skip
 
+
+class OverflowedConstantError(ArithmeticError):
+    """A constant is too large for a floating-point number.  ``section`` is the number of the section that computes it."""
+
+    def __init__(self, section: int) -> None:
+        super().__init__(f"a constant of section {section} is not finite")
+        self.section = section
+
+
 #: What does not count as an operation.
 FREE = frozenset({"const", "symbol", "neg", "lane_const", "gather", "lane"})
 
@@ -61,7 +70,13 @@ class Graph:
         return number
 
     def const(self, value: float) -> int:
-        """A number; minus zero becomes zero."""
+        """A number; minus zero becomes zero.
+
+        Raises:
+            OverflowedConstantError: it is not finite.
+        """
+        if not math.isfinite(value):
+            raise OverflowedConstantError(self.section)
         return self._make("const", (), float(value) + 0.0)
 
     def symbol(self, name: str, index: int, binding: BindingTime) -> int:
@@ -71,6 +86,8 @@ class Graph:
     def lane_const(self, values: Sequence[float]) -> int:
         """A number for each lane."""
         numbers = tuple(float(x) + 0.0 for x in values)
+        if not all(map(math.isfinite, numbers)):
+            raise OverflowedConstantError(self.section)
         if len(set(numbers)) == 1:
             return self.const(numbers[0])
         return self._make("lane_const", (), numbers, lanes=len(numbers))
@@ -216,9 +233,9 @@ class Graph:
     def div(self, a: int, b: int) -> int:
         """a / b."""
         v = self.value(b)
-        if v is not None and v != 0.0:
+        if v is not None and _has_inverse(v):
             return self.mul(a, self.const(1.0 / v))
-        if (numbers := self._numbers(b, self.nodes[b].lanes)) and all(numbers):
+        if (numbers := self._numbers(b, self.nodes[b].lanes)) and all(map(_has_inverse, numbers)):
             return self.mul(a, self.lane_const([1.0 / x for x in numbers]))
         if self.value(a) == 0.0:
             return a
@@ -235,8 +252,10 @@ class Graph:
         if fold is not None and all(v is not None for v in values):
             try:
                 return self.const(float(fold(*values)))
-            except (ValueError, OverflowError):
-                pass  # left to the run, where it gives NaN or infinity as IEEE arithmetic does
+            except OverflowError:
+                raise OverflowedConstantError(self.section) from None
+            except ValueError:
+                pass  # left to the run, where it gives NaN as IEEE arithmetic does
         if function == "where" and (values[0] is not None or args[1] == args[2]):
             return args[2] if values[0] == 0.0 else args[1]
         if function in ("sin", "atan", "tan", "asin", "sinh", "tanh"):
@@ -275,3 +294,8 @@ class Graph:
                     wanted.add(a)
                     stack.append(a)
         return sorted(wanted)
+
+
+def _has_inverse(x: float) -> bool:
+    """Whether 1/x is finite: it is not for zero and for the smallest numbers."""
+    return x != 0.0 and math.isfinite(1.0 / x)

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.blocks import BindingTime, Block, Builder, ConstantError
 from cutjoint.program.lower import Lowering
 from cutjoint.program.records import LoweredFunction, Program, Result
-from cutjoint.program.scalars import Graph
+from cutjoint.program.scalars import Graph, OverflowedConstantError
 
 
 def schedule(builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block]]], *, lanes: bool = False) -> Program:
     """Lower the functions onto one graph; with ``lanes``, their loops may have some, too.
 
     Work that depends on parameters or on time alone leaves the functions for the two earlier stages.
+
+    Raises:
+        ConstantError: a constant that is computed in advance overflows.
     """
     lowering = Lowering()
-    lowering.lower(block for _, results in functions for block in results.values())
+    try:
+        lowering.lower(block for _, results in functions for block in results.values())
+    except OverflowedConstantError as error:
+        raise ConstantError(builder.sections, error.section) from None
     graph = lowering.graph
     lowered = tuple(_function(graph, name, results, lowering) for name, results in functions)
     early = _early(graph, lowered)

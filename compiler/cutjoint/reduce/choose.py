@@ -6,8 +6,8 @@ steps that are whole fractions or multiples of the distance of the scene's rows,
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError
@@ -26,7 +26,8 @@ from cutjoint.reduce.measure import distance, time_run
 from cutjoint.reduce.truth import Truth, at_step, find_truth, fraction, run_at
 from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
-from cutjoint.toolchain.build import cache_folder, keep, workplace
+from cutjoint.toolchain.cache import cache_folder, read_record, write_record
+from cutjoint.toolchain.errors import ToolchainError
 
 #: The share of the tolerance that a choice may use, since it is measured against a truth that has an error of its own.
 SHARE = 0.8
@@ -98,19 +99,17 @@ def _place(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
 
 
 def _read(place: Path) -> Choice | None:
-    """A choice that was made before; None where there is none, or not in one piece."""
-    try:
-        data = json.loads(place.read_text(encoding="utf-8"))
-        evidence = tuple(Candidate(**c) for c in data["evidence"])
-        return Choice(picked=Candidate(**data["picked"]), evidence=evidence, settled=data["settled"])
-    except (OSError, ValueError, KeyError, TypeError):
+    """A choice that was made before; None where there is none, or not as it was written."""
+    data = read_record(place)
+    if data is None:
         return None
+    evidence = tuple(Candidate(**c) for c in data["evidence"])
+    return Choice(picked=Candidate(**data["picked"]), evidence=evidence, settled=data["settled"])
 
 
 def _keep(made: Choice, place: Path) -> Choice:
-    with workplace() as folder:
-        (folder / place.name).write_text(json.dumps(asdict(made)), encoding="utf-8")
-        keep(folder / place.name, place)
+    with suppress(ToolchainError):  # a cache that cannot be written: it is measured again next time
+        write_record(place, asdict(made))
     return made
 
 

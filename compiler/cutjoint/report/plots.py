@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
 
 _DIMENSIONS = {"m": "position", "m/s": "velocity", "m/s^2": "acceleration", "rad": "angle", "rad/s": "angular velocity", "N": "force",
@@ -15,7 +17,6 @@ _DIMENSIONS = {"m": "position", "m/s": "velocity", "m/s^2": "acceleration", "rad
 
 def plot_run(run: Trajectory, title: str, folder: Path) -> list[Path]:
     """Write the pictures of a run as PNG files and return their paths; elements of one name in several instances share a panel."""
-    folder.mkdir(parents=True, exist_ok=True)
     groups: dict[str, dict[str, list[str]]] = {}
     for column, unit in run.units.items():
         *_, instance_or_element, quantity = column.rsplit(".", 2)
@@ -38,5 +39,6 @@ def _picture(run: Trajectory, title: str, unit: str, quantities: dict[str, list[
     panels[-1].set_xlabel("t [s]")
     figure.suptitle(f"{title}: {dimension}")
     path = folder / f"{dimension.replace(' ', '_').replace('/', '_').replace('*', '_').replace('^', '')}.png"
-    figure.savefig(path, dpi=110, metadata={"Software": None})
-    return path
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi=110, metadata={"Software": None})
+    return write_whole(path, picture.getvalue())

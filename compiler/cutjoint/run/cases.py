@@ -1,16 +1,24 @@
-"""The tables of a batch: parameters in, how runs ended out; CSV."""
+"""The tables of a batch: parameters in, results of runs out; CSV."""
 
 from __future__ import annotations
 
 import csv
-import json
-from collections.abc import Iterable, Mapping, Sequence
+import io
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
+from types import TracebackType
+from typing import Any
 
+from cutjoint.model.numbers import read_number
 from cutjoint.model.records import Model
-from cutjoint.run.results import Array, Batch
+from cutjoint.run.outputs import OutputError
+from cutjoint.run.result_files import open_table, write_all
 from cutjoint.run.run_file import RunError, parameter_values
+from cutjoint.run.simulator import failure_of
+
+#: The values that the results of a run have for each column, and their names in a table.
+_KINDS = {"end": "end", "min": "smallest", "max": "largest"}
 
 
 def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
@@ -52,7 +60,7 @@ def _case(place: str, names: Sequence[str], row: Sequence[str]) -> dict[str, flo
 
 def _number(place: str, name: str, text: str) -> float:
     try:
-        value = float("nan" if "_" in text else text)
+        value = read_number(text)
     except ValueError:
         value = float("nan")
     if not isfinite(value):
@@ -60,22 +68,61 @@ def _number(place: str, name: str, text: str) -> float:
     return value
 
 
-def write_results(batch: Batch, path: Path) -> None:
-    """A row for each run: its parameters, what became of it, and end, smallest and largest value of each column; units beside it."""
-    tables = [(f"{name}.{kind}", values[name], unit) for name, unit in batch.units.items() for kind, values in _kinds(batch)]
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([*batch.names, "run.failure", "run.evaluations", *(name for name, _, _ in tables)])
-        for i, case in enumerate(batch.cases):
-            values = [_text(float(table[i])) for _, table, _ in tables]
-            writer.writerow([*map(repr, case.values()), batch.failures[i] or "", batch.evaluations[i], *values])
-    units = {name: unit for name, _, unit in tables}
-    path.with_suffix(".units.json").write_text(json.dumps(units, indent=2) + "\n", encoding="utf-8")
+class CaseTable:
+    """The table of a batch's results: a row for each case with its parameters, how its run ended, and values of each column.
 
+    Rows stand in the order of the ``cases``; each is written as soon as its results and those before it are there.  Units stand beside it.
 
-def _kinds(batch: Batch) -> Iterable[tuple[str, Mapping[str, Array]]]:
-    return ("end", batch.end), ("min", batch.smallest), ("max", batch.largest)
+    Raises:
+        OutputError: the table cannot be written.
+    """
 
+    def __init__(self, path: Path, cases: Sequence[Mapping[str, float]], units: Mapping[str, str]) -> None:
+        self._cases = cases
+        self._blank = [None] * len(units)
+        self._waiting: dict[int, Mapping[str, Any]] = {}
+        self._written = 0
+        columns = {f"{name}.{kind}": unit for name, unit in units.items() for kind in _KINDS}
+        self._table = open_table(path, columns)
+        self._write([[*(cases[0] if cases else ()), "run.failure", "run.evaluations", *columns]])
 
-def _text(value: float) -> str:
-    return repr(value) if isfinite(value) else ""
+    def take(self, first: int, results: Sequence[Mapping[str, Any]]) -> None:
+        """The results of the cases from ``first`` on."""
+        self._waiting.update(enumerate(results, first))
+        rows = []
+        while self._written in self._waiting:
+            rows.append(self._row(self._written))
+            self._written += 1
+        self._write(rows)
+
+    def finish(self) -> Path:
+        """The table is whole; the file with it."""
+        return self._table.finish()
+
+    def _row(self, number: int) -> list[str]:
+        result = self._waiting.pop(number)
+        columns = zip(*(result.get(kind, self._blank) for kind in _KINDS.values()), strict=True)
+        values = ["" if value is None else repr(float(value)) for column in columns for value in column]
+        return [*map(repr, self._cases[number].values()), str(failure_of(result) or ""), str(result.get("evaluations", 0)), *values]
+
+    def _write(self, rows: Sequence[Sequence[str]]) -> None:
+        text = io.StringIO(newline="")
+        csv.writer(text, lineterminator="\n").writerows(rows)
+        try:
+            write_all(self._table.file, text.getvalue().encode())
+        except OSError as error:
+            raise OutputError(f"cannot write {self._table.path}: {error.strerror}") from None
+
+    def __enter__(self) -> CaseTable:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Where the batch has not come to its end, the rows stay that there are, also those that waited for another one."""
+        if error is None:
+            return
+        if not isinstance(error, OutputError):
+            self._write([self._row(number) for number in sorted(self._waiting)])
+        if left := self._table.leave(str(error) or "interrupted"):
+            with left.open(encoding="utf-8", newline="") as table:
+                rows = sum(1 for _ in csv.reader(table)) - 1
+            error.add_note(f"the results of {rows} of {len(self._cases)} runs are in {left}")

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import ceil
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from cutjoint.analysis.linearisation import Linearisation
 from cutjoint.analysis.linearise import Point, linearise
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.model.records import Scene
+from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.run.results import FailureReport
 from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.toolchain.temporary import temporary_folder
 
 METHOD = "recursive-newton"
 
@@ -41,8 +42,8 @@ def linearise_at(
         RunError: a parameter that cannot be set, or a held coordinate carries a force at the equilibrium.
     """
     scene = equations.scene
-    with TemporaryDirectory() as folder:
-        run_file = {**_run_file(equations, scene, at, parameters, Path(folder)), "with_state": True}
+    with temporary_folder() as folder:
+        run_file = {**_run_file(equations, scene, at, parameters, folder), "with_state": True}
         summary = call_simulator(binary, run_file, progress)
         if (failure := failure_of(summary)) is not None:
             raise NotReachedError(failure)
@@ -63,12 +64,19 @@ def _run_file(
     model, out = equations.topology.model, str(folder / "table.csv")
     if at is None:
         return make_run_file(model, replace(scene, pose="equilibrium"), parameters, task="equilibrium", method=METHOD)
-    run_file = make_run_file(
-        model, replace(scene, end=at, output_step=at or scene.output_step), parameters, task="simulate", method=METHOD, out=out
-    )
-    dt = run_file["numerics"]["dt"]
-    run_file["numerics"]["dt"] = at / ceil(at / dt - 1e-9) if at else dt
-    return run_file
+    if at:
+        scene = _ending_at(scene, at)
+    return make_run_file(model, replace(scene, end=at), parameters, task="simulate", method=METHOD, out=out)
+
+
+def _ending_at(scene: Scene, at: float) -> Scene:
+    """The scene with steps that are at most as long as its own and the last of which ends at ``at`` (s)."""
+    dt = scene.numerics.of_method(METHOD).dt
+    try:
+        steps = count_steps(min(dt, at), at, at).number
+    except StepsError as error:
+        raise RunError(f"{scene.span}: scene '{scene.name}': {error}") from None
+    return replace(with_figures(scene, METHOD, {"dt": at / steps}), output_step=at)
 
 
 def _require_rest(equations: ImplicitEquations, vdot: Sequence[float]) -> None:

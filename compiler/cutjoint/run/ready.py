@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
-from cutjoint.run.results import Trajectory, clear_places, read_effort, read_run_table
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import RunTables
+from cutjoint.run.results import Trajectory, read_effort, read_run_table
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 
@@ -37,26 +37,19 @@ def start(
     """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are the files that receive what `pipeline.simulate` says.
 
     Raises:
-        SimulatorError: the simulator could not begin.
+        SimulatorError: the simulator could not begin, or could not write a file.
+        OutputError: a file cannot be written.
+        Interrupted, Terminated: a signal has ended the run.
     """
-    clear_places(out, steps, tangents)
-    with TemporaryDirectory() as folder:
-        table = Path(folder) / "table.csv" if out is None else out
-        places = {"out": table, "steps_out": steps, "tangents_out": tangents}
-        run_file = {**ready.run_file, **{name: str(place.resolve()) for name, place in places.items() if place is not None}}
-        if ready.description is not None:
-            run_file["model"] = _write(ready.description, Path(folder) / "model.json")
-        summary = call_simulator(ready.simulator, run_file, progress)
-        t, columns = read_run_table(table, tuple(ready.units))
-    if out is not None:
-        out.with_suffix(".units.json").write_text(json.dumps({"t": "s", **ready.units}, indent=2) + "\n", encoding="utf-8")
+    require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
+    with RunTables({"t": "s", **ready.units}, out=out, steps_out=steps, tangents_out=tangents) as tables:
+        model = {} if ready.description is None else {"model": ready.description}
+        summary = call_simulator(ready.simulator, {**ready.run_file, **model, **tables.places}, progress)
+        t, columns = read_run_table(tables.rows, tuple(ready.units), summary.get("rows", 0))
+        failure = failure_of(summary)
+        table = tables.finish() if failure is None else tables.leave(str(failure))
     return Trajectory(
         t=t, columns=columns, units=ready.units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
-        seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure_of(summary),
-        effort=read_effort(summary),
+        seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
+        effort=read_effort(summary), table=table,
     )  # fmt: skip
-
-
-def _write(description: Mapping[str, Any], path: Path) -> str:
-    path.write_text(json.dumps(description), encoding="utf-8")
-    return str(path)

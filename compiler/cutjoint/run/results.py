@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cutjoint.run.outputs import OutputError
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -75,7 +77,7 @@ class Trajectory:
     """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
 
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
-    start, ``failure`` is None when the run reached its end.
+    start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.
     """
 
     t: Array
@@ -87,6 +89,7 @@ class Trajectory:
     undetermined: tuple[str, ...]
     failure: FailureReport | None
     effort: Effort = Effort()
+    table: Path | None = None
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
@@ -145,23 +148,25 @@ def read_effort(summary: Mapping[str, Any]) -> Effort:
 
 def read_table(path: Path) -> tuple[Array, dict[str, Array]]:
     """Time and columns of a CSV with one header row."""
-    with path.open(encoding="utf-8") as stream:
-        header = stream.readline().rstrip("\n").split(",")
-        lines = stream.readlines()
-    rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(header)))
-    return rows[:, 0], {name: rows[:, i] for i, name in enumerate(header) if i > 0}
+    with path.open("rb") as file:
+        return _read(file)
 
 
-def read_run_table(path: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-    """Time and columns of a run's table; of a run that failed before its first row, these columns without rows, which are written here."""
-    if not path.exists():
-        path.write_text(",".join(("t", *names)) + "\n", encoding="utf-8")
-    return read_table(path)
+def read_run_table(file: BinaryIO, names: Sequence[str], rows: int) -> tuple[Array, dict[str, Array]]:
+    """Time and columns of a run's table, which has so many rows; these columns without rows of a run that failed before its first row.
+
+    Raises:
+        OutputError: the table has lost rows since they were written.
+    """
+    file.seek(0)
+    t, columns = _read(file) if rows else (np.zeros(0), {name: np.zeros(0) for name in names})
+    if t.size != rows:
+        raise OutputError(f"{rows} rows were written and {t.size} are there; has another program changed the table?")
+    return t, columns
 
 
-def clear_places(*files: Path | None) -> None:
-    """Make the folders of files that a run will write, and remove those of an earlier run, since this one may fail before it writes."""
-    for file in (file.resolve() for file in files if file is not None):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        if file.is_file():  # a device or a pipe stays
-            file.unlink()
+def _read(file: BinaryIO) -> tuple[Array, dict[str, Array]]:
+    header, *lines = file.read().decode("utf-8").splitlines()
+    names = header.split(",")
+    rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(names)))
+    return rows[:, 0], {name: rows[:, i] for i, name in enumerate(names) if i > 0}

@@ -12,8 +12,10 @@ import sympy
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.methods import ADAPTIVE, EXPLICIT
 from cutjoint.model.evaluate import evaluate
+from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.ranges import fault_of, fault_of_setting, fault_of_state
 from cutjoint.model.records import Binding, Model, Numerics, Scalar, Scene, Tyre
-from cutjoint.run.figures import fault_of
+from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.run.roads import road_pieces
 
 
@@ -46,12 +48,12 @@ def require_figures(
     Raises:
         RunError: one of them is not finite, or no run has it.
     """
-    bound = None if penalty == inf else penalty
-    positive = {"dt": dt, "penalty": bound, "tolerance": tolerance, "iterations": iterations, "threads": threads}
-    faults = {name: fault_of(value, above=0.0) for name, value in positive.items() if value is not None}
-    faults |= {name: fault_of(value, least=0.0) for name, value in (("end", end), ("at", at)) if value is not None}
-    for name, fault in faults.items():
-        if fault:
+    asked = {
+        "dt": dt, "end": end, "at": at, "penalty": None if penalty == inf else penalty, "tolerance": tolerance,
+        "iterations": iterations, "threads": threads,
+    }  # fmt: skip
+    for name, value in asked.items():
+        if value is not None and (fault := fault_of_setting(name, value)):
             raise RunError(f"{name}: {fault}")
 
 
@@ -78,7 +80,8 @@ def make_run_file(
     recursive equations, which start every run.
 
     Raises:
-        RunError: a change names no open parameter, has no finite value, or leaves the start or a road without a finite value.
+        RunError: a change names no open parameter, has no finite value, or leaves the start or a road without a finite value; a setting
+            is out of its range; the run has no steps, or too many.
     """
     parameters = parameter_values(model, changes)
     figures = _figures(scene.numerics, method)
@@ -93,12 +96,17 @@ def make_run_file(
     if integrator == "generalised-alpha":
         figures["spectral_radius"] = scene.numerics.spectral_radius
     if integrator in ADAPTIVE:
-        figures["dt"] = scene.output_step
+        figures["dt"] = min(scene.output_step, scene.end or scene.output_step)
+    stabilisation = _stabilisation(scene.numerics.of_method("recursive"), method)
+    for settings in (figures, stabilisation):
+        _require_settings(scene, settings)
+    if task in ("simulate", "realtime", "batch"):
+        _require_steps(scene, figures, task)
     return {
         "task": task,
         "parameters": parameters,
         "numerics": figures,
-        "stabilisation": _stabilisation(scene.numerics.of_method("recursive"), method),
+        "stabilisation": stabilisation,
         "end": scene.end,
         "output_step": scene.output_step,
         "pose": scene.pose,
@@ -124,6 +132,8 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
     """
     value, sources = Evaluator(model, parameters), _sources(model, scene)
     made: dict[str, Any] = {part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts}
+    for part in made.keys() & {"positions", "rates"}:
+        _require_states(model, scene, part, made[part])
     if "roads" in made:
         roads = {radius: _road(scene, radius) for radius in made["roads"].values()}
         made["roads"] = {tyre: roads[radius] for tyre, radius in made["roads"].items()}
@@ -136,11 +146,35 @@ def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
     return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
 
 
+def _require_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> None:
+    """Check coordinates or speeds of a start."""
+    kinds = {joint.name: joint.kind for joint in model.joints}
+    for name, value in values.items():
+        joint, _, component = name.rpartition(".")
+        if fault := fault_of_state(value, is_angle=JOINT_QUANTITIES[kinds[joint]][component] == "rad"):
+            raise RunError(f"{_place(model, scene, part, name)}: {fault}")
+
+
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:
     """Where the expression stands that a part comes from."""
     if part != "roads":
         return f"{scene.span}: scene '{scene.name}': {part}: '{of}'"
     return f"{next(f.span for f in model.forces if f.name == of)}: tyre '{of}': radius"
+
+
+def _require_settings(scene: Scene, settings: Mapping[str, Any]) -> None:
+    """Check the settings that a simulator is given; an expression of dt may have no value at the step of this run."""
+    for name, value in settings.items():
+        if isinstance(value, float | int) and not isinstance(value, bool) and (fault := fault_of_setting(name, value)):
+            law = scene.numerics.by_step.get(name)
+            raise RunError(f"{scene.span}: scene '{scene.name}': {name}{'' if law is None else f' = {law}'}: {fault}")
+
+
+def _require_steps(scene: Scene, figures: Mapping[str, Any], task: str) -> None:
+    try:
+        count_steps(figures["dt"], scene.end, scene.output_step, row_each=task == "realtime")
+    except StepsError as error:
+        raise RunError(f"{scene.span}: scene '{scene.name}': {error}") from None
 
 
 #: Iterations of a step in which the augmented method corrects its multipliers, unless it is given: it ends with what is left of them.
@@ -164,12 +198,12 @@ def _stabilisation(own: Numerics, method: str) -> dict[str, Any]:
     """Figures of the recursive equations' cut joints; the start of a Lagrangian method has the closure "penalty"."""
     if method == "recursive" and own.closure == "proximal":
         return {"closure": own.closure, "penalty": _bound(own.penalty)}
-    penalty = own.penalty if isfinite(own.penalty) else Numerics.penalty
+    penalty = Numerics.penalty if own.penalty == inf else own.penalty
     return {"penalty": penalty, "damping_ratio": own.damping_ratio, "frequency": own.frequency}
 
 
 def _bound(penalty: float) -> float | None:
-    return penalty if isfinite(penalty) else None
+    return None if penalty == inf else penalty
 
 
 #: The largest penalty of explicit integrators, unless one is given for the method: multipliers are corrected until nothing of it is left,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf, isfinite
+from math import inf
 
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.run.run_file import RunError
@@ -38,7 +38,7 @@ def with_closure(scene: Scene, closure: str) -> Scene:
         RunError: the scene leaves the penalty to the closure "proximal".
     """
     before = scene.numerics
-    if closure == "penalty" and not isfinite(before.penalty):
+    if closure == "penalty" and before.penalty == inf:
         raise RunError(f"{scene.span}: scene '{scene.name}': penalty: auto needs closure: proximal; write a number")
     default = closure == "proximal" and before.penalty == Numerics.penalty
     return replace(scene, numerics=replace(before, closure=closure, penalty=inf if default else before.penalty))

@@ -7,51 +7,111 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
+from cutjoint.run.result_files import write_all
 from cutjoint.run.results import FailureReport
+from cutjoint.run.stopping import stop_requests
 
 #: Called with the share of a run that is done, 0 to 1.
 Progress = Callable[[float], None]
+
+#: Called with a record that a run writes before its summary.
+Receive = Callable[[dict[str, Any]], None]
 
 
 class SimulatorError(RuntimeError):
     """The simulator could not begin, or what it wrote is no summary."""
 
 
-def call_simulator(binary: Path, run_file: Mapping[str, Any], progress: Progress | None = None) -> dict[str, Any]:
+def call_simulator(
+    binary: Path, run_file: Mapping[str, Any], progress: Progress | None = None, receive: Receive | None = None
+) -> dict[str, Any]:  # fmt: skip
     """Run a simulator on a run file and return its summary; it has ended when this returns or raises, also where ``progress`` raises.
 
+    It ends too when this process is killed: then its standard input ends.
+
     Raises:
-        SimulatorError: it could not begin (a run that fails numerically returns a summary that says so), or wrote what is no summary.
+        SimulatorError: it could not begin (a run that fails numerically returns a summary that says so), could not write a file, or wrote
+            what is no summary.
+        Interrupted, Terminated: a signal has ended the run.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "run.json"
-        path.write_text(json.dumps(run_file), encoding="utf-8")
-        # what it complains of goes into a file: a pipe that nobody reads would hold it up
-        with (Path(folder) / "complaint.txt").open("w+", encoding="utf-8", errors="replace") as complaint:
-            status, summary = _follow([str(binary), str(path)], complaint, progress)
-            complaint.seek(0)
-            if status not in (0, 1) or not summary:
-                raise SimulatorError(complaint.read().strip() or f"the simulator ended with status {status}")
+    # files without names: nothing of them stays if this process is killed.  What a simulator complains of goes into a file, since a pipe
+    # that nobody reads would hold it up
+    with tempfile.TemporaryFile(buffering=0) as file, tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as complaint:
+        try:
+            write_all(file, json.dumps({**run_file, "ends_with_stdin": True}).encode())
+            file.seek(0)
+        except OSError as error:
+            raise SimulatorError(f"cannot write the run file in {tempfile.gettempdir()}: {error.strerror}") from None
+        open_files = [file.fileno(), *(place["descriptor"] for place in run_file.values() if _is_descriptor(place))]
+        with _begin(
+            [str(binary), f"/dev/fd/{file.fileno()}"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaint, pass_fds=open_files,
+            encoding="utf-8", errors="replace",
+        ) as process:  # fmt: skip
+            status, summary = _follow(process, progress, receive)
+        complaint.seek(0)
+        if status not in (0, 1) or not summary:
+            raise SimulatorError(complaint.read().strip().removeprefix("error: ") or f"the simulator ended with status {status}")
+    if summary["status"] == "interrupted":
+        raise SimulatorError(_when(summary))
     return summary
 
 
-def _follow(command: Sequence[str], complaint: IO[str], progress: Progress | None) -> tuple[int, dict[str, Any]]:
-    """The status that a simulator ends with and the last record that it writes; those before tell its progress."""
+def _is_descriptor(place: Any) -> bool:
+    """Whether a run file has an open file there."""
+    return isinstance(place, Mapping) and "descriptor" in place
+
+
+def _follow(
+    process: subprocess.Popen[str], progress: Progress | None, receive: Receive | None
+) -> tuple[int, dict[str, Any]]:  # fmt: skip
+    """The status that a simulator ends with and its summary, the last record that it writes."""
+    assert process.stdin is not None
+    try:
+        with stop_requests(process.stdin.close) as request:
+            summary = _read_records(process, progress, receive)
+            status = process.wait()
+        if request.number is not None:
+            raise request.error(_when(summary))
+        return status, summary
+    finally:
+        process.kill()  # who follows it has given up; one that has ended is left alone
+
+
+def _read_records(process: subprocess.Popen[str], progress: Progress | None, receive: Receive | None) -> dict[str, Any]:
+    """The summary of a run; records before go to ``progress`` and ``receive``."""
+    assert process.stdout is not None
     summary: dict[str, Any] = {}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaint, encoding="utf-8", errors="replace") as process:
-        try:
-            assert process.stdout is not None
-            for line in process.stdout:
-                record = _read_record(line)
-                if set(record) != {"progress"}:
-                    summary = record
-                elif progress is not None:
-                    progress(record["progress"])
-            return process.wait(), summary
-        finally:
-            process.kill()  # who follows it has given up; one that has ended is left alone
+    for line in process.stdout:
+        record = _read_record(line)
+        if set(record) == {"progress"}:
+            if progress is not None:
+                progress(record["progress"])
+        elif "first" in record and receive is not None:
+            receive(record)
+        else:
+            summary = record
+    return summary
+
+
+def _when(summary: Mapping[str, Any]) -> str:
+    """When a run was interrupted, as far as its summary tells."""
+    time = summary.get("time")
+    return "interrupted" if time is None else f"interrupted at t = {time:.6g} s"
+
+
+def _begin(command: Sequence[str], **how: Any) -> subprocess.Popen[str]:
+    """A simulator that has begun.
+
+    Raises:
+        SimulatorError: the system does not run it, as where the cache is on a disk whose programs must not be run.
+    """
+    try:
+        return subprocess.Popen(command, **how)
+    except OSError as error:
+        advice = "set $CUTJOINT_CACHE to a folder whose programs may be run"
+        raise SimulatorError(f"the simulator {command[0]} cannot be run: {error.strerror}; {advice}") from error
 
 
 def _read_record(line: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -35,9 +36,12 @@ def find_classes(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint])
     for t in tree:
         children.setdefault(t.parent, []).append(t.child)
     members = {t.child: _subtree(t.child, children) for t in tree}
+    sizes = Counter(map(len, members.values()))
+    massless = {b.name: b.mass == 0 for b in model.bodies}
     groups: dict[Signature, list[str]] = {}
     for t in tree:
-        groups.setdefault(_signature(members[t.child], model, tree, cuts), []).append(t.child)
+        if sizes[len(members[t.child])] > 1:  # a subtree of a size of its own has no match
+            groups.setdefault(_signature(members[t.child], massless, model, tree, cuts), []).append(t.child)
     classes = []
     covered: set[str] = set()
     for roots in sorted(groups.values(), key=lambda g: (-len(members[g[0]]), g[0])):
@@ -73,20 +77,21 @@ def _subtree(body: str, children: Mapping[str, Sequence[str]]) -> tuple[str, ...
     return tuple(bodies)
 
 
-def _signature(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Signature:
+def _signature(
+    bodies: Sequence[str], massless: Mapping[str, bool], model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]
+) -> Signature:
     place = {b: i for i, b in enumerate(bodies)}
 
     def where(body: str) -> int:
         return place.get(body, -2 if body == GROUND else -1)
 
-    massless = tuple(next(b.mass == 0 for b in model.bodies if b.name == name) for name in bodies)
     joints = tuple(
         (t.joint.kind, where(t.parent), place[t.child], t.reversed, t.joint.guide is not None) for t in tree if t.child in place
     )
     closures = sorted((c.kind, where(c.base), where(c.follower)) for c in cuts if c.base in place or c.follower in place)
     child_of = {t.joint.name: t.child for t in tree}
     forces = sorted(_force(f, where, child_of) for f in model.forces if any(b in place for b in force_bodies(f, child_of)))
-    return massless, joints, tuple(closures), tuple(forces)
+    return tuple(massless[b] for b in bodies), joints, tuple(closures), tuple(forces)
 
 
 def force_bodies(force: Force, child_of: Mapping[str, str]) -> tuple[str, ...]:

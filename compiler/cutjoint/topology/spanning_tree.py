@@ -46,19 +46,33 @@ def tree_only(model: Model) -> frozenset[str]:
 
 
 def _shortest_paths(joints: Sequence[Joint], bound: frozenset[str]) -> set[str]:
-    """A breadth-first tree; joints that must not be cut go first."""
-    known, chosen = {GROUND}, set()
-    for candidates in ([j for j in joints if j.name in bound], joints):
-        queue = deque(sorted(known))
-        while queue:
-            body = queue.popleft()
-            for joint in candidates:
-                other = _other(joint, body)
-                if other is not None and other not in known:
-                    known.add(other)
-                    chosen.add(joint.name)
-                    queue.append(other)
+    """A breadth-first tree; joints that must not be cut count as no distance, so that it has all of them unless they close a loop."""
+    known: set[str] = set()
+    chosen: set[str] = set()
+    held = [j for j in joints if j.name in bound]
+    queue = deque(sorted(_reach(GROUND, held, known, chosen)))
+    while queue:
+        body = queue.popleft()
+        for joint in joints:
+            other = _other(joint, body)
+            if other is not None and other not in known:
+                chosen.add(joint.name)
+                queue.extend(_reach(other, held, known, chosen))
     return chosen
+
+
+def _reach(body: str, held: Sequence[Joint], known: set[str], chosen: set[str]) -> list[str]:
+    """A body and all that ``held`` joints connect with it, nearest first; they become known and the joints chosen."""
+    known.add(body)
+    reached = [body]
+    for inner in reached:
+        for joint in held:
+            other = _other(joint, inner)
+            if other is not None and other not in known:
+                known.add(other)
+                chosen.add(joint.name)
+                reached.append(other)
+    return reached
 
 
 def _other(joint: Joint, body: str) -> str | None:

@@ -7,7 +7,7 @@
 namespace cutjoint {
 
 /// The program of a simulator: `simulator RUN.json` reads the run file, does its task and prints a summary.
-/// Exit status 0 when done, 1 when the run failed numerically, 2 when it could not begin.
+/// The exit status is that of `run_program`.
 ///
 /// `start` finds where a run begins, in relative coordinates (what it reports is not asked for), and `mechanism` goes on.
 int run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism);

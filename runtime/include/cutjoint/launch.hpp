@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/domains.hpp"
 #include "cutjoint/effective_mass.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"
@@ -35,6 +36,9 @@ class Launch {
 
   /// A mechanism in motion, with speeds that keep its loops closed.  Throws Failure.
   const State<Real>& in_motion();
+
+  /// Tells more of a failure to start.
+  Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, Real(0), failure); }
 
   /// Penalties of the proximal closure, known when a start has been found.
   const std::vector<Real>& penalties() const { return penalties_; }
@@ -109,7 +113,7 @@ void Launch<M>::place() {
 template <Mechanism M>
 void Launch<M>::weigh() {
   const Json& bound = file_.at("stabilisation").at("penalty");
-  const Real unbound = std::numeric_limits<Real>::infinity(), most = bound.is_null() ? unbound : Real(bound.template get<double>());
+  const Real unbound = std::numeric_limits<Real>::infinity(), most = bound.is_null() ? unbound : number_of<Real>(bound, "penalty");
   load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
   load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e4), unbound);
   const Real stiffness = stiffness_of_cuts(read_number<Real>(file_.at("numerics"), "dt"));

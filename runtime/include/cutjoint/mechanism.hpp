@@ -44,6 +44,15 @@ struct Switch {
   int across = -1;
 };
 
+/// What must lie in its domain for a law of an element to have a value, and the line of the model's file.  Its margin is not negative there,
+/// or positive if it is strict.
+struct Domain {
+  std::string_view what;
+  std::string_view element;
+  std::string_view place;
+  bool strict;
+};
+
 /// Everything about a mechanism that does not change in a run.
 struct Description {
   std::string_view name;
@@ -56,6 +65,7 @@ struct Description {
   std::vector<Named> columns;                 ///< reported quantities
   std::vector<int> cuts{};                    ///< first equation of each cut joint
   std::vector<Guard> guards{};                ///< forces that must not act
+  std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change
 };
 
@@ -117,6 +127,7 @@ class AnyMechanism {
   virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_missing("project"); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
+  virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v, the margins of the domains; only models that have some
 };
 
 /// condition ? yes : no, both evaluated.

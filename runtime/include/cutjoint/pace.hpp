@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <cstddef>
-#include <string>
 #include <string_view>
 #include <thread>
 #include <vector>
@@ -35,10 +34,9 @@ class Pace {
     late_[static_cast<std::size_t>(step)] = seconds(now - at(step + 1));
   }
 
-  /// Write the first steps as a table over the time of their ends.
-  void write(const std::string& path, long steps) const {
+  /// Write the first steps into a table, over the time of their ends.
+  void write(Table& table, long steps) const {
     static constexpr std::string_view columns[] = {"took", "late"};
-    Table table(path);
     table.header(std::span(columns));
     std::vector<double> row(2);
     for (std::size_t i = 0; i < static_cast<std::size_t>(steps); ++i) {

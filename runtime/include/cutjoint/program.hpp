@@ -3,20 +3,29 @@
 
 #include <exception>
 #include <iostream>
+#include <new>
 #include <stdexcept>
 #include <string>
 
 #include "cutjoint/json.hpp"
+#include "cutjoint/stop.hpp"
 
 namespace cutjoint {
 
 /// Calls `perform` with the content of the run file and prints the summary that it returns.
-/// Exit status 0 when done, 1 when the run failed numerically, 2 when it could not begin.
+/// Exit status 0 when done, 1 when the run failed numerically or was interrupted, 2 when it could not begin or a file could not be written.
+/// With "ends_with_stdin" in the run file, the program ends when its standard input does.
 template <class Perform>
 int run_program(int argc, char** argv, const char* name, Perform perform) {
   try {
     if (argc != 2) throw std::runtime_error(std::string("usage: ") + name + " RUN.json");
-    return conclude(perform(read_json(argv[1])));
+    const Json file = read_json(argv[1]);
+    report_write_errors();
+    if (file.value("ends_with_stdin", false)) stop_with_standard_input();
+    return conclude(perform(file));
+  } catch (const std::bad_alloc&) {
+    std::cerr << "error: the run needs more memory than there is; write an earlier end, or a larger dt or output_step" << std::endl;
+    return 2;
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << std::endl;
     return 2;

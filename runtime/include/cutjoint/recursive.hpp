@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/domains.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/largest.hpp"
@@ -33,7 +34,7 @@ class Recursive {
     if (file.contains("solver")) throw std::runtime_error("the recursive method has no linear solver to choose; leave 'solver' away");
     const Json& figures = file.at("stabilisation");
     const bool given = is_proximal(figures) && !figures.at("penalty").is_null();
-    load_penalties(std::vector<double>(d_.cuts.size(), given ? figures.at("penalty").get<double>() : 1.0));
+    load_penalties(std::vector<double>(d_.cuts.size(), given ? read_positive<double>(figures, "penalty") : 1.0));
   }
 
   /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
@@ -53,7 +54,7 @@ class Recursive {
 
   /// Get ready for steps.
   void prepare() {
-    dt_ = read_number<Real>(file_.at("numerics"), "dt");
+    dt_ = read_dt<Real>(file_.at("numerics"));
     integrator_.emplace(mechanism_, dt_, read_fixed_point(file_));
   }
 
@@ -62,6 +63,8 @@ class Recursive {
     state_.t = origin_ + Real(number) * dt_;
     guards_.check(state_, number);
   }
+
+  Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, dt_, failure); }
 
   Real time() const { return state_.t; }
 

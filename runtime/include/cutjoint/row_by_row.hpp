@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "cutjoint/domains.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/run_file.hpp"
@@ -35,7 +36,7 @@ class RowByRow {
   /// Get ready for steps; `how` is what the stepper is made with.
   template <class... How>
   void prepare(How&&... how) {
-    dt_ = figure("dt");
+    dt_ = read_dt<Real>(file_.at("numerics"));
     stepper_.emplace(dynamics_, std::forward<How>(how)...);
   }
 
@@ -44,6 +45,15 @@ class RowByRow {
     stepper_->advance(t_, until, y_, number);
     t_ = until;
     check(number);
+  }
+
+  /// The row before is where the motion to the failure begins.
+  Failure explain(const Failure& failure) {
+    try {
+      return explain_by_domains(subject_, dynamics_.complete(t_, y_), dt_, failure);
+    } catch (const Failure&) {
+      return failure;
+    }
   }
 
   Real time() const { return t_; }
@@ -66,7 +76,10 @@ class RowByRow {
   /// The last state is that of another time than a row's.
   void stop_at(Real t) { t_ = t; }
 
-  Real figure(const char* name) const { return read_number<Real>(file_.at("numerics"), name); }
+  Real figure(const char* name) const { return read_positive<Real>(file_.at("numerics"), name); }
+
+  /// The time of the last row.
+  Real last_row() const { return origin_ + Real(read_steps<Real>(file_).number) * figure("dt"); }
 
   const std::optional<Stepper>& stepper() const { return stepper_; }
   Real origin() const { return origin_; }

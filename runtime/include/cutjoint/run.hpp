@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
 #include <iostream>
 #include <optional>
 #include <span>
@@ -16,8 +15,11 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/launch.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/output_file.hpp"
 #include "cutjoint/pace.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/state.hpp"
+#include "cutjoint/stop.hpp"
 #include "cutjoint/table.hpp"
 
 namespace cutjoint {
@@ -30,6 +32,7 @@ namespace cutjoint {
 /// - `begin`, which takes over a start, `prepare`, which reads the figures of steps, and `step` with the step's number; they throw Failure,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
+/// - `explain`, which tells more of a failure of a step,
 /// - `evaluate`, the results of its functions at the run file's states,
 /// - if others may know it, `state`, that of its last step,
 /// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state,
@@ -41,18 +44,22 @@ class Run {
 
   Run(M& mechanism, Method& method, const Json& file) : launch_(mechanism, file), method_(method), file_(file) {}
 
-  /// Do the run's task and return its summary; a Failure ends in the summary, what was computed stays in the table.
+  /// Do the run's task and return its summary.  A Failure or a request to stop ends in the summary, and the table has the rows up to then.
+  /// Throws where a file cannot be written.
   Json perform() {
     Json summary;
     try {
       summary = do_task(file_.at("task"));
-      summary["status"] = "done";
+      summary["status"] = stopped_ ? "interrupted" : "done";
+      if (stopped_) summary["time"] = number_or_null(static_cast<double>(method_.time()));
       if constexpr (requires { method_.state(); })
         if (file_.value("with_state", false)) summary["state"] = method_.state();
     } catch (const Failure& failure) {
       summary = counts();
-      report(failure, summary);
+      report(begun_ ? method_.explain(failure) : launch_.explain(failure), summary);
     }
+    if (table_) summary["rows"] = table_->rows();
+    close_files();
     return summary;
   }
 
@@ -60,6 +67,7 @@ class Run {
   Json do_task(const std::string& task) {
     if constexpr (requires { method_.evaluate(); })
       if (task == "evaluate") return Json{{"results", method_.evaluate()}};
+    require_task(task);
     if (task == "equilibrium") {
       const auto& start = launch_.at_rest();
       if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
@@ -69,9 +77,21 @@ class Run {
     const auto& start = launch_.in_motion();
     if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
     method_.begin(start, 1.0);
+    begun_ = true;
     if constexpr (requires { method_.time_solver(); })
       if (task == "factor") return method_.time_solver();
     return task == "realtime" ? keep_pace() : simulate();
+  }
+
+  /// Throws runtime_error for what no method does, or this one does not.
+  void require_task(const std::string& task) const {
+    std::vector<std::string_view> tasks{"simulate", "realtime", "equilibrium"};
+    if constexpr (requires { method_.evaluate(); }) tasks.push_back("evaluate");
+    if constexpr (requires { method_.time_solver(); }) tasks.push_back("factor");
+    if (std::find(tasks.begin(), tasks.end(), task) != tasks.end()) return;
+    std::string list;
+    for (const std::string_view known : tasks) list.append(list.empty() ? "" : ", ").append(known);
+    refuse("task", "is '" + task + "' and not one of " + list);
   }
 
   Json columns() {
@@ -86,14 +106,11 @@ class Run {
   /// Steps in blocks: from one row of the table to the next, or one by one where each is measured.  Only the steps themselves are timed.
   Json simulate() {
     method_.prepare();
-    const double dt = file_.at("numerics").at("dt"), end = file_.at("end"), every = file_.at("output_step");
-    const long steps = std::lround(std::ceil(end / dt - 1e-9)), stride = std::max(1L, std::lround(every / dt));
-    Table table(file_.at("out"));
-    table.header(std::span(method_.columns()));
-    values_.resize(method_.columns().size());
-    open_steps();
-    if (file_.contains("tangents_out")) tangents_.open(file_.at("tangents_out").template get<std::string>());
-    write(table);
+    const double dt = read_number<double>(file_.at("numerics"), "dt");
+    const auto [steps, stride] = read_steps<Real>(file_);
+    heed_stop_requests();
+    open_tables();
+    write();
     const long block = steps_table_ ? 1 : stride;
     for (long first = 0; first < steps; first += block) {
       const long last = std::min(first + block, steps);
@@ -101,11 +118,16 @@ class Run {
         advance(first, last);
       } catch (Failure& failure) {
         number(failure);
-        if (failure.guards.empty() && static_cast<double>(method_.time()) > written_ + 1e-9 * dt) write(table);  // the last state that converged
+        if (failure.guards.empty()) write_last(dt);
         throw;
       }
+      if (steps_ < last) {
+        stopped_ = true;
+        write_last(dt);
+        break;
+      }
       if (steps_table_) steps_table_->row(method_.time(), method_.measure_step());
-      if (last % stride == 0 || last == steps) write(table);
+      if (last % stride == 0 || last == steps) write();
       progress(last, steps);
     }
     return counts();
@@ -114,22 +136,23 @@ class Run {
   /// Steps against the wall clock, without rows; the times of the steps are a table, also where a step fails.
   Json keep_pace() {
     method_.prepare();
-    const double dt = file_.at("numerics").at("dt"), end = file_.at("end");
-    const long steps = std::lround(std::ceil(end / dt - 1e-9));
-    const std::string out = file_.at("out");
+    const double dt = read_number<double>(file_.at("numerics"), "dt");
+    const long steps = read_steps<Real>(file_, true).number;
+    heed_stop_requests();
     Pace pace(steps, dt);
     try {
-      for (; steps_ < steps; ++steps_) {
+      for (; steps_ < steps && !stop_requested(); ++steps_) {
         pace.wait(steps_);
         method_.step(steps_ + 1);
         pace.finish(steps_);
       }
     } catch (Failure& failure) {
       number(failure);
-      pace.write(out, steps_);
+      write(pace);
       throw;
     }
-    pace.write(out, steps_);
+    stopped_ = steps_ < steps;
+    write(pace);
     return counts();
   }
 
@@ -138,27 +161,49 @@ class Run {
     if (failure.step == 0) failure.step = steps_ + 1;
   }
 
+  /// Steps up to `last`, fewer where a stop is requested.
   void advance(long first, long last) {
     const auto begin = std::chrono::steady_clock::now();
-    for (long n = first; n < last; ++n) {
+    for (long n = first; n < last && !stop_requested(); ++n) {
       method_.step(n + 1);
       steps_ = n + 1;
     }
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   }
 
-  void open_steps() {
-    if (!file_.contains("steps_out")) return;
-    steps_table_.emplace(file_.at("steps_out").template get<std::string>());
-    steps_table_->header(std::span<const std::string_view>(Method::step_columns));
+  void open_tables() {
+    table_.emplace(file_, "out");
+    table_->header(std::span(method_.columns()));
+    values_.resize(method_.columns().size());
+    if (file_.contains("steps_out")) {
+      steps_table_.emplace(file_, "steps_out");
+      steps_table_->header(std::span<const std::string_view>(Method::step_columns));
+    }
+    if (file_.contains("tangents_out")) tangents_.emplace(file_.at("tangents_out"));
   }
 
-  void write(Table& table) {
+  void close_files() {
+    if (table_) table_->close();
+    if (steps_table_) steps_table_->close();
+    if (tangents_) tangents_->close();
+  }
+
+  void write() {
     method_.report(values_.data());
-    table.row(method_.time(), values_);
+    table_->row(method_.time(), values_);
     written_ = static_cast<double>(method_.time());
     if constexpr (requires { method_.differentiate(); })
-      if (tangents_.is_open()) tangents_ << method_.differentiate() << '\n';
+      if (tangents_) tangents_->write(method_.differentiate().dump() + '\n');
+  }
+
+  /// The row of the last state that converged, unless it has one.
+  void write_last(double dt) {
+    if (static_cast<double>(method_.time()) > written_ + 1e-9 * dt) write();
+  }
+
+  void write(const Pace& pace) {
+    table_.emplace(file_, "out");
+    pace.write(*table_, steps_);
   }
 
   Json counts() const {
@@ -179,8 +224,10 @@ class Run {
   Method& method_;
   const Json& file_;
   std::vector<Real> values_;
-  std::optional<Table> steps_table_;
-  std::ofstream tangents_;  ///< a line of JSON a row
+  std::optional<Table> table_, steps_table_;
+  std::optional<OutputFile> tangents_;  ///< a line of JSON a row
+  bool begun_ = false;                  ///< whether the method has taken over a start
+  bool stopped_ = false;                ///< by request, before the end
   long steps_ = 0, mark_ = -1;
   double seconds_ = 0.0, written_ = 0.0;  ///< written_: the time of the last row
 };

@@ -1,27 +1,23 @@
 // What a run file says of roads, parameters and states.
 #pragma once
 
+#include <array>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/road.hpp"
 
 namespace cutjoint {
-
-/// The number under a key.
-template <class Real>
-Real read_number(const Json& object, const char* key) {
-  return Real(object.at(key).get<double>());
-}
 
 template <class Real>
 std::vector<Piece<Real>> read_pieces(const Json& list) {
   std::vector<Piece<Real>> pieces;
   for (const Json& p : list) {
-    const std::string kind = p.at("kind");
+    const std::string kind = read_word(p, "kind", std::to_array<std::string_view>({"line", "arc", "cosine"}), "");
     pieces.push_back({kind == "arc" ? PieceKind::arc : kind == "cosine" ? PieceKind::cosine : PieceKind::line,
                       read_number<Real>(p, "begin"), read_number<Real>(p, "a"), read_number<Real>(p, "b"), read_number<Real>(p, "c")});
   }
@@ -55,7 +51,9 @@ const std::vector<Switch>& read_switches(const Described& d, const Json& file) {
 }
 
 /// Whether the cut joints' figures are those of the proximal closure.
-inline bool is_proximal(const Json& figures) { return figures.value("closure", "penalty") == "proximal"; }
+inline bool is_proximal(const Json& figures) {
+  return read_word(figures, "closure", std::to_array<std::string_view>({"penalty", "proximal"}), "penalty") == "proximal";
+}
 
 /// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads.
 template <class Real>
@@ -78,9 +76,9 @@ class Inputs {
       return;
     }
     mechanism.load(parameters_.data(),
-                   {.penalty = read_number<Real>(figures, "penalty"),
-                    .damping_ratio = read_number<Real>(figures, "damping_ratio"),
-                    .frequency = read_number<Real>(figures, "frequency")},
+                   {.penalty = read_positive<Real>(figures, "penalty"),
+                    .damping_ratio = read_between<Real>(figures, "damping_ratio", 0.0, largest_read<Real>),
+                    .frequency = read_between<Real>(figures, "frequency", 0.0, largest_read<Real>)},
                    roads_.data());
   }
 
@@ -101,7 +99,7 @@ std::vector<bool> read_given(const Json& by_name, const std::vector<std::string_
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto found = by_name.find(std::string(names[i]));
     if (found == by_name.end()) continue;
-    values[i] = Real(found->template get<double>());
+    values[i] = number_of<Real>(*found, names[i]);
     given[i] = true;
   }
   return given;

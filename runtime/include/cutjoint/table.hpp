@@ -2,22 +2,24 @@
 #pragma once
 
 #include <charconv>
-#include <fstream>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/output_file.hpp"
 
 namespace cutjoint {
 
-/// Writes rows of numbers, shortest round trip.
+/// Writes rows of numbers, shortest round trip.  Throws where a file cannot be written.
 class Table {
  public:
-  explicit Table(const std::string& path) : out_(path, std::ios::binary) {
-    if (!out_) throw std::runtime_error("cannot write " + path);
+  /// The table whose place a run file has under a key, and under `key`_copy that of a second file with the same rows, if there is one.
+  Table(const Json& file, const std::string& key) {
+    files_.emplace_back(file.at(key));
+    if (const auto copy = file.find(key + "_copy"); copy != file.end()) files_.emplace_back(*copy);
   }
 
   void header(std::span<const Named> columns) {
@@ -40,7 +42,15 @@ class Table {
       append(static_cast<double>(value));
     }
     end();
+    ++rows_;
   }
+
+  /// Write what is still in memory.
+  void close() {
+    for (OutputFile& file : files_) file.close();
+  }
+
+  long rows() const { return rows_; }
 
  private:
   void append(double value) {
@@ -50,12 +60,13 @@ class Table {
 
   void end() {
     line_ += '\n';
-    out_ << line_;
+    for (OutputFile& file : files_) file.write(line_);
     line_.clear();
   }
 
-  std::ofstream out_;
+  std::vector<OutputFile> files_;
   std::string line_;
+  long rows_ = 0;
 };
 
 }  // namespace cutjoint

@@ -20,7 +20,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.run_file import RunError, parameter_values
-from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.errors import ToolchainError
 
 #: Methods that have a penalty.
 PENALISED = frozenset({"recursive", "augmented"})

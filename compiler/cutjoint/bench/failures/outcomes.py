@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from math import isfinite, nan
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from cutjoint.pipeline import Artifact, simulate
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.toolchain.temporary import temporary_folder
 
 #: Above this share of the extent of the motion an error of position is inaccurate, and a gap has drifted that is above the same share of it
 #: or above ``GAP`` (m).
@@ -88,8 +88,8 @@ def try_run(
     """
     scene = with_figures(artifact.scene, artifact.method, figures or {})
     own = replace(artifact, scene=replace(scene, output_step=row))
-    with TemporaryDirectory() as folder:
-        steps = Path(folder) / "steps.csv"
+    with temporary_folder() as folder:
+        steps = folder / "steps.csv"
         try:
             run = simulate(
                 own, dt=dt, parameters={**case.parameters, **(parameters or {})}, steps=steps, integrator="trapezoidal", events="crossed"

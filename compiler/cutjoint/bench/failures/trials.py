@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from cutjoint.bench.cases import make_case
@@ -20,7 +18,8 @@ from cutjoint.pipeline import Artifact, compile_scene, simulate
 from cutjoint.run.results import Array
 from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import with_figures
-from cutjoint.toolchain.build import ToolchainError
+from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.toolchain.temporary import temporary_folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +79,8 @@ def try_situation(situation: Situation, store: Store, say: Say = silently) -> li
 
 def case_of(situation: Situation) -> Case:
     """The situation's model as a case."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "model.yaml"
+    with temporary_folder() as folder:
+        path = folder / "model.yaml"
         path.write_text(situation.text, encoding="utf-8")
         return make_case(path, end=situation.end)
 

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from cutjoint.formulate.correspondence import Correspondence
+from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
 from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, pulls, weights
@@ -35,6 +36,7 @@ from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_fu
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.domains import find_domains
 from cutjoint.program.switches import find_switches
 
 
@@ -61,6 +63,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
     balance = system_of.balance()
     switches = find_switches(b, balance.values())
+    domains = find_domains(b, balance.values())
     functions = system_functions(
         place=_place(b, start), balance=balance, tangent=system_of.tangent(), close=system_of.closure(), pull=system_of.pull(),
         stretch=system_of.stretch(), report=report_columns(b, reporter.quantity, outputs),
@@ -69,10 +72,13 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
-        functions=(*functions, *guard_function(margins), *events_function(switches)), method="recursive-newton",
-        slots={**_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches)}, start=start,
+        functions=(*functions, *guard_function(margins), *events_function(switches), *domains_function(domains)), method="recursive-newton",
+        slots={
+            **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
+        },
+        start=start,
         correspondence=system_of.correspondence, load_arguments=LOAD_ARGUMENTS,
-        switches=describe_switches(b, switches),
+        switches=describe_switches(b, switches), domains=describe_domains(b, domains),
     )  # fmt: skip
 
 

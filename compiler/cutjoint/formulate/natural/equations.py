@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters, report_columns
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix
@@ -32,6 +33,7 @@ from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_fu
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Model, Output, Scalar, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.domains import find_domains
 
 
 def formulate_lagrangian(
@@ -67,16 +69,22 @@ def formulate_lagrangian(
         f"{kind}:{node.name}": block for node, *blocks in place_nodes(k, topology, layout)
         for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
     }  # fmt: skip
+    balance = system.balance()
+    domains = find_domains(b, balance.values())
     functions = system_functions(
-        place=placed, balance=system.balance(), tangent=tangent, close=system.closure(), pull=system.pull(), stretch=system.stretch(),
+        place=placed, balance=balance, tangent=tangent, close=system.closure(), pull=system.pull(), stretch=system.stretch(),
         report=report_columns(b, reporter.quantity, outputs),
     )  # fmt: skip
     return LagrangianEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
-        functions=(*functions, *guard_function(margins)), method=method,
-        slots={**chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs), **margin_slots(model, scene)},
+        functions=(*functions, *guard_function(margins), *domains_function(domains)), method=method,
+        slots={
+            **chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs), **margin_slots(model, scene),
+            **domain_slots(domains),
+        },
+        domains=describe_domains(b, domains),
         start=start, layout=layout, correspondence=motions.correspondence, constraints=system.constraints,
         load_arguments=LOAD_ARGUMENTS,
     )  # fmt: skip

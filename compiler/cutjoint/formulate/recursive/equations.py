@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
 from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
@@ -23,6 +24,7 @@ from cutjoint.formulate.recursive.solution import refine, respond, solve
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Builder
+from cutjoint.program.domains import find_domains
 from cutjoint.program.switches import find_switches
 from cutjoint.topology.records import Topology
 
@@ -38,7 +40,8 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
     rate; ``report``: q, v, vdot, lambda -> the outputs; ``project``: q, gap -> the step of the speeds' integrals that closes the gaps of
-    the cut joints and moves the masses least; with guards ``guard``: q, v -> margins; with switches ``events``: q, v -> their values.
+    the cut joints and moves the masses least; with guards ``guard``: q, v -> margins; with switches ``events``: q, v -> their values; with
+    laws that may have no value ``domains``: q, v -> the margins of their arguments.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -60,6 +63,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     closures = _closures(loops)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
     switches = find_switches(b, accelerations.values())
+    domains = find_domains(b, accelerations.values())
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
             **accelerations, **{f"correction:{loop.joint.name}": correction[loop.joint.name] for loop in loops},
@@ -77,6 +81,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
         }),
         *guard_function(margins),
         *events_function(switches),
+        *domains_function(domains),
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
@@ -84,9 +89,9 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
             **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),
-            **margin_slots(model, scene), **value_slots(switches),
+            **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
         },
-        switches=describe_switches(b, switches),
+        switches=describe_switches(b, switches), domains=describe_domains(b, domains),
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip
 

@@ -11,11 +11,13 @@
 #include "cutjoint/batch/abreast.hpp"
 #include "cutjoint/batch/road.hpp"
 #include "cutjoint/batch/trapezoidal.hpp"
+#include "cutjoint/domains.hpp"
 #include "cutjoint/failure_report.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/launch.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/stop.hpp"
 
 namespace cutjoint::batch {
 
@@ -29,7 +31,8 @@ class Group {
         parameters_(d_.parameters.size()), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
         largest_(values_) {}
 
-  /// At most `width` cases: how each ended, with `end`, `smallest` and `largest` value of each column.
+  /// At most `width` cases: how each ended, with `end`, `smallest` and `largest` value of each column.  After a request to stop they have not
+  /// come to their ends.
   std::vector<Json> run(std::span<const Json> cases) {
     results_.assign(cases.size(), Json::object());
     going_ = Mask{};
@@ -50,7 +53,7 @@ class Group {
 
   void start(std::span<const Json> cases) {
     cases_.assign(width, {});
-    for (std::size_t k = 0; k < cases.size(); ++k) {
+    for (std::size_t k = 0; k < cases.size() && !stop_requested(); ++k) {
       Json own = file_;
       own.update(cases[k]);
       try {
@@ -87,23 +90,23 @@ class Group {
   void go() {
     load();
     const Json& numerics = file_.at("numerics");
-    const double dt = numerics.at("dt"), end = file_.at("end"), every = file_.at("output_step");
-    const long steps = std::lround(std::ceil(end / dt - 1e-9)), stride = std::max(1L, std::lround(every / dt));
+    const double dt = read_number<double>(numerics, "dt");
+    const auto [steps, stride] = read_steps<double>(file_);
     integrator_.emplace(instances_, dt,
-                        FixedPoint{numerics.at("tolerance").get<double>(), numerics.at("iterations").get<int>(),
-                                   numerics.at("multiplier_updates").get<int>()});
+                        FixedPoint{read_positive<double>(numerics, "tolerance"), read_integer(numerics, "iterations", 1),
+                                   read_integer(numerics, "multiplier_updates", 0)});
     report();
     end_ = smallest_ = largest_ = values_;
     watch(0);
     const auto begin = std::chrono::steady_clock::now();
-    for (long n = 1; n <= steps && any(going_); ++n) {
+    for (long n = 1; n <= steps && any(going_) && !stop_requested(); ++n) {
       const Mask failed = integrator_->step(state_, going_);
       state_.t = where(going_ & ~failed, Real(static_cast<double>(n) * dt), state_.t);
       if (any(failed)) {
         instances_.begin_step(state_.t, Real(1));  // back to the last state of those that failed
         if ((n - 1) % stride != 0) record(failed);
         for (int k = 0; k < width; ++k)
-          if (failed[k]) stop(k, integrator_->failure(k, n));
+          if (failed[k]) stop(k, explained(k, dt, integrator_->failure(k, n)));
       }
       watch(n);
       if (n % stride == 0 || n == steps) record(going_);
@@ -116,6 +119,21 @@ class Group {
     }
   }
 
+  /// What the mechanism alone tells of a failed step, from the state before it.
+  Failure explained(int k, double dt, const Failure& failure) {
+    State<double> state(d_);
+    take_alone(k, state);
+    return explain_by_domains(alone_, state, dt, failure);
+  }
+
+  /// The state of a case, and the mechanism alone with its inputs.
+  void take_alone(int k, State<double>& state) {
+    const Case& own = cases_[static_cast<std::size_t>(k)];
+    Abreast::take(state_, k, state);
+    alone_.load(own.parameters.data(), {}, own.roads.data());
+    alone_.begin_step(state.t, 1.0);
+  }
+
   /// Stop the cases whose guards are violated; which of them, and by how much, tells the mechanism alone.
   void watch(long number) {
     if (margin_.empty()) return;
@@ -124,11 +142,8 @@ class Group {
     for (const Real margin : margin_) violated |= going_ & ~(margin.v >= Real(0).v);
     for (int k = 0; k < width; ++k) {
       if (!violated[k]) continue;
-      const Case& own = cases_[static_cast<std::size_t>(k)];
       State<double> state(d_);
-      Abreast::take(state_, k, state);
-      alone_.load(own.parameters.data(), {}, own.roads.data());
-      alone_.begin_step(state.t, 1.0);
+      take_alone(k, state);
       try {
         Guards<AnyMechanism<double>>(alone_).check(state, number);
       } catch (const Failure& failure) {

@@ -113,7 +113,8 @@ Json time_parts(S& system, std::string_view name, const State<typename S::real_t
                 typename S::real_type penalty, const Json& file) {
   using Real = typename S::real_type;
   const SystemDescription& d = system.description();
-  const int batches = file.value("batches", 9), repetitions = file.value("repetitions", 100);
+  const int batches = file.contains("batches") ? read_integer(file, "batches", 1) : 9;
+  const int repetitions = file.contains("repetitions") ? read_integer(file, "repetitions", 1) : 100;
   const auto solver = choose_solver(system, name);
   std::vector<Real> f(d.unknowns().size()), phi(d.equations.size()), tangent(d.pattern.row.size());
   std::vector<Real> right(static_cast<std::size_t>(d.pattern.size));

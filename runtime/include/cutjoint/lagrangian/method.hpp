@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/domains.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/lagrangian/augmented.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
@@ -68,6 +69,8 @@ class LagrangianMethod {
     note_residuals();
     guards_.check(state_, number);
   }
+
+  Failure explain(const Failure& failure) { return explain_by_domains(system_, state_, Real(figures_.dt), failure); }
 
   Real time() const { return state_.t; }
 

@@ -33,6 +33,7 @@ struct SystemDescription {
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
   std::vector<Guard> guards{};                ///< forces that must not act
+  std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change, of relative coordinates
   Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
   int factors;                                ///< length of the array that `factor` fills
@@ -100,6 +101,7 @@ class AnySystem {
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with switches have it
+  virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with domains have it
   virtual int factor(const Real* tangent, Real* factors) const = 0;
   virtual void solve(const Real* factors, Real* x) const = 0;
 };

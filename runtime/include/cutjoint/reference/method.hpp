@@ -14,9 +14,6 @@
 
 namespace cutjoint::reference {
 
-/// Whether a run file asks for an accurate solution.
-inline bool is_reference(const Json& file) { return file.value("integrator", "") == "reference"; }
-
 /// A mechanism in relative coordinates with extrapolation.
 template <Mechanism M>
 class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, Extrapolation>, M> {

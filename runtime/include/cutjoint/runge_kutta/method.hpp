@@ -33,15 +33,13 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
     figures["penalty"] = file.at("numerics").at("penalty");
     figures["frequency"] = 0.0;  // loops are projected, not drawn together
     inputs_.load_mechanism(mechanism, figures, {});
-    end_ = read_number<Real>(file, "end");
   }
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void prepare() {
     const stepping::Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
-    const double row = static_cast<double>(this->figure("dt"));
-    Base::prepare(tolerances, this->origin() + Real(std::ceil(static_cast<double>(end_) / row - 1e-9)) * this->figure("dt"));
+    Base::prepare(tolerances, this->last_row());
   }
 
   static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
@@ -68,7 +66,6 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
  private:
   Inputs<Real> inputs_;
   Watched<M> dynamics_;
-  Real end_{0};
   std::vector<double> measured_;
   long steps_ = 0;
   double position_ = 0.0, velocity_ = 0.0;

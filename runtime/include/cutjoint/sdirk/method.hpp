@@ -45,15 +45,13 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::St
   using Real = typename S::real_type;
 
   ImplicitMethod(S& system, const Json& file)
-      : Parts<S>(system, file), Base(system, this->stages, file), end_(read_number<Real>(file, "end")),
-        adaptive_(file.at("integrator") == "sdirk4") {}
+      : Parts<S>(system, file), Base(system, this->stages, file), adaptive_(file.at("integrator") == "sdirk4") {}
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void prepare() {
     const Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
-    const double row = static_cast<double>(this->figure("dt"));
-    Base::prepare(tolerances, this->origin() + Real(std::ceil(static_cast<double>(end_) / row - 1e-9)) * this->figure("dt"), adaptive_);
+    Base::prepare(tolerances, this->last_row(), adaptive_);
   }
 
   static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
@@ -84,7 +82,6 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::St
   }
 
  private:
-  Real end_;
   bool adaptive_;
   std::vector<double> measured_;
   long steps_ = 0;

@@ -1,0 +1,32 @@
+"""How numbers are written: in model files, on the command line and in tables of parameters alike."""
+
+from __future__ import annotations
+
+import re
+
+#: A decimal number without a sign, with an optional exponent, in plain digits and without underscores.
+UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_NUMBER = re.compile(rf"[-+]?{UNSIGNED}", re.ASCII)
+_WHOLE = re.compile(r"[-+]?[0-9]+", re.ASCII)
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a plain decimal number; ``inf``, ``nan``, ``1_000`` and ``0x10`` are none."""
+    return _NUMBER.fullmatch(text) is not None
+
+
+def is_whole(text: str) -> bool:
+    """Whether a text is a whole number in plain digits."""
+    return _WHOLE.fullmatch(text) is not None
+
+
+def read_number(text: str) -> float:
+    """The value of a plain decimal number, infinity where it is too large for a float; blanks around it do not count.
+
+    Raises:
+        ValueError: the text is no such number.
+    """
+    text = text.strip(" \t")
+    if not is_number(text):
+        raise ValueError(f"'{text}' is not a plain decimal number")
+    return float(text)

@@ -1,0 +1,73 @@
+"""The ranges of settings: on the command line, from Python and in a model file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+
+#: The largest integer that a simulator reads.
+LARGEST_INTEGER = 2**31 - 1
+
+_INTEGER = {"least": 0, "most": LARGEST_INTEGER}
+
+#: The range of each setting; see `fault_of`.  Times and their squares have a value in double precision.
+RANGES: Mapping[str, Mapping[str, float]] = {
+    "dt": {"above": 0.0, "least": 1e-100, "most": 1e100},
+    "output_step": {"above": 0.0, "least": 1e-100, "most": 1e100},
+    "end": {"least": 0.0, "most": 1e100},
+    "at": {"least": 0.0, "most": 1e100},
+    "penalty": {"above": 0.0, "most": 1e100},
+    "damping_ratio": {"least": 0.0, "most": 1e100},
+    "frequency": {"least": 0.0, "most": 1e100},
+    "tolerance": {"above": 0.0},
+    "absolute_tolerance": {"above": 0.0},
+    "spectral_radius": {"least": 0.0, "most": 1.0},
+    "iterations": {**_INTEGER, "above": 0.0},
+    "multiplier_updates": _INTEGER,
+    "threads": {"above": 0.0, "most": 4096},
+}
+
+#: Settings that count something.
+WHOLE = frozenset({"iterations", "multiplier_updates", "threads"})
+
+
+def fault_of(value: float, *, above: float = -inf, least: float = -inf, most: float = inf) -> str:
+    """What is wrong with a number and what to write in its place; "" where nothing is."""
+    if not -inf < value < inf:
+        return f"{value:g} is not a finite number; write a plain number in SI units"
+    if not value > above:
+        return f"{_text(value)} is not above {above:g}; write a larger number"
+    if not value >= least:
+        return f"{_text(value)} is below {least:g}; write a larger number"
+    return "" if value <= most else f"{_text(value)} is above {_text(most)}; write a smaller number"
+
+
+def fault_of_setting(name: str, value: float) -> str:
+    """What is wrong with the value of a setting; "" where nothing is."""
+    fault = fault_of(value, **RANGES[name])
+    if not fault and name in WHOLE and value != int(value):
+        return f"{value:g} is not a whole number; write one"
+    return fault
+
+
+def _text(value: float) -> str:
+    """A number for a message; integers have all their digits unless these are many."""
+    if not isinstance(value, int):
+        return f"{value:g}"
+    return str(value) if abs(value) < 10**15 else f"a number of {value.bit_length()} bits"
+
+
+#: Angles beyond lose so many digits to whole turns that sine and cosine have an error of 1e-10.
+LARGEST_ANGLE = 1e6
+
+#: Positions (m) and speeds (m/s, rad/s) beyond are rounded to more than 0.1 mm; squares of smaller ones have a value in any precision.
+LARGEST_COORDINATE = 1e12
+
+
+def fault_of_state(value: float, *, is_angle: bool) -> str:
+    """What is wrong with an initial coordinate or speed (SI units); "" where nothing is, and of NaN, which has been noted before."""
+    if is_angle and abs(value) > LARGEST_ANGLE:
+        return f"an angle of {value:g} rad has no exact sine and cosine; take whole turns away, so that it is at most {LARGEST_ANGLE:g} rad"
+    if abs(value) > LARGEST_COORDINATE:
+        return f"{value:g} is above {LARGEST_COORDINATE:g}, where rounding alone moves the model; write a smaller number"
+    return ""

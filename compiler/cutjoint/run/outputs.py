@@ -1,0 +1,154 @@
+"""Which files a command writes: never its model, another of its inputs, or the same file twice."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+from pathlib import Path
+
+
+class OutputError(ValueError):
+    """A file that cannot be an output, or could not be written."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Written:
+    """A file that a command writes: the option, as ``--out run.csv``, the file, and which part of the output that is, if not all."""
+
+    asked: str
+    path: Path
+    part: str = ""
+
+
+def units_of(table: Path) -> Path:
+    """The file with the units of a table: ``run.units.json`` of ``run.csv``, ``run.k1.units.json`` of ``run.k1``."""
+    return table.with_name(f"{_stem(table)}.units.json")
+
+
+def partial_of(table: Path) -> Path:
+    """The file with the rows of a table that is not whole: ``run.partial.csv`` of ``run.csv``, ``run.k1.partial.csv`` of ``run.k1``."""
+    return table.with_name(f"{_stem(table)}.partial.csv")
+
+
+def reason_of(table: Path) -> Path:
+    """The file that says why a table is not whole: ``run.partial.txt`` of ``run.csv``."""
+    return table.with_name(f"{_stem(table)}.partial.txt")
+
+
+def _stem(table: Path) -> str:
+    return table.name.removesuffix(".csv") or table.name
+
+
+def resolved(path: Path) -> Path:
+    """The file that a path leads to, through links, whether or not it exists."""
+    return Path(os.path.realpath(path))
+
+
+def is_stream(path: Path) -> bool:
+    """Whether a path leads to something that is written to but never replaced: a device, a pipe, an open descriptor."""
+    return descriptor_of(path) is not None or (path.exists() and not path.is_file() and not path.is_dir())
+
+
+def descriptor_of(path: Path) -> int | None:
+    """The open descriptor of this process that a path such as /dev/stdout names."""
+    names = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
+    text = os.path.abspath(path)
+    for _ in range(8):  # a link to /dev/stdout is as good
+        if text in names:
+            return names[text]
+        folder, name = os.path.split(text)
+        if folder in ("/dev/fd", "/proc/self/fd", f"/proc/{os.getpid()}/fd") and name.isdecimal():
+            return int(name)
+        if not os.path.islink(text):
+            return None
+        text = os.path.normpath(os.path.join(folder, os.readlink(text)))
+    return None
+
+
+def require_apart(
+    inputs: Mapping[str, Path | None], *, tables: Mapping[str, Path | None] | None = None,
+    documents: Iterable[tuple[str, Path | None]] = (), plots: Path | None = None,
+) -> None:  # fmt: skip
+    """Check that the outputs of a command are neither inputs of it nor the same file, by device and inode or by resolved path.
+
+    Args:
+        inputs: files that are read, by what they are, as ``the model``.
+        tables: results of a run, by option; units and unfinished tables stand beside them.
+        documents: other files, each with its option.
+        plots: the folder of plots.
+
+    Raises:
+        OutputError: with a line for each output that is none.
+    """
+    written = [*_of_tables(tables or {}), *([_Written(asked=f"{o} {p}", path=p)] for o, p in documents if p is not None)]
+    pictures = [] if plots is None else list(_pictures(plots))
+    problems = [problem for files in (*written, pictures) if (problem := _clash_with_inputs(files, inputs))]
+    problems += [problem for one, other in combinations(written, 2) if (problem := _clash(one, other))]
+    if plots is not None:
+        problems += [problem for files in written if (problem := _clash_with_plots(files, pictures, plots))]
+    if problems:
+        raise OutputError("\n".join(problems))
+
+
+def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
+    """The files of each table, itself first."""
+    for option, path in tables.items():
+        if path is None:
+            continue
+        asked, partial = f"{option} {path}", partial_of(resolved(path))
+        beside = {
+            "the units": units_of(resolved(path)), "the rows of an unfinished table": partial,
+            "the units of an unfinished table": units_of(partial), "the reason for an unfinished table": reason_of(resolved(path)),
+        }  # fmt: skip
+        files = [_Written(asked=asked, path=file, part=part) for part, file in beside.items()]
+        yield [_Written(asked=asked, path=path), *([] if is_stream(path) else files)]
+
+
+def _pictures(folder: Path) -> Iterator[_Written]:
+    """The pictures in a folder of plots, any of which may be drawn again."""
+    for path in sorted(folder.glob("*.png")):
+        yield _Written(asked=f"--plots {folder}", path=path, part="the pictures")
+
+
+def _clash_with_inputs(files: Sequence[_Written], inputs: Mapping[str, Path | None]) -> str:
+    """What is wrong if one of the files of an output is an input; "" if none is."""
+    for file, (what, path) in product(files, inputs.items()):
+        if path is not None and _same(file.path, path):
+            there = f"{file.part} would go to {file.path}, which" if file.part else "that"
+            return f"{file.asked}: {there} is {what}; write the results elsewhere"
+    return ""
+
+
+def _clash(files: Sequence[_Written], others: Sequence[_Written]) -> str:
+    """What is wrong if two outputs have a file in common, or one would lie in the other; "" if neither is so."""
+    for one, other in product(files, others):
+        if _same(one.path, other.path):
+            one, other = (other, one) if other.part and not one.part else (one, other)
+            there = f"{one.part} of {one.asked} go there" if one.part else f"that is {one.asked} too"
+            return f"{other.asked}: {there}; write the two to different files"
+    one, other = files[0], others[0]
+    if resolved(one.path) in resolved(other.path).parents or resolved(other.path) in resolved(one.path).parents:
+        return f"{other.asked}: one of this and {one.asked} is a folder of the other; write the two to different places"
+    return ""
+
+
+def _clash_with_plots(files: Sequence[_Written], pictures: Sequence[_Written], plots: Path) -> str:
+    """What is wrong if an output stands where plots go, or is their folder; "" if neither is so."""
+    target, folder = resolved(files[0].path), resolved(plots)
+    if target == folder or target in folder.parents:
+        return f"--plots {plots}: {files[0].asked} is a file there; write the two to different places"
+    if target.parent == folder and target.suffix == ".png":
+        return f"--plots {plots}: {files[0].asked} lies among the pictures; write the two to different places"
+    return _clash(pictures, files) if pictures else ""
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one file; devices such as a terminal or /dev/null take more than one table."""
+    try:
+        found = os.stat(one)
+        return not stat.S_ISCHR(found.st_mode) and os.path.samestat(found, os.stat(other))
+    except OSError:
+        return resolved(one) == resolved(other)

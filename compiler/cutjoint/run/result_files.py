@@ -1,0 +1,270 @@
+"""How results are written: beside the file that they are for, which they replace when they are whole."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from errno import ENXIO
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, cast
+
+from cutjoint.run.outputs import OutputError, descriptor_of, is_stream, partial_of, reason_of, resolved, units_of
+
+Units = Mapping[str, str]
+
+
+class TableFile:
+    """A table that is being written.
+
+    Rows go to `partial_of` the table, which is renamed when the table is whole: an earlier table stays until then.  Rows of a table that
+    does not become whole stay in that file, and `reason_of` says why.  A link stands for the file that it leads to.
+
+    Raises:
+        OutputError: the file cannot be written, or another process writes it.
+    """
+
+    def __init__(self, path: Path, units: Units | None = None) -> None:
+        self.path = path
+        self._target, self._units = resolved(path) if path.is_symlink() else path, units
+        self._partial = partial_of(self._target)
+        with _naming(path):
+            self._target.parent.mkdir(parents=True, exist_ok=True)
+            mode = _mode_of(self._target)
+            self.file = _lock(self._partial)
+            if mode is not None:
+                os.fchmod(self.file.fileno(), mode)
+            self.file.truncate(0)
+            for stale in (reason_of(self._target), units_of(self._partial)):
+                stale.unlink(missing_ok=True)
+
+    def finish(self) -> Path:
+        """The table is whole; the file with it."""
+        if self._units is not None:
+            write_whole(units_of(self._target), _as_json(self._units))
+        with _naming(self.path):
+            self._partial.replace(self._target)
+        self.file.close()
+        return self.path
+
+    def leave(self, reason: str) -> Path | None:
+        """The table does not become whole, for a ``reason``; the file with its whole rows, None if there are none."""
+        if not _cut_to_lines(self.file):
+            self._partial.unlink(missing_ok=True)
+            self.file.close()
+            return None
+        self.file.close()
+        with suppress(OutputError):  # a full disk has no place for what stands beside the rows
+            write_whole(reason_of(self._target), f"{reason}\n")
+            if self._units is not None:
+                write_whole(units_of(self._partial), _as_json(self._units))
+        return self._partial
+
+
+class Stream:
+    """A table that goes to a device, a pipe or an open descriptor as it is written, and is never read back.
+
+    Raises:
+        OutputError: it cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.file = _open_stream(path)
+
+    def finish(self) -> Path:
+        """All is written."""
+        self.file.close()
+        return self.path
+
+    def leave(self, reason: str) -> Path | None:
+        """Nothing more is written; what was is with the reader."""
+        self.file.close()
+        return None
+
+
+def open_table(path: Path, units: Units | None = None) -> TableFile | Stream:
+    """The table that goes to a path, ready to be written; ``units`` stand beside a file.
+
+    Raises:
+        OutputError: it cannot be written, or another process writes it.
+    """
+    return Stream(path) if is_stream(path) else TableFile(path, units)
+
+
+class RunTables:
+    """The tables of one run, which its simulator writes.
+
+    Without `finish` they are not whole.  Rows are read back from ``rows``, the file of the table ``out`` or a private copy of it where it
+    goes to a stream or nowhere.
+    """
+
+    def __init__(self, units: Units | None, *, out: Path | None, **others: Path | None) -> None:
+        self._tables: dict[str, TableFile | Stream] = {}
+        self._private = None
+        try:
+            if out is not None:
+                self._tables["out"] = open_table(out, units)
+            for name, path in others.items():
+                if path is not None:
+                    self._tables[name] = open_table(path)
+        except BaseException as error:
+            self.leave(str(error))
+            raise
+        if not isinstance(self._tables.get("out"), TableFile):
+            self._private = cast(BinaryIO, tempfile.TemporaryFile(buffering=0))  # noqa: SIM115
+
+    @property
+    def rows(self) -> BinaryIO:
+        """The table ``out``."""
+        return self._tables["out"].file if self._private is None else self._private
+
+    @property
+    def places(self) -> dict[str, Any]:
+        """The part of a run file that says where the tables go."""
+        places = {name: _place(table.file, str(table.path)) for name, table in self._tables.items()}
+        if self._private is None:
+            return places
+        copy = {"out_copy": places.pop("out")} if "out" in places else {}
+        return {**places, **copy, "out": _place(self._private, "the temporary table")}
+
+    def finish(self) -> Path | None:
+        """All tables are whole; the file with ``out``."""
+        while len(self._tables) > 1:  # "out" is the last
+            self._tables.popitem()[1].finish()
+        return self._tables.popitem()[1].finish() if self._tables else None
+
+    def leave(self, reason: str) -> Path | None:
+        """The tables do not become whole, for a ``reason``; the file with the rows of ``out``, None if there are none."""
+        left = None
+        while self._tables:  # "out" is the last
+            left = self._tables.popitem()[1].leave(reason)
+        return left
+
+    def __enter__(self) -> RunTables:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._tables and error is not None and (left := self.leave(str(error) or "interrupted")):
+            error.add_note(f"the rows up to then are in {left}")
+        if self._private is not None:
+            self._private.close()
+
+
+def write_whole(path: Path, content: str | bytes) -> Path:
+    """Write a file so that nobody sees half of it and an earlier one survives a failure; a stream is written to.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    if is_stream(path):
+        with _open_stream(path) as stream, _naming(path):
+            write_all(stream, data)
+        return path
+    target = resolved(path)
+    beside = target.with_name(f".{target.name[:100]}.{os.urandom(6).hex()}")
+    with _naming(path):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        mode = _mode_of(target)
+        try:
+            with beside.open("xb", buffering=0) as file:
+                write_all(file, data)
+                if mode is not None:
+                    os.fchmod(file.fileno(), mode)
+            beside.replace(target)
+        except BaseException:
+            beside.unlink(missing_ok=True)
+            raise
+    return path
+
+
+def write_all(file: BinaryIO, data: bytes) -> None:
+    """Write all of ``data`` at once, past any buffer."""
+    rest = memoryview(data)
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+def _as_json(units: Units) -> str:
+    return json.dumps(dict(units), indent=2) + "\n"
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Errors of the system become those of an output."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def _mode_of(file: Path) -> int | None:
+    """The permissions of a file that will be replaced, None if there is none; one that may not be written may not be replaced."""
+    if not file.exists():
+        return None
+    if file.is_dir() or not os.access(file, os.W_OK):
+        file.open("ab").close()  # raises what is wrong
+    return stat.S_IMODE(file.stat().st_mode)
+
+
+def _lock(path: Path) -> BinaryIO:
+    """A file that no other process writes in this way."""
+    while True:
+        number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        file = cast(BinaryIO, os.fdopen(number, "r+b", buffering=0))
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(number), os.stat(path)):
+                return file
+        except BlockingIOError:
+            file.close()
+            raise OutputError(f"{path}: another run writes this file; wait for it, or write elsewhere") from None
+        except FileNotFoundError:
+            pass
+        file.close()  # the other run had just come to its end and renamed it
+
+
+def _open_stream(path: Path) -> BinaryIO:
+    with _naming(path):
+        return cast(BinaryIO, os.fdopen(_stream_number(path), "wb", buffering=0))
+
+
+def _stream_number(path: Path) -> int:
+    """A descriptor for writing to a stream; of a pipe without a reader it waits for one, and says so."""
+    number = descriptor_of(path)
+    if number is not None:
+        return os.dup(number)
+    try:
+        opened = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+    except OSError as error:
+        if error.errno != ENXIO or not path.is_fifo():
+            raise
+        print(f"{path}: waiting for a reader of this pipe", file=sys.stderr, flush=True)
+        return os.open(path, os.O_WRONLY)
+    os.set_blocking(opened, True)
+    return opened
+
+
+def _place(file: BinaryIO, name: str) -> dict[str, Any]:
+    return {"descriptor": file.fileno(), "name": name.encode("utf-8", "backslashreplace").decode()}
+
+
+def _cut_to_lines(file: BinaryIO) -> bool:
+    """Cut a file off after its last whole line; whether there is one."""
+    end = file.seek(0, os.SEEK_END)
+    while end > 0:
+        begin = max(0, end - 65536)
+        file.seek(begin)
+        newline = file.read(end - begin).rfind(b"\n")
+        if newline >= 0:
+            file.truncate(begin + newline + 1)
+            return True
+        end = begin
+    return False

@@ -1,0 +1,156 @@
+"""Files by content keys: each has its digest beside it, and counts as absent unless it is what was stored.
+
+A digest is compared at each use: a file of 1 MB takes a millisecond, while size and time of change do not tell a flipped bit.  For the same
+reason nothing is flushed to the disk: what a power failure cuts off is no longer what was stored.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from hashlib import file_digest, sha256
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.toolchain.temporary import PREFIX, hold, plain_folder, temporary_folder
+
+
+def cache_folder() -> Path:
+    """Where binaries are cached: $CUTJOINT_CACHE, else the user's cache folder."""
+    return Path(os.environ.get("CUTJOINT_CACHE") or platformdirs.user_cache_path("cutjoint")).absolute()
+
+
+def is_sound(file: Path) -> bool:
+    """Whether a file of the cache is there and is what was stored."""
+    beside = _digest_place(file)
+    try:
+        return file.is_file() and beside.is_file() and beside.read_text(encoding="ascii", errors="replace") == _describe(file)
+    except OSError:
+        return False
+
+
+def find_or_make(file: Path, make: Callable[[Path], Path]) -> bool:
+    """Have a file in the cache; returns whether ``make`` made it now.  Of several processes one makes it, the others wait.
+
+    ``make`` gets a temporary folder with a plain path, and returns where the file is that it made.
+
+    Raises:
+        ToolchainError: the file is not there and the cache cannot be written.
+    """
+    if is_sound(file):
+        return False
+    with alone(file):
+        if is_sound(file):
+            return False
+        with plain_folder(cache_folder()) as folder:
+            store(make(folder), file)
+        return True
+
+
+@contextmanager
+def alone(file: Path) -> Iterator[None]:
+    """One process at a time for a file of the cache.
+
+    Raises:
+        ToolchainError: the cache cannot be written.
+    """
+    lock = cache_folder() / f"{PREFIX}{'-'.join(file.relative_to(cache_folder()).with_suffix('').parts)}.lock"
+    with ExitStack() as stack:
+        with _writing():
+            _made(lock.parent)
+            stack.enter_context(hold(lock))
+        yield
+
+
+def store(file: Path, target: Path) -> None:
+    """Copy a file that was built into the cache with its digest, in place of whatever is there.
+
+    Raises:
+        ToolchainError: the file was not built, or the cache cannot be written.
+    """
+    if not file.is_file():
+        raise ToolchainError(f"the compiler reported no error but made no {file.name}; set $CXX to a C++20 compiler, or unset it")
+    with _writing(), temporary_folder(_made(cache_folder())) as folder:
+        copy, beside = folder / "content", folder / "digest"
+        shutil.copy(file, copy)
+        beside.write_text(_describe(copy), encoding="ascii")
+        _make_way(target)
+        copy.replace(target)
+        beside.replace(_digest_place(target))
+
+
+def fetch(file: Path, target: Path) -> bool:
+    """Copy a file out of the cache; returns whether the copy is what was stored."""
+    if not is_sound(file):
+        return False
+    shutil.copy(file, target)
+    return _digest_place(file).read_text(encoding="ascii", errors="replace") == _describe(target)
+
+
+def read_record(place: Path) -> Any:
+    """A record of the cache; None where there is none, or not what was written."""
+    try:
+        digest, _, text = place.read_bytes().partition(b"\n") if place.is_file() else (b"", b"", b"")
+    except OSError:
+        return None
+    return json.loads(text) if digest.decode("ascii", "replace") == sha256(text).hexdigest() else None
+
+
+def write_record(place: Path, record: Any) -> None:
+    """Put a record, plain data, into the cache: a line with the digest of the JSON that follows, so that both come at once.
+
+    Raises:
+        ToolchainError: the cache cannot be written.
+    """
+    text = json.dumps(record).encode()
+    with _writing(), temporary_folder(_made(cache_folder())) as folder:
+        (folder / "record").write_bytes(sha256(text).hexdigest().encode() + b"\n" + text)
+        _make_way(place)
+        (folder / "record").replace(place)
+
+
+def _digest_place(file: Path) -> Path:
+    return file.with_name(f"{file.name}.sha256")
+
+
+def _describe(file: Path) -> str:
+    """Digest and kind of a file."""
+    with file.open("rb") as stream:
+        digest = file_digest(stream, "sha256").hexdigest()
+        program = os.fstat(stream.fileno()).st_mode & stat.S_IXUSR
+    return f"{digest} {'program' if program else 'data'}\n"
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _make_way(target: Path) -> None:
+    """Remove what stands where a file and its folders are to be, and is of another kind."""
+    for part in reversed(target.relative_to(cache_folder()).parents):
+        if not (folder := cache_folder() / part).is_dir():
+            folder.unlink(missing_ok=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    for file in (target, _digest_place(target)):
+        if file.is_dir() and not file.is_symlink():
+            shutil.rmtree(file)
+
+
+@contextmanager
+def _writing() -> Iterator[None]:
+    """Errors of the file system as what to do about them."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ToolchainError(
+            f"the cache {cache_folder()} cannot be written: {reason}; set $CUTJOINT_CACHE to a folder that can"
+        ) from error

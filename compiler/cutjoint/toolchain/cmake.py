@@ -1,0 +1,81 @@
+"""CMake and Ninja, in a place whose name means nothing to them."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from cutjoint.locations import runtime_folder
+from cutjoint.toolchain.compiler import PACKAGES, Compiler
+from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.toolchain.temporary import is_plain
+
+#: Where the environment asks for it, as the tests do, warnings are errors (from CMake 3.24 on); a user's compiler may have others.
+_STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
+
+#: What CMake says of a program that it does not take for a compiler.
+_UNKNOWN = "compiler identification is unknown"
+
+
+def plain_runtime(folder: Path) -> Path:
+    """The runtime's folder; a copy in ``folder`` where its own path is not plain."""
+    if is_plain(runtime_folder()):
+        return runtime_folder()
+    return Path(shutil.copytree(runtime_folder(), folder / "runtime"))
+
+
+def build_project(source: Path, out: Path, compiler: Compiler, flags: Sequence[str], *definitions: str) -> None:
+    """Configure and build a CMake project, in folders with plain paths.
+
+    Raises:
+        ToolchainError: CMake or the compiler refused it.
+    """
+    scratch = out / "tmp"  # compilers that are killed leave files where $TMPDIR says
+    scratch.mkdir(parents=True)
+    environment = {**os.environ, "CXX": _one_word(compiler, scratch), "TMPDIR": str(scratch)}
+    command = [
+        "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG",
+        f"-DCUTJOINT_FLAGS={' '.join(flags)}", *_STRICT, *definitions,
+    ]  # fmt: skip
+    if _UNKNOWN in _call(command, environment, compiler):
+        raise ToolchainError(f"cmake does not know this compiler ({_advice(_UNKNOWN, compiler)})")
+    _call(["cmake", "--build", str(out)], environment, compiler)
+
+
+def _one_word(compiler: Compiler, folder: Path) -> str:
+    """A compiler as a path that CMake takes as it is: its own, or a script, since CMake hands the words of $CXX to the shell unquoted."""
+    if len(compiler.command) == 1 and is_plain(Path(compiler.command[0])):
+        return compiler.command[0]
+    script = folder / "c++"
+    script.write_bytes(b'#!/bin/sh\nexec ' + os.fsencode(shlex.join(compiler.command)) + b' "$@"\n')
+    script.chmod(0o700)
+    return str(script)
+
+
+def _call(command: Sequence[str], environment: Mapping[str, str], compiler: Compiler) -> str:
+    """What a command prints.
+
+    Raises:
+        ToolchainError: it failed.
+    """
+    done = subprocess.run(
+        command, stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace", check=False, env=environment
+    )
+    text = done.stdout + done.stderr
+    if done.returncode != 0:
+        lines = [x.strip() for x in text.splitlines() if "error" in x.lower() or "not find" in x]
+        raise ToolchainError(f"{command[0]} failed: {'; '.join(lines[:5]) or done.stderr[-800:]} ({_advice(text, compiler)})")
+    return text
+
+
+def _advice(text: str, compiler: Compiler) -> str:
+    """What to do about what CMake and the compiler say."""
+    if "No space left on device" in text:
+        return "make room on the disk, or set $CUTJOINT_CACHE to a folder on another one"
+    if "CMakeTestCXXCompiler" in text or _UNKNOWN in text:
+        return f"{shlex.join(compiler.command)} does not compile C++: set $CXX to a C++20 compiler, or unset it"
+    return f"install the C++ side: apt-get install {PACKAGES}" if "CMakeLists" in text else "please report this"

@@ -1,0 +1,122 @@
+"""The C++ compiler that is used, and the processor that its flags mean."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from cutjoint.toolchain.errors import ToolchainError
+
+PACKAGES = "g++ cmake ninja-build libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
+
+#: Variables besides $CXX that compilers and CMake read, and that change what is built.
+_VARIABLES = (
+    "CXXFLAGS", "LDFLAGS", "CPATH", "CPLUS_INCLUDE_PATH", "LIBRARY_PATH", "COMPILER_PATH", "CMAKE_PREFIX_PATH", "CMAKE_TOOLCHAIN_FILE",
+)  # fmt: skip
+
+#: How long (s) a compiler may take to say its version.
+_PATIENCE = 30.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compiler:
+    """A C++ compiler: the ``command`` that calls it, a path and the words that $CXX has besides, and the first line of its version."""
+
+    command: tuple[str, ...]
+    version: str
+
+    @property
+    def name(self) -> str:
+        """For people: the version, and the words of $CXX."""
+        return f"{self.version}, called by {shlex.join(self.command)}" if len(self.command) > 1 else self.version
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What of the compiler and its environment built files follow from."""
+        variables = (f"{name}={os.environ[name]}" for name in _VARIABLES if os.environ.get(name))
+        return (self.version, *self.command[1:], *variables)
+
+
+def find_compiler() -> Compiler:
+    """The C++ compiler: $CXX, which may have flags or a launcher such as ccache as `make` takes them, else g++, else clang++.
+
+    Raises:
+        ToolchainError: a tool is missing, $CXX names no program, or the program does not say a version.
+    """
+    command = _command_of_environment() or _usual_command()
+    missing = [tool for tool in ("cmake", "ninja") if shutil.which(tool) is None] + ([] if command else ["a C++ compiler"])
+    if missing:
+        raise ToolchainError(f"missing: {', '.join(missing)}; apt-get install {PACKAGES}")
+    return Compiler(command=command, version=_ask_version(command))
+
+
+def _command_of_environment() -> tuple[str, ...]:
+    """The command in $CXX; nothing if it is not set."""
+    asked = os.environ.get("CXX", "").strip()
+    try:
+        words = [asked] if shutil.which(asked) else shlex.split(asked)
+    except ValueError as error:
+        raise ToolchainError(f"CXX={asked}: {error}; set $CXX to a C++20 compiler, or unset it") from None
+    if not words:
+        return ()
+    found = shutil.which(words[0])
+    if found is None:
+        raise ToolchainError(f"CXX={asked}: there is no program '{words[0]}'; set $CXX to a C++20 compiler, or unset it")
+    return (os.path.abspath(found), *words[1:])
+
+
+def _usual_command() -> tuple[str, ...]:
+    """The first compiler that is installed; nothing if none is."""
+    return tuple(found for name in ("g++", "clang++") if (found := shutil.which(name)))[:1]
+
+
+@cache
+def _ask_version(command: tuple[str, ...]) -> str:
+    """The compiler's first line about itself."""
+    fault = "it prints no version"
+    try:
+        done = subprocess.run(
+            [*command, "--version"], stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace", check=False,
+            timeout=_PATIENCE,
+        )  # fmt: skip
+        lines = done.stdout.splitlines()
+        if done.returncode == 0 and lines and lines[0].strip():
+            return lines[0]
+    except OSError as error:
+        fault = error.strerror or str(error)
+    except subprocess.TimeoutExpired:
+        fault = "it does not answer"
+    raise ToolchainError(f"{shlex.join(command)} --version: {fault}; set $CXX to a C++20 compiler, or unset it")
+
+
+def resolve(flags: Sequence[str]) -> tuple[str, ...]:
+    """Flags as keys of the cache have them: with the processor that "native" stands for, since machines may share a cache."""
+    return (*flags, *(processor() if any("native" in flag for flag in flags) else ()))
+
+
+#: What of a processor "native" follows from, as /proc/cpuinfo names it on x86, ARM, POWER, RISC-V and s390.
+_CAPABILITIES = (
+    "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part", "Features", "cpu", "isa",
+    "uarch", "features",
+)  # fmt: skip
+
+
+@cache
+def processor(file: Path = Path("/proc/cpuinfo")) -> tuple[str, ...]:
+    """What this machine's processor can do; where nothing tells, the machine's name, so that no other one runs its code."""
+    known: dict[str, str] = {}
+    with suppress(OSError), file.open(encoding="utf-8", errors="replace", buffering=4096) as stream:
+        for name, _, value in (line.partition(":") for line in stream):
+            known.setdefault(name.strip(), " ".join(sorted(value.split())))
+            if not name.strip() and len(known) > 1:
+                break  # the other processors are like the first
+    found = tuple(f"{name}: {known[name]}" for name in _CAPABILITIES if name in known)
+    return found or (f"machine: {platform.machine()} {platform.node()}",)

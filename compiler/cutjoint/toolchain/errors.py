@@ -1,0 +1,7 @@
+"""What the toolchain raises."""
+
+from __future__ import annotations
+
+
+class ToolchainError(RuntimeError):
+    """The C++ side is missing something or refused the code, or the cache cannot be written."""

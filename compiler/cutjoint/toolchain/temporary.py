@@ -1,0 +1,99 @@
+"""Temporary folders that do not outlive their process for long: those of a killed one are removed by the next.
+
+Each folder has a lock beside it, which its process holds.  A lock that nobody holds any more is that of a dead process.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from secrets import token_hex
+
+from filelock import FileLock, Timeout
+
+from cutjoint.toolchain.errors import ToolchainError
+
+#: How locks begin, those of the cache too, and the temporary folders beside them.
+PREFIX = "cutjoint-"
+
+#: Paths that CMake, Ninja, the shell and the compiler all take as they are.  In others CMake splits at semicolons, and the shell that
+#: Ninja calls runs what stands in $().
+_PLAIN = re.compile(r"[A-Za-z0-9/._+-]+")
+
+
+@contextmanager
+def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
+    """A new folder in ``parent``, or in the system's place for temporary files; it is gone afterwards."""
+    place = Path(tempfile.gettempdir() if parent is None else parent).absolute()
+    _sweep_once(place)
+    folder = place / f"{PREFIX}{token_hex(8)}"
+    with hold(folder.with_suffix(".lock")):
+        folder.mkdir(mode=0o700)
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def plain_folder(preferred: Path) -> Iterator[Path]:
+    """A new temporary folder with a plain path: in the preferred place, else in one of the system's.
+
+    Raises:
+        ToolchainError: no place with a plain path can be written.
+    """
+    places = [preferred, *map(Path, (tempfile.gettempdir(), "/tmp", "/var/tmp"))]
+    parent = next((p.resolve() for p in places if is_plain(p) and os.access(p, os.W_OK | os.X_OK)), None)
+    if parent is None:
+        tried = ", ".join(dict.fromkeys(map(str, places)))
+        raise ToolchainError(f"no place to build in: {tried}; set $TMPDIR to a folder that can be written, of letters, digits and ._+-")
+    with temporary_folder(parent) as folder:
+        yield folder
+
+
+def is_plain(path: Path) -> bool:
+    """Whether all tools of a build take a path as it is, and what its links lead to."""
+    return all(_PLAIN.fullmatch(str(p)) for p in (path.absolute(), path.resolve()))
+
+
+@contextmanager
+def hold(path: Path) -> Iterator[None]:
+    """Hold a lock; its file is there for no longer than that, unless the process is killed."""
+    with FileLock(path):
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+
+
+def sweep(place: Path) -> None:
+    """Remove this user's locks that nobody holds, and the temporary folders beside them."""
+    for lock in place.glob(f"{PREFIX}*.lock"):
+        with suppress(OSError, Timeout):
+            if lock.lstat().st_uid == os.geteuid():
+                _remove(lock)
+
+
+@cache
+def _sweep_once(place: Path) -> None:
+    sweep(place)
+
+
+def _remove(lock: Path) -> None:
+    """Remove a lock and its folder.
+
+    Raises:
+        Timeout: a process holds it.
+        OSError: something in the folder cannot be removed; the lock then stays for the next attempt.
+    """
+    folder = lock.with_suffix("")
+    with FileLock(lock, blocking=False):
+        if folder.is_dir():
+            shutil.rmtree(folder)
+        lock.unlink(missing_ok=True)

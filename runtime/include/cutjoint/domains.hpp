@@ -1,0 +1,96 @@
+// Tells which law had no value where a step failed.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "cutjoint/largest.hpp"
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/retraction.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint {
+
+/// The failure of a step that leads to where a law has no value.
+inline Failure left_domain(const Domain& domain, double margin, const Failure& failure) {
+  const std::string what = "the law of '" + std::string(domain.element) + "' (" + std::string(domain.place) + ") has no finite value: " +
+                           std::string(domain.what) + " leaves its domain";
+  return Failure(what, failure.time, failure.step, std::string(domain.element), margin,
+                 "give the law a value wherever the motion may lead, with where(condition, value, other), or keep the motion out");
+}
+
+/// The first law of a mechanism or system that has no value on the way from a state.
+template <class Subject>
+class Domains {
+ public:
+  using Real = typename Subject::real_type;
+
+  Domains(Subject& subject, const State<Real>& from)
+      : subject_(subject), domains_(subject.description().domains), from_(from), at_(from), delta_(from.v.size()), inside_(domains_.size()),
+        forces_(std::max(from.v.size(), from.q.size())), residual_(std::max(from.lambda.size(), forces_.size())) {}
+
+  /// The failure that names the law, or the one given where all laws have values over a time h in which the accelerations stay.
+  Failure explain(const Failure& failure, Real h) {
+    constexpr int parts = 64;
+    const Domain* left = nullptr;
+    for (int part = 0; part <= parts && !left; ++part) {
+      go(h * Real(part) / Real(parts));
+      left = find();
+    }
+    subject_.begin_step(from_.t, Real(1));
+    if (!left) return failure;
+    return left_domain(*left, static_cast<double>(inside_[static_cast<std::size_t>(left - domains_.data())]), failure);
+  }
+
+ private:
+  void go(Real s) {
+    if (s > Real(0)) {
+      for (std::size_t i = 0; i < delta_.size(); ++i) {
+        delta_[i] = s * from_.v[i] + s * s / 2 * from_.vdot[i];
+        at_.v[i] = from_.v[i] + s * from_.vdot[i];
+      }
+      if (const std::vector<Chart>& charts = subject_.description().charts; charts.empty())
+        for (std::size_t i = 0; i < at_.q.size(); ++i) at_.q[i] = from_.q[i] + delta_[i];
+      else
+        retract<Real>(charts, from_.q.data(), delta_.data(), at_.q.data());
+    }
+    at_.t = from_.t + s;
+    subject_.begin_step(at_.t, Real(1));
+  }
+
+  /// The domain that is left here; a margin may be negative where the law has taken another branch, and then the forces have values.
+  const Domain* find() {
+    subject_.domains(at_.q.data(), at_.v.data(), inside_.data());
+    for (std::size_t i = 0; i < domains_.size(); ++i)
+      if ((inside_[i] < Real(0) || (domains_[i].strict && inside_[i] <= Real(0))) && !has_forces()) return &domains_[i];
+    return nullptr;
+  }
+
+  bool has_forces() {
+    if constexpr (requires { subject_.balance(nullptr, nullptr, nullptr, nullptr, Real(0), nullptr, nullptr); })
+      subject_.balance(at_.q.data(), at_.v.data(), from_.vdot.data(), from_.lambda.data(), Real(0), forces_.data(), residual_.data());
+    else
+      subject_.evaluate(at_.q.data(), at_.v.data(), from_.lambda.data(), forces_.data(), residual_.data());
+    return std::isfinite(static_cast<double>(largest(forces_)));
+  }
+
+  Subject& subject_;
+  const std::vector<Domain>& domains_;
+  const State<Real>& from_;
+  State<Real> at_;
+  std::vector<Real> delta_, inside_, forces_, residual_;
+};
+
+/// What a step of length h from a state failed by, if that is a law without a value; else the failure given.  Called only after a failure.
+template <class Subject>
+Failure explain_by_domains(Subject& subject, const State<typename Subject::real_type>& from, typename Subject::real_type h,
+                           const Failure& failure) {
+  if constexpr (requires { subject.domains(nullptr, nullptr, nullptr); })
+    if (failure.guards.empty() && !subject.description().domains.empty()) return Domains<Subject>(subject, from).explain(failure, h);
+  return failure;
+}
+
+}  // namespace cutjoint

@@ -1,0 +1,48 @@
+// Files that a run writes.
+#pragma once
+
+#include <cerrno>
+#include <cstdio>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+#include "cutjoint/json.hpp"
+
+namespace cutjoint {
+
+/// A file that is written from its beginning.  Every error is noticed, at the latest when it is closed, and thrown with the file's name.
+class OutputFile {
+ public:
+  /// `place` is a path, or a descriptor that is open for writing, with a name for messages: {"descriptor": 5, "name": "run.csv"}.
+  explicit OutputFile(const Json& place)
+      : name_(place.is_string() ? place.get<std::string>() : place.at("name").get<std::string>()),
+        file_(place.is_string() ? std::fopen(name_.c_str(), "wb") : ::fdopen(place.at("descriptor").get<int>(), "wb")) {
+    if (!file_) fail();
+  }
+
+  void write(std::string_view text) {
+    if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
+  }
+
+  /// Write what is still in memory and close the file.
+  void close() {
+    if (file_ && std::fclose(file_.release()) != 0) fail();
+  }
+
+ private:
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+
+  [[noreturn]] void fail() const {
+    throw std::runtime_error("cannot write " + name_ + ": " + std::generic_category().message(errno));
+  }
+
+  std::string name_;
+  std::unique_ptr<std::FILE, Close> file_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,67 @@
+"""Calls of every command with one option at a time: what its click parameters say, so that a new one is tried as well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import click
+
+from cutjoint.cli import main
+
+from .values import MODEL, TABLE
+
+#: What keeps a call short, where a command has the option.
+_SHORT = {"--end": "0.01", "--method": "recursive"}
+
+
+def commands() -> dict[str, click.Command]:
+    """All commands by name."""
+    context = click.Context(main)
+    return {name: command for name in main.list_commands(context) if (command := main.get_command(context, name)) is not None}
+
+
+def options() -> Iterator[tuple[str, click.Parameter]]:
+    """Every option and argument of every command that takes a value."""
+    for name, command in commands().items():
+        yield from ((name, option) for option in command.params if not getattr(option, "is_flag", False))
+
+
+def is_path(option: click.Parameter, *, written: bool) -> bool:
+    """Whether an option names a file or a folder that is written, or else one that is read."""
+    return isinstance(option.type, click.Path) and option.type.exists != written
+
+
+def reads_model(name: str) -> bool:
+    """Whether a command has a model, or several."""
+    return any(option.name in ("model", "models") for option in commands()[name].params)
+
+
+def call_with(name: str, given: Sequence[tuple[click.Parameter, str]]) -> list[str]:
+    """The words of a call of a command with values for some options and good ones for what it needs besides."""
+    command = commands()[name]
+    words, named = [name], {option.name for option, _ in given}
+    for option in command.params:
+        switch = option.opts[0]
+        if option.name in named:
+            continue
+        if option.required:
+            words += _spelled(option, _good(option))
+        elif switch in _SHORT:
+            words += [switch, _SHORT[switch]]
+    for option, value in given:
+        words += _spelled(option, value)
+    return words
+
+
+def _spelled(option: click.Parameter, value: str) -> list[str]:
+    return [value] if isinstance(option, click.Argument) else [f"{option.opts[0]}={value}"]
+
+
+def _good(option: click.Parameter) -> str:
+    if isinstance(option.type, click.Choice):
+        return str(option.type.choices[0])
+    if not isinstance(option.type, click.Path):
+        raise NotImplementedError(f"a good value for {option.opts[0]}")
+    if option.type.exists:
+        return TABLE if option.name == "batch" else MODEL
+    return f"out_{option.name}"

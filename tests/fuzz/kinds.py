@@ -1,0 +1,31 @@
+"""All kinds of inputs that are fuzzed, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from . import caches, calls, disks, run_files, signals
+from .chain import run_chain
+from .expressions import any_text
+from .models import any_model
+from .pipeline import compile_text
+from .tally import Kind
+
+
+def _check_text(text: str) -> tuple[str, ...]:
+    message = run_chain(text)
+    return (message,) if message else ()
+
+
+KINDS: Mapping[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind(name="expressions", suffix=".txt", make=any_text, check=_check_text, share=10, limit=30),
+        Kind(name="models", suffix=".yaml", make=any_model, check=lambda text: compile_text(text).problems, share=1),
+        Kind(name="run_files", suffix=".run.json", make=run_files.make, check=run_files.check, share=0.2),
+        Kind(name="calls", suffix=".call.json", make=calls.make, check=calls.check, share=0.03),
+        Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, share=0.002, limit=240),
+        Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, share=0.0005, limit=1200),
+        Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, share=0.001, limit=240),
+    )
+}

@@ -1,0 +1,41 @@
+"""The kinds of inputs that need a simulator: what failed once, and a few seeds of each; `make fuzz` has more."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import needs_cpp
+
+from .kinds import KINDS
+from .tally import Kind
+
+pytestmark = needs_cpp
+
+#: Seeds that the tests try.
+SEEDS = {"run_files": 60, "calls": 6, "disks": 2, "signals": 2, "caches": 1}
+
+
+def _require_means(kind: Kind) -> None:
+    if kind.name == "disks" and (os.geteuid() or shutil.which("mount") is None):
+        pytest.skip("a small disk is mounted, which this user may not")
+
+
+@pytest.mark.parametrize(
+    ("kind", "path"), [(KINDS[name], path) for name in SEEDS for path in KINDS[name].corpus()], ids=lambda x: getattr(x, "stem", "")
+)
+def test_corpus(kind: Kind, path: Path) -> None:
+    """What failed once."""
+    _require_means(kind)
+    kind.try_one(path.read_bytes().decode("utf-8", "surrogateescape"))
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.heavy if name == "caches" else ()) for name in SEEDS])
+def test_some_seeds(name: str) -> None:
+    _require_means(KINDS[name])
+    for seed in range(SEEDS[name]):
+        KINDS[name].try_one(KINDS[name].make(random.Random(seed)))

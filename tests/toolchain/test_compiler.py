@@ -1,0 +1,108 @@
+"""Which compiler is called: what $CXX says, as `make` takes it, or an error that names it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.toolchain.compiler import find_compiler
+from cutjoint.toolchain.errors import ToolchainError
+from tests.conftest import MODELS
+from tests.toolchain.test_locks import Site, output, pytestmark, site
+
+__all__ = ["pytestmark", "site"]
+
+
+@pytest.fixture
+def launcher(tmp_path: Path) -> Path:
+    """A program as ccache is: it runs what it is told to, and writes that down."""
+    path = tmp_path / "launcher"
+    path.write_text(f'#!/bin/sh\necho "$*" >> "{tmp_path}/calls"\nexec "$@"\n', encoding="utf-8")
+    path.chmod(0o755)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("g+++", r"CXX=g\+\+\+: there is no program 'g\+\+\+'; set \$CXX"),
+        ("/nowhere/g++ -O0", "CXX=/nowhere/g.. -O0: there is no program '/nowhere/g..'"),
+        ("/", "CXX=/: there is no program '/'"),
+        ("g++ '", "CXX=g.. ': No closing quotation"),
+        ("/bin/false", "/bin/false --version: it prints no version"),
+        ("sh -c :", "sh -c : --version: it prints no version"),
+        ("SCRIPT", "Exec format error"),
+    ],
+)  # fmt: skip
+def test_what_is_no_compiler(asked: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "SCRIPT").write_text("no program", encoding="utf-8")
+    (tmp_path / "SCRIPT").chmod(0o755)
+    monkeypatch.setenv("CXX", asked.replace("SCRIPT", str(tmp_path / "SCRIPT")))
+    with pytest.raises(ToolchainError, match=message) as caught:
+        find_compiler()
+    assert "set $CXX to a C++20 compiler, or unset it" in str(caught.value)
+    result = CliRunner().invoke(main, ["simulate", str(MODELS / "pendulum.yaml"), "--out", str(tmp_path / "run.csv")])
+    assert result.exit_code == 1
+    assert re.search(message, result.output.replace("\n", ""))
+    assert not (tmp_path / "run.csv").exists()
+
+
+@pytest.mark.parametrize("asked", ["", "  "])
+def test_no_compiler_asked_for(asked: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CXX", asked)
+    assert find_compiler().command == (shutil.which("g++") or shutil.which("clang++"),)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("/bin/cat", r"cmake failed: .*\(/bin/cat does not compile C\+\+: set \$CXX to a C\+\+20 compiler, or unset it\)"),
+        ("/bin/true", r"cmake does not know this compiler \(/bin/true does not compile C\+\+: set \$CXX"),
+    ],
+)
+def test_a_program_that_does_not_compile(asked: str, message: str, site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    site.open_gate()
+    monkeypatch.setenv("CXX", asked)
+    with pytest.raises(ToolchainError, match=message):
+        site.build("one")
+    monkeypatch.delenv("CXX")
+    assert output(site.build("one")) == "one\n"
+
+
+def test_flags_and_launchers_are_part_of_the_compiler(launcher: Path, site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    site.open_gate()
+    plain = site.build("one")
+    monkeypatch.setenv("CXX", f"{launcher} g++ -O0 '-DTEXT=\"a b\"'")
+    other = site.build("one")
+    assert other.path != plain.path
+    assert other.compiler == f"{plain.compiler}, called by {launcher} g++ -O0 '-DTEXT=\"a b\"'"
+    assert output(other) == "one\n"
+    compilations = [line for line in (site.folder / "calls").read_text(encoding="utf-8").splitlines() if "main.cpp" in line]
+    assert compilations
+    assert all(line.startswith('g++ -O0 -DTEXT="a b" ') for line in compilations)
+    assert not site.build("one").fresh
+
+
+@pytest.mark.parametrize("name", ["my tools", "a;b $(touch elsewhere)"])
+def test_a_compiler_in_any_folder(name: str, tmp_path: Path, site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    site.open_gate()
+    (tmp_path / name).mkdir()
+    path = tmp_path / name / "c++"
+    path.write_text('#!/bin/sh\nexec g++ "$@"\n', encoding="utf-8")
+    path.chmod(0o755)
+    for asked in (str(path), f"'{path}' -O1"):
+        monkeypatch.setenv("CXX", asked)
+        assert output(site.build("one")) == "one\n"
+    assert not Path("elsewhere").exists()
+
+
+def test_variables_that_compilers_read_are_part_of_the_key(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    site.open_gate()
+    plain = site.build("one").path
+    monkeypatch.setenv("CXXFLAGS", "-O0")
+    assert site.build("one").path != plain
