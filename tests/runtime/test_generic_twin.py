@@ -304,14 +304,14 @@ CUTS = [("right", "tip"), ("tip", "right"), ("left", "tip"), ("ground", "tip"), 
 
 
 @pytest.mark.parametrize("bodies", CUTS, ids="-".join)
-@pytest.mark.parametrize("kind", map(str, CUT_KINDS))
+@pytest.mark.parametrize("kind", tuple(map(str, CUT_KINDS)))
 def test_cut_joint(kind: str, bodies: tuple[str, str], generic: Path, tmp_path: Path) -> None:
     reaction = {"joint": "closure", "body": "tip", "direction": [1, 1, 0]}
     check_small(generic, tmp_path, joints={"closure": joint_of(kind, *bodies, cut=True)}, reactions={"pull": reaction})
 
 
 @pytest.mark.parametrize("bodies", [("ground", "tip"), ("left", "tip"), ("tip", "left")], ids="-".join)
-@pytest.mark.parametrize("kind", map(str, GUIDABLE))
+@pytest.mark.parametrize("kind", tuple(map(str, GUIDABLE)))
 def test_guided_joint(kind: str, bodies: tuple[str, str], generic: Path, tmp_path: Path) -> None:
     closure = {"kind": "revolute", "bodies": ["right", "tip"], "at": [0.5, 0.5, 0.5], "axis": [0, 1, 1], "cut": True}
     laws = ["drive + 0.3*t**2", "sin(t)", "drive*t"][: len(COORDINATES.get(kind, "1"))]
