@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cutjoint.model.errors import ModelError
     from cutjoint.model.read import read_model, read_model_text
     from cutjoint.pipeline import compile_model, simulate
+    from cutjoint.program.blocks import ConstantError
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.run_file import RunError
     from cutjoint.run.simulator import SimulatorError
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from cutjoint.topology.spanning_tree import TopologyError
 
 __all__ = [
-    "GuideError", "MissingLibraryError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError",
+    "ConstantError", "GuideError", "MissingLibraryError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError",
     "SimulatorError", "ToolchainError", "TopologyError", "build_topology", "compile_model", "find_equilibrium", "read_model",
     "read_model_text", "simulate",
 ]  # fmt: skip
@@ -39,6 +40,7 @@ _HOMES = {
     "cutjoint.model.errors": ("ModelError",),
     "cutjoint.model.read": ("read_model", "read_model_text"),
     "cutjoint.pipeline": ("compile_model", "simulate"),
+    "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.run.run_file": ("RunError",),
     "cutjoint.run.simulator": ("SimulatorError",),

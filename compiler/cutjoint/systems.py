@@ -30,6 +30,9 @@ from cutjoint.sparse.pivoting import NoPivotError, SingularError
 from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
 from cutjoint.sparse.tangent import places, settle_entries
 
+#: What is called once a run, so that lanes are not worth while for it.
+_ONCE = frozenset({"place"})
+
 E = TypeVar("E", bound=SystemEquations)
 
 
@@ -67,8 +70,10 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
         RunError: the equations depend on each other in one of the states.
         MissingLibraryError: a library that orders matrices is not installed.
     """
-    families = find_corresponding(equations.correspondence, equations.topology) if lanes else []
-    functions = [(f.name, fold(equations.builder, families, f.results)) for f in equations.functions]
+    families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
+    functions = [
+        (f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions
+    ]
     program, pattern = settle_entries(
         schedule(equations.builder, functions, lanes=lanes), len(equations.row_names), symmetric=equations.method == "augmented"
     )  # fmt: skip

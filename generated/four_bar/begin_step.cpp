@@ -8,7 +8,6 @@ template <class Real>
 void FourBar<Real>::begin_step(Real t, Real motion) {
   (void)t;
   (void)motion;
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp, std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
 
 }
 

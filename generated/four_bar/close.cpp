@@ -6,7 +6,7 @@ namespace cutjoint::generated {
 
 template <class Real>
 void FourBar<Real>::close(const Real* q, const Real* v, Real* residual, Real* rate) const {
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp, std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
+  using std::cos, std::sin;
 
   // inputs
   const Real q_crank_0_pin_angle = q[0];
@@ -65,41 +65,41 @@ void FourBar<Real>::close(const Real* q, const Real* v, Real* residual, Real* ra
   //   four_bar.yaml:30
   const Real Z_base_closure_1_vy = bv_coupler_1_pin_vy + Z_coupler_1_bar_wz;
   const Real Z_closure_1_wz = v_crank_1_pin_angle_rate - Z_coupler_1_bar_wz;
-  const Real Phid_closure_1_vy_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
-  const Real Phid_closure_1_vx_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
-  const Real Phi_closure_1_vx_negated = R_crank_1_pin_xy_negated + (R_coupler_1_bar_xx - R_crank_0_pin_xy_negated - Real(1.0));
-  const Real Phi_closure_1_vy = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
+  const Real Phid_closure_1_y_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
+  const Real Phid_closure_1_x_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
+  const Real Phi_closure_1_x_negated = R_crank_1_pin_xy_negated + (R_coupler_1_bar_xx - R_crank_0_pin_xy_negated - Real(1.0));
+  const Real Phi_closure_1_y = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
 
   // closure: closure_2
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
   //   four_bar.yaml:31
   const Real Z_base_closure_2_vy = bv_coupler_2_pin_vy + Z_coupler_2_bar_wz;
   const Real Z_closure_2_wz = v_crank_2_pin_angle_rate - Z_coupler_2_bar_wz;
-  const Real Phid_closure_2_vy_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
-  const Real Phid_closure_2_vx_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
-  const Real Phi_closure_2_vx_negated = R_crank_2_pin_xy_negated + (R_coupler_2_bar_xx - R_crank_1_pin_xy_negated - Real(1.0));
-  const Real Phi_closure_2_vy = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
+  const Real Phid_closure_2_y_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
+  const Real Phid_closure_2_x_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
+  const Real Phi_closure_2_x_negated = R_crank_2_pin_xy_negated + (R_coupler_2_bar_xx - R_crank_1_pin_xy_negated - Real(1.0));
+  const Real Phi_closure_2_y = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
 
-  residual[0] = -Phi_closure_1_vx_negated;
-  residual[1] = Phi_closure_1_vy;
+  residual[0] = -Phi_closure_1_x_negated;
+  residual[1] = Phi_closure_1_y;
   residual[2] = Real(0.0);
   residual[3] = Real(0.0);
   residual[4] = Real(0.0);
   residual[5] = Real(0.0);
-  residual[6] = -Phi_closure_2_vx_negated;
-  residual[7] = Phi_closure_2_vy;
+  residual[6] = -Phi_closure_2_x_negated;
+  residual[7] = Phi_closure_2_y;
   residual[8] = Real(0.0);
   residual[9] = Real(0.0);
   residual[10] = Real(0.0);
   residual[11] = Real(0.0);
-  rate[0] = -Phid_closure_1_vx_negated;
-  rate[1] = -Phid_closure_1_vy_negated;
+  rate[0] = -Phid_closure_1_x_negated;
+  rate[1] = -Phid_closure_1_y_negated;
   rate[2] = Real(0.0);
   rate[3] = Real(0.0);
   rate[4] = Real(0.0);
   rate[5] = Real(0.0);
-  rate[6] = -Phid_closure_2_vx_negated;
-  rate[7] = -Phid_closure_2_vy_negated;
+  rate[6] = -Phid_closure_2_x_negated;
+  rate[7] = -Phid_closure_2_y_negated;
   rate[8] = Real(0.0);
   rate[9] = Real(0.0);
   rate[10] = Real(0.0);

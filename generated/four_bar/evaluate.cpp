@@ -6,7 +6,7 @@ namespace cutjoint::generated {
 
 template <class Real>
 void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const {
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp, std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
+  using std::cos, std::sin;
 
   // inputs
   const Real q_crank_0_pin_angle = q[0];
@@ -118,32 +118,32 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:30
   const Real Z_base_closure_1_vy = bv_coupler_1_pin_vy + Z_coupler_1_bar_wz;
   const Real Z_closure_1_wz = v_crank_1_pin_angle_rate - Z_coupler_1_bar_wz;
-  const Real Phid_closure_1_vy_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
-  const Real Phid_closure_1_vx_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
-  const Real Phi_closure_1_vx_negated = R_crank_1_pin_xy_negated + (R_coupler_1_bar_xx - R_crank_0_pin_xy_negated - Real(1.0));
-  const Real Phi_closure_1_vy = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
-  const Real s_closure_1_vx = Z_closure_1_wz*Phid_closure_1_vy_negated - (Z_coupler_1_bar_wz*Z_base_closure_1_vy +
-      Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_vx_negated*loaded_.value_2 +
-      Phi_closure_1_vx_negated*loaded_.value_3);
-  const Real s_closure_1_vy = bv_coupler_1_pin_vx*Z_coupler_1_bar_wz + bv_coupler_1_pin_vx*Z_closure_1_wz -
-      Z_closure_1_wz*Phid_closure_1_vx_negated + (Phi_closure_1_vy*loaded_.value_3 -
-      Phid_closure_1_vy_negated*loaded_.value_2);
+  const Real Phid_closure_1_y_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
+  const Real Phid_closure_1_x_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
+  const Real Phi_closure_1_x_negated = R_crank_1_pin_xy_negated + (R_coupler_1_bar_xx - R_crank_0_pin_xy_negated - Real(1.0));
+  const Real Phi_closure_1_y = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
+  const Real s_closure_1_x = Z_closure_1_wz*Phid_closure_1_y_negated - (Z_coupler_1_bar_wz*Z_base_closure_1_vy +
+      Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_x_negated*loaded_.rate_stabilisation +
+      Phi_closure_1_x_negated*loaded_.residual_stabilisation);
+  const Real s_closure_1_y = bv_coupler_1_pin_vx*Z_coupler_1_bar_wz + bv_coupler_1_pin_vx*Z_closure_1_wz -
+      Z_closure_1_wz*Phid_closure_1_x_negated + (Phi_closure_1_y*loaded_.residual_stabilisation -
+      Phid_closure_1_y_negated*loaded_.rate_stabilisation);
 
   // closure: closure_2
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
   //   four_bar.yaml:31
   const Real Z_base_closure_2_vy = bv_coupler_2_pin_vy + Z_coupler_2_bar_wz;
   const Real Z_closure_2_wz = v_crank_2_pin_angle_rate - Z_coupler_2_bar_wz;
-  const Real Phid_closure_2_vy_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
-  const Real Phid_closure_2_vx_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
-  const Real Phi_closure_2_vx_negated = R_crank_2_pin_xy_negated + (R_coupler_2_bar_xx - R_crank_1_pin_xy_negated - Real(1.0));
-  const Real Phi_closure_2_vy = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
-  const Real s_closure_2_vx = Z_closure_2_wz*Phid_closure_2_vy_negated - (Z_coupler_2_bar_wz*Z_base_closure_2_vy +
-      Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.value_2*Phid_closure_2_vx_negated +
-      loaded_.value_3*Phi_closure_2_vx_negated);
-  const Real s_closure_2_vy = bv_coupler_2_pin_vx*Z_coupler_2_bar_wz + bv_coupler_2_pin_vx*Z_closure_2_wz -
-      Z_closure_2_wz*Phid_closure_2_vx_negated + (loaded_.value_3*Phi_closure_2_vy -
-      loaded_.value_2*Phid_closure_2_vy_negated);
+  const Real Phid_closure_2_y_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
+  const Real Phid_closure_2_x_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
+  const Real Phi_closure_2_x_negated = R_crank_2_pin_xy_negated + (R_coupler_2_bar_xx - R_crank_1_pin_xy_negated - Real(1.0));
+  const Real Phi_closure_2_y = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
+  const Real s_closure_2_x = Z_closure_2_wz*Phid_closure_2_y_negated - (Z_coupler_2_bar_wz*Z_base_closure_2_vy +
+      Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.rate_stabilisation*Phid_closure_2_x_negated +
+      loaded_.residual_stabilisation*Phi_closure_2_x_negated);
+  const Real s_closure_2_y = bv_coupler_2_pin_vx*Z_coupler_2_bar_wz + bv_coupler_2_pin_vx*Z_closure_2_wz -
+      Z_closure_2_wz*Phid_closure_2_x_negated + (loaded_.residual_stabilisation*Phi_closure_2_y -
+      loaded_.rate_stabilisation*Phid_closure_2_y_negated);
 
   // condensation: coupler_2.pin
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
@@ -184,120 +184,154 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // closure: closure_1
   //   J = A S, s' = s + A (a_f - a_b)
   //   four_bar.yaml:30
-  const Real J_closure_1_vx_3_negated = R_crank_0_pin_xx - R_crank_1_pin_xx;
-  const Real J_closure_1_vy_3_negated = Real(1.0) + R_crank_0_pin_xy_negated - R_crank_1_pin_xy_negated;
-  const Real J_closure_1_vy_4_negated = Real(1.0) - R_crank_1_pin_xy_negated;
-  const Real drift_closure_1_vx = d_coupler_1_bar_vx_negated + s_closure_1_vx;
-  const Real drift_closure_1_vy = s_closure_1_vy - d_coupler_1_bar_vy;
+  const Real J_closure_1_x_coupler_1_pin_negated = R_crank_0_pin_xx - R_crank_1_pin_xx;
+  const Real J_closure_1_y_coupler_1_pin_negated = Real(1.0) + R_crank_0_pin_xy_negated - R_crank_1_pin_xy_negated;
+  const Real J_closure_1_y_crank_0_pin_negated = Real(1.0) - R_crank_1_pin_xy_negated;
+  const Real drift_closure_1_x = d_coupler_1_bar_vx_negated + s_closure_1_x;
+  const Real drift_closure_1_y = s_closure_1_y - d_coupler_1_bar_vy;
 
   // closure: closure_2
   //   J = A S, s' = s + A (a_f - a_b)
   //   four_bar.yaml:31
-  const Real J_closure_2_vx_1_negated = R_crank_1_pin_xx - R_crank_2_pin_xx;
-  const Real J_closure_2_vy_1_negated = Real(1.0) + R_crank_1_pin_xy_negated - R_crank_2_pin_xy_negated;
-  const Real J_closure_2_vy_2_negated = Real(1.0) - R_crank_2_pin_xy_negated;
-  const Real drift_closure_2_vx = d_coupler_2_bar_vx_negated + s_closure_2_vx;
-  const Real drift_closure_2_vy = s_closure_2_vy - d_coupler_2_bar_vy;
+  const Real J_closure_2_x_coupler_2_pin_negated = R_crank_1_pin_xx - R_crank_2_pin_xx;
+  const Real J_closure_2_y_coupler_2_pin_negated = Real(1.0) + R_crank_1_pin_xy_negated - R_crank_2_pin_xy_negated;
+  const Real J_closure_2_y_crank_1_pin_negated = Real(1.0) - R_crank_2_pin_xy_negated;
+  const Real drift_closure_2_x = d_coupler_2_bar_vx_negated + s_closure_2_x;
+  const Real drift_closure_2_y = s_closure_2_y - d_coupler_2_bar_vy;
 
   // condensation: crank_0.pin
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
   const Real crank_0_pin_1 = loaded_.penalty*R_crank_1_pin_xx;
-  const Real crank_0_pin_2 = loaded_.penalty*J_closure_1_vx_3_negated;
-  const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_vy_3_negated;
-  const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_vy_4_negated;
+  const Real crank_0_pin_2 = loaded_.penalty*J_closure_1_x_coupler_1_pin_negated;
+  const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_y_coupler_1_pin_negated;
+  const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_y_crank_0_pin_negated;
   const Real crank_0_pin_5 = R_crank_1_pin_xx*crank_0_pin_1;
-  const Real H_crank_0_bar_2_3 = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_xy_negated*crank_0_pin_3;
-  const Real H_crank_0_bar_2_4 = R_crank_1_pin_xy_negated*crank_0_pin_4 - crank_0_pin_5;
-  const Real H_crank_0_bar_3_3 = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_xy_negated*G_coupler_1_bar_vy) +
-      (J_closure_1_vx_3_negated*crank_0_pin_2 + J_closure_1_vy_3_negated*crank_0_pin_3);
-  const Real H_crank_0_bar_3_4 = G_coupler_1_bar_wz + (J_closure_1_vy_3_negated*crank_0_pin_4 - J_closure_1_vx_3_negated*crank_0_pin_1);
-  const Real H_crank_0_bar_4_4 = Mc_crank_0_bar_wz_wz + (crank_0_pin_5 + J_closure_1_vy_4_negated*crank_0_pin_4);
+  const Real H_crank_0_bar_crank_1_pin_coupler_1_pin = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_xy_negated*crank_0_pin_3;
+  const Real H_crank_0_bar_crank_1_pin_crank_0_pin = R_crank_1_pin_xy_negated*crank_0_pin_4 - crank_0_pin_5;
+  const Real H_crank_0_bar_coupler_1_pin_coupler_1_pin = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_xy_negated*G_coupler_1_bar_vy) +
+      (J_closure_1_x_coupler_1_pin_negated*crank_0_pin_2 + J_closure_1_y_coupler_1_pin_negated*crank_0_pin_3);
+  const Real H_crank_0_bar_coupler_1_pin_crank_0_pin = G_coupler_1_bar_wz + (J_closure_1_y_coupler_1_pin_negated*crank_0_pin_4 -
+      J_closure_1_x_coupler_1_pin_negated*crank_0_pin_1);
+  const Real H_crank_0_bar_crank_0_pin_crank_0_pin = Mc_crank_0_bar_wz_wz + (crank_0_pin_5 + J_closure_1_y_crank_0_pin_negated*crank_0_pin_4);
   const Real crank_0_pin_6 = loaded_.penalty*R_crank_2_pin_xx;
-  const Real crank_0_pin_7 = loaded_.penalty*J_closure_2_vx_1_negated;
-  const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_vy_1_negated;
-  const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_vy_2_negated;
+  const Real crank_0_pin_7 = loaded_.penalty*J_closure_2_x_coupler_2_pin_negated;
+  const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_y_coupler_2_pin_negated;
+  const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_y_crank_1_pin_negated;
   const Real crank_0_pin_10 = R_crank_2_pin_xx*crank_0_pin_6;
-  const Real H_crank_0_bar_0_1 = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_xy_negated*crank_0_pin_8;
-  const Real H_crank_0_bar_0_2 = R_crank_2_pin_xy_negated*crank_0_pin_9 - crank_0_pin_10;
-  const Real H_crank_0_bar_0_0 = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_xy_negated*(loaded_.penalty*R_crank_2_pin_xy_negated));
-  const Real H_crank_0_bar_1_1 = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_xy_negated*G_coupler_2_bar_vy) +
-      (J_closure_2_vx_1_negated*crank_0_pin_7 + J_closure_2_vy_1_negated*crank_0_pin_8);
-  const Real H_crank_0_bar_1_2 = G_coupler_2_bar_wz + (J_closure_2_vy_1_negated*crank_0_pin_9 - J_closure_2_vx_1_negated*crank_0_pin_6);
-  const Real H_crank_0_bar_2_2 = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_xy_negated*(loaded_.penalty*R_crank_1_pin_xy_negated)) +
-      (crank_0_pin_10 + J_closure_2_vy_2_negated*crank_0_pin_9);
-  const Real crank_0_pin_11 = lambda_closure_1_x + loaded_.penalty*drift_closure_1_vx;
-  const Real crank_0_pin_12 = lambda_closure_1_y + loaded_.penalty*drift_closure_1_vy;
-  const Real crank_0_pin_13 = R_crank_1_pin_xx*crank_0_pin_11;
-  const Real h_crank_0_bar_3 = R_crank_0_pin_xx*Fc_coupler_1_bar_vx - R_crank_0_pin_xy_negated*Fc_coupler_1_bar_vy_negated -
-      Fc_coupler_1_bar_wz_negated + (J_closure_1_vx_3_negated*crank_0_pin_11 +
-      J_closure_1_vy_3_negated*crank_0_pin_12);
-  const Real h_crank_0_bar_4 = Fc_crank_0_bar_wz - (crank_0_pin_13 - J_closure_1_vy_4_negated*crank_0_pin_12);
-  const Real crank_0_pin_14 = lambda_closure_2_x + loaded_.penalty*drift_closure_2_vx;
-  const Real crank_0_pin_15 = lambda_closure_2_y + loaded_.penalty*drift_closure_2_vy;
-  const Real crank_0_pin_16 = R_crank_2_pin_xx*crank_0_pin_14;
-  const Real h_crank_0_bar_0 = Fc_crank_2_bar_wz + (crank_0_pin_16 + R_crank_2_pin_xy_negated*crank_0_pin_15);
-  const Real h_crank_0_bar_1 = R_crank_1_pin_xx*Fc_coupler_2_bar_vx - R_crank_1_pin_xy_negated*Fc_coupler_2_bar_vy_negated -
-      Fc_coupler_2_bar_wz_negated + (J_closure_2_vx_1_negated*crank_0_pin_14 +
-      J_closure_2_vy_1_negated*crank_0_pin_15);
-  const Real h_crank_0_bar_2 = Fc_crank_1_bar_wz + (crank_0_pin_13 + R_crank_1_pin_xy_negated*crank_0_pin_12) - (crank_0_pin_16 -
-      J_closure_2_vy_2_negated*crank_0_pin_15);
-  const Real Dinv_crank_0_bar_0 = Real(1.0)/H_crank_0_bar_0_0;
-  const Real crank_0_pin_17 = H_crank_0_bar_0_1*Dinv_crank_0_bar_0;
-  const Real crank_0_pin_18 = H_crank_0_bar_0_2*Dinv_crank_0_bar_0;
-  const Real Dinv_crank_0_bar_1 = Real(1.0)/(H_crank_0_bar_1_1 - H_crank_0_bar_0_1*crank_0_pin_17);
-  const Real crank_0_pin_19 = H_crank_0_bar_1_2 - H_crank_0_bar_0_2*crank_0_pin_17;
-  const Real crank_0_pin_20 = Dinv_crank_0_bar_1*crank_0_pin_19;
-  const Real Dinv_crank_0_bar_2 = Real(1.0)/(H_crank_0_bar_2_2 - (H_crank_0_bar_0_2*crank_0_pin_18 + crank_0_pin_19*crank_0_pin_20));
-  const Real crank_0_pin_21 = H_crank_0_bar_2_3*Dinv_crank_0_bar_2;
-  const Real crank_0_pin_22 = H_crank_0_bar_2_4*Dinv_crank_0_bar_2;
-  const Real Dinv_crank_0_bar_3 = Real(1.0)/(H_crank_0_bar_3_3 - H_crank_0_bar_2_3*crank_0_pin_21);
-  const Real crank_0_pin_23 = H_crank_0_bar_3_4 - H_crank_0_bar_2_4*crank_0_pin_21;
-  const Real crank_0_pin_24 = Dinv_crank_0_bar_3*crank_0_pin_23;
-  const Real Dinv_crank_0_bar_4 = Real(1.0)/(H_crank_0_bar_4_4 - (H_crank_0_bar_2_4*crank_0_pin_22 + crank_0_pin_23*crank_0_pin_24));
-  const Real g_crank_0_bar_1 = h_crank_0_bar_1 - h_crank_0_bar_0*crank_0_pin_17;
-  const Real g_crank_0_bar_2 = h_crank_0_bar_2 - (h_crank_0_bar_0*crank_0_pin_18 + crank_0_pin_20*g_crank_0_bar_1);
-  const Real g_crank_0_bar_3 = h_crank_0_bar_3 - crank_0_pin_21*g_crank_0_bar_2;
-  const Real g_crank_0_bar_4 = h_crank_0_bar_4 - (crank_0_pin_22*g_crank_0_bar_2 + crank_0_pin_24*g_crank_0_bar_3);
+  const Real H_crank_0_bar_crank_2_pin_coupler_2_pin = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_xy_negated*crank_0_pin_8;
+  const Real H_crank_0_bar_crank_2_pin_crank_1_pin = R_crank_2_pin_xy_negated*crank_0_pin_9 - crank_0_pin_10;
+  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_xy_negated*(loaded_.penalty*R_crank_2_pin_xy_negated));
+  const Real H_crank_0_bar_coupler_2_pin_coupler_2_pin = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_xy_negated*G_coupler_2_bar_vy) +
+      (J_closure_2_x_coupler_2_pin_negated*crank_0_pin_7 + J_closure_2_y_coupler_2_pin_negated*crank_0_pin_8);
+  const Real H_crank_0_bar_coupler_2_pin_crank_1_pin = G_coupler_2_bar_wz + (J_closure_2_y_coupler_2_pin_negated*crank_0_pin_9 -
+      J_closure_2_x_coupler_2_pin_negated*crank_0_pin_6);
+  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_xy_negated*(loaded_.penalty*R_crank_1_pin_xy_negated)) +
+      (crank_0_pin_10 + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
+  const Real push_closure_1_x = lambda_closure_1_x + loaded_.penalty*drift_closure_1_x;
+  const Real push_closure_1_y = lambda_closure_1_y + loaded_.penalty*drift_closure_1_y;
+  const Real crank_0_pin_11 = R_crank_1_pin_xx*push_closure_1_x;
+  const Real h_crank_0_bar_coupler_1_pin = R_crank_0_pin_xx*Fc_coupler_1_bar_vx - R_crank_0_pin_xy_negated*Fc_coupler_1_bar_vy_negated -
+      Fc_coupler_1_bar_wz_negated + (J_closure_1_x_coupler_1_pin_negated*push_closure_1_x +
+      J_closure_1_y_coupler_1_pin_negated*push_closure_1_y);
+  const Real h_crank_0_bar_crank_0_pin = Fc_crank_0_bar_wz - (crank_0_pin_11 - J_closure_1_y_crank_0_pin_negated*push_closure_1_y);
+  const Real push_closure_2_x = lambda_closure_2_x + loaded_.penalty*drift_closure_2_x;
+  const Real push_closure_2_y = lambda_closure_2_y + loaded_.penalty*drift_closure_2_y;
+  const Real crank_0_pin_12 = R_crank_2_pin_xx*push_closure_2_x;
+  const Real h_crank_0_bar_crank_2_pin = Fc_crank_2_bar_wz + (crank_0_pin_12 + R_crank_2_pin_xy_negated*push_closure_2_y);
+  const Real h_crank_0_bar_coupler_2_pin = R_crank_1_pin_xx*Fc_coupler_2_bar_vx - R_crank_1_pin_xy_negated*Fc_coupler_2_bar_vy_negated -
+      Fc_coupler_2_bar_wz_negated + (J_closure_2_x_coupler_2_pin_negated*push_closure_2_x +
+      J_closure_2_y_coupler_2_pin_negated*push_closure_2_y);
+  const Real h_crank_0_bar_crank_1_pin = Fc_crank_1_bar_wz + (crank_0_pin_11 + R_crank_1_pin_xy_negated*push_closure_1_y) - (crank_0_pin_12 -
+      J_closure_2_y_crank_1_pin_negated*push_closure_2_y);
+  const Real Dinv_crank_0_bar_crank_2_pin = Real(1.0)/H_crank_0_bar_crank_2_pin_crank_2_pin;
+  const Real L_crank_0_bar_coupler_2_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_coupler_2_pin*Dinv_crank_0_bar_crank_2_pin;
+  const Real L_crank_0_bar_crank_1_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_crank_1_pin*Dinv_crank_0_bar_crank_2_pin;
+  const Real Dinv_crank_0_bar_coupler_2_pin = Real(1.0)/(H_crank_0_bar_coupler_2_pin_coupler_2_pin -
+      H_crank_0_bar_crank_2_pin_coupler_2_pin*L_crank_0_bar_coupler_2_pin_crank_2_pin);
+  const Real crank_0_pin_13 = H_crank_0_bar_coupler_2_pin_crank_1_pin -
+      H_crank_0_bar_crank_2_pin_crank_1_pin*L_crank_0_bar_coupler_2_pin_crank_2_pin;
+  const Real L_crank_0_bar_crank_1_pin_coupler_2_pin = Dinv_crank_0_bar_coupler_2_pin*crank_0_pin_13;
+  const Real Dinv_crank_0_bar_crank_1_pin = Real(1.0)/(H_crank_0_bar_crank_1_pin_crank_1_pin -
+      (H_crank_0_bar_crank_2_pin_crank_1_pin*L_crank_0_bar_crank_1_pin_crank_2_pin +
+      crank_0_pin_13*L_crank_0_bar_crank_1_pin_coupler_2_pin));
+  const Real L_crank_0_bar_coupler_1_pin_crank_1_pin = H_crank_0_bar_crank_1_pin_coupler_1_pin*Dinv_crank_0_bar_crank_1_pin;
+  const Real L_crank_0_bar_crank_0_pin_crank_1_pin = H_crank_0_bar_crank_1_pin_crank_0_pin*Dinv_crank_0_bar_crank_1_pin;
+  const Real Dinv_crank_0_bar_coupler_1_pin = Real(1.0)/(H_crank_0_bar_coupler_1_pin_coupler_1_pin -
+      H_crank_0_bar_crank_1_pin_coupler_1_pin*L_crank_0_bar_coupler_1_pin_crank_1_pin);
+  const Real crank_0_pin_14 = H_crank_0_bar_coupler_1_pin_crank_0_pin -
+      H_crank_0_bar_crank_1_pin_crank_0_pin*L_crank_0_bar_coupler_1_pin_crank_1_pin;
+  const Real L_crank_0_bar_crank_0_pin_coupler_1_pin = Dinv_crank_0_bar_coupler_1_pin*crank_0_pin_14;
+  const Real Dinv_crank_0_bar_crank_0_pin = Real(1.0)/(H_crank_0_bar_crank_0_pin_crank_0_pin -
+      (H_crank_0_bar_crank_1_pin_crank_0_pin*L_crank_0_bar_crank_0_pin_crank_1_pin +
+      crank_0_pin_14*L_crank_0_bar_crank_0_pin_coupler_1_pin));
+  const Real g_crank_0_bar_coupler_2_pin = h_crank_0_bar_coupler_2_pin - h_crank_0_bar_crank_2_pin*L_crank_0_bar_coupler_2_pin_crank_2_pin;
+  const Real g_crank_0_bar_crank_1_pin = h_crank_0_bar_crank_1_pin - (h_crank_0_bar_crank_2_pin*L_crank_0_bar_crank_1_pin_crank_2_pin +
+      L_crank_0_bar_crank_1_pin_coupler_2_pin*g_crank_0_bar_coupler_2_pin);
+  const Real g_crank_0_bar_coupler_1_pin = h_crank_0_bar_coupler_1_pin - L_crank_0_bar_coupler_1_pin_crank_1_pin*g_crank_0_bar_crank_1_pin;
+  const Real g_crank_0_bar_crank_0_pin = h_crank_0_bar_crank_0_pin - (L_crank_0_bar_crank_0_pin_crank_1_pin*g_crank_0_bar_crank_1_pin +
+      L_crank_0_bar_crank_0_pin_coupler_1_pin*g_crank_0_bar_coupler_1_pin);
 
   // accelerations: crank_0.pin
   //   zdd = H^-1 (h - G^T Zdd_P)
   //   four_bar.yaml:20
-  const Real zdd_crank_0_bar_4 = Dinv_crank_0_bar_4*g_crank_0_bar_4;
-  const Real zdd_crank_0_bar_3 = Dinv_crank_0_bar_3*g_crank_0_bar_3 - crank_0_pin_24*zdd_crank_0_bar_4;
-  const Real zdd_crank_0_bar_2 = Dinv_crank_0_bar_2*g_crank_0_bar_2 - (crank_0_pin_21*zdd_crank_0_bar_3 + crank_0_pin_22*zdd_crank_0_bar_4);
-  const Real zdd_crank_0_bar_1 = Dinv_crank_0_bar_1*g_crank_0_bar_1 - crank_0_pin_20*zdd_crank_0_bar_2;
-  const Real zdd_crank_0_bar_0 = h_crank_0_bar_0*Dinv_crank_0_bar_0 - (crank_0_pin_17*zdd_crank_0_bar_1 + crank_0_pin_18*zdd_crank_0_bar_2);
+  const Real zdd_crank_0_bar_crank_0_pin = Dinv_crank_0_bar_crank_0_pin*g_crank_0_bar_crank_0_pin;
+  const Real zdd_crank_0_bar_coupler_1_pin = Dinv_crank_0_bar_coupler_1_pin*g_crank_0_bar_coupler_1_pin -
+      L_crank_0_bar_crank_0_pin_coupler_1_pin*zdd_crank_0_bar_crank_0_pin;
+  const Real zdd_crank_0_bar_crank_1_pin = Dinv_crank_0_bar_crank_1_pin*g_crank_0_bar_crank_1_pin -
+      (L_crank_0_bar_coupler_1_pin_crank_1_pin*zdd_crank_0_bar_coupler_1_pin +
+      L_crank_0_bar_crank_0_pin_crank_1_pin*zdd_crank_0_bar_crank_0_pin);
+  const Real zdd_crank_0_bar_coupler_2_pin = Dinv_crank_0_bar_coupler_2_pin*g_crank_0_bar_coupler_2_pin -
+      L_crank_0_bar_crank_1_pin_coupler_2_pin*zdd_crank_0_bar_crank_1_pin;
+  const Real zdd_crank_0_bar_crank_2_pin = h_crank_0_bar_crank_2_pin*Dinv_crank_0_bar_crank_2_pin -
+      (L_crank_0_bar_coupler_2_pin_crank_2_pin*zdd_crank_0_bar_coupler_2_pin +
+      L_crank_0_bar_crank_1_pin_crank_2_pin*zdd_crank_0_bar_crank_1_pin);
 
   // multipliers: closure_1
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:30
-  const Real correction_closure_1_vx = loaded_.penalty*(drift_closure_1_vx + (R_crank_1_pin_xx*zdd_crank_0_bar_4 -
-      (R_crank_1_pin_xx*zdd_crank_0_bar_2 + J_closure_1_vx_3_negated*zdd_crank_0_bar_3)));
-  const Real correction_closure_1_vy = loaded_.penalty*(drift_closure_1_vy - (R_crank_1_pin_xy_negated*zdd_crank_0_bar_2 +
-      J_closure_1_vy_3_negated*zdd_crank_0_bar_3 + J_closure_1_vy_4_negated*zdd_crank_0_bar_4));
+  const Real closure_1_1 = R_crank_1_pin_xy_negated*zdd_crank_0_bar_crank_1_pin +
+      J_closure_1_y_coupler_1_pin_negated*zdd_crank_0_bar_coupler_1_pin +
+      J_closure_1_y_crank_0_pin_negated*zdd_crank_0_bar_crank_0_pin;
+  const Real closure_1_2 = drift_closure_1_x + (R_crank_1_pin_xx*zdd_crank_0_bar_crank_0_pin -
+      (R_crank_1_pin_xx*zdd_crank_0_bar_crank_1_pin +
+      J_closure_1_x_coupler_1_pin_negated*zdd_crank_0_bar_coupler_1_pin));
 
   // multipliers: closure_2
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:31
-  const Real correction_closure_2_vx = loaded_.penalty*(drift_closure_2_vx + (R_crank_2_pin_xx*zdd_crank_0_bar_2 -
-      (R_crank_2_pin_xx*zdd_crank_0_bar_0 + J_closure_2_vx_1_negated*zdd_crank_0_bar_1)));
-  const Real correction_closure_2_vy = loaded_.penalty*(drift_closure_2_vy - (R_crank_2_pin_xy_negated*zdd_crank_0_bar_0 +
-      J_closure_2_vy_1_negated*zdd_crank_0_bar_1 + J_closure_2_vy_2_negated*zdd_crank_0_bar_2));
+  const Real closure_2_1 = R_crank_2_pin_xy_negated*zdd_crank_0_bar_crank_2_pin +
+      J_closure_2_y_coupler_2_pin_negated*zdd_crank_0_bar_coupler_2_pin +
+      J_closure_2_y_crank_1_pin_negated*zdd_crank_0_bar_crank_1_pin;
+  const Real closure_2_2 = drift_closure_2_x + (R_crank_2_pin_xx*zdd_crank_0_bar_crank_1_pin -
+      (R_crank_2_pin_xx*zdd_crank_0_bar_crank_2_pin +
+      J_closure_2_x_coupler_2_pin_negated*zdd_crank_0_bar_coupler_2_pin));
 
-  vdot[0] = zdd_crank_0_bar_4;
-  vdot[1] = zdd_crank_0_bar_3;
-  vdot[2] = zdd_crank_0_bar_2;
-  vdot[3] = zdd_crank_0_bar_1;
-  vdot[4] = zdd_crank_0_bar_0;
-  correction[0] = correction_closure_1_vx;
-  correction[1] = correction_closure_1_vy;
+  // multipliers: closure_1
+  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  //   four_bar.yaml:30
+  const Real correction_closure_1_x = loaded_.penalty*closure_1_2;
+  const Real correction_closure_1_y = loaded_.penalty*(drift_closure_1_y - closure_1_1);
+
+  // multipliers: closure_2
+  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  //   four_bar.yaml:31
+  const Real correction_closure_2_x = loaded_.penalty*closure_2_2;
+  const Real correction_closure_2_y = loaded_.penalty*(drift_closure_2_y - closure_2_1);
+
+  vdot[0] = zdd_crank_0_bar_crank_0_pin;
+  vdot[1] = zdd_crank_0_bar_coupler_1_pin;
+  vdot[2] = zdd_crank_0_bar_crank_1_pin;
+  vdot[3] = zdd_crank_0_bar_coupler_2_pin;
+  vdot[4] = zdd_crank_0_bar_crank_2_pin;
+  correction[0] = correction_closure_1_x;
+  correction[1] = correction_closure_1_y;
   correction[2] = Real(0.0);
   correction[3] = Real(0.0);
   correction[4] = Real(0.0);
   correction[5] = Real(0.0);
-  correction[6] = correction_closure_2_vx;
-  correction[7] = correction_closure_2_vy;
+  correction[6] = correction_closure_2_x;
+  correction[7] = correction_closure_2_y;
   correction[8] = Real(0.0);
   correction[9] = Real(0.0);
   correction[10] = Real(0.0);

@@ -40,8 +40,8 @@ class FourBar final : public AnyMechanism<Real> {
   /// Values that depend on parameters alone.
   struct Loaded {
     Real penalty{};
-    Real value_2{};
-    Real value_3{};
+    Real rate_stabilisation{};
+    Real residual_stabilisation{};
   } loaded_;
 
   /// Values that depend on time.

@@ -7,11 +7,15 @@ namespace cutjoint::generated {
 template <class Real>
 void FourBar<Real>::load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) {
   (void)parameters;
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp, std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
+
+  // stabilisation
+  //   2 xi w, w^2
+  const Real rate_stabilisation = Real(2.0)*(stabilisation.damping_ratio*stabilisation.frequency);
+  const Real residual_stabilisation = stabilisation.frequency*stabilisation.frequency;
 
   loaded_.penalty = stabilisation.penalty;
-  loaded_.value_2 = Real(2.0)*(stabilisation.damping_ratio*stabilisation.frequency);
-  loaded_.value_3 = stabilisation.frequency*stabilisation.frequency;
+  loaded_.rate_stabilisation = rate_stabilisation;
+  loaded_.residual_stabilisation = residual_stabilisation;
   roads_ = roads;
 }
 

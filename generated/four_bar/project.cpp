@@ -6,7 +6,7 @@ namespace cutjoint::generated {
 
 template <class Real>
 void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp, std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
+  using std::cos, std::sin;
 
   // inputs
   const Real q_crank_0_pin_angle = q[0];
@@ -116,93 +116,110 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   // closure: closure_1
   //   J = A S, s' = s + A (a_f - a_b)
   //   four_bar.yaml:30
-  const Real J_closure_1_vx_3_negated = R_crank_0_pin_xx - R_crank_1_pin_xx;
-  const Real J_closure_1_vy_3_negated = Real(1.0) + R_crank_0_pin_xy_negated - R_crank_1_pin_xy_negated;
-  const Real J_closure_1_vy_4_negated = Real(1.0) - R_crank_1_pin_xy_negated;
+  const Real J_closure_1_x_coupler_1_pin_negated = R_crank_0_pin_xx - R_crank_1_pin_xx;
+  const Real J_closure_1_y_coupler_1_pin_negated = Real(1.0) + R_crank_0_pin_xy_negated - R_crank_1_pin_xy_negated;
+  const Real J_closure_1_y_crank_0_pin_negated = Real(1.0) - R_crank_1_pin_xy_negated;
 
   // closure: closure_2
   //   J = A S, s' = s + A (a_f - a_b)
   //   four_bar.yaml:31
-  const Real J_closure_2_vx_1_negated = R_crank_1_pin_xx - R_crank_2_pin_xx;
-  const Real J_closure_2_vy_1_negated = Real(1.0) + R_crank_1_pin_xy_negated - R_crank_2_pin_xy_negated;
-  const Real J_closure_2_vy_2_negated = Real(1.0) - R_crank_2_pin_xy_negated;
+  const Real J_closure_2_x_coupler_2_pin_negated = R_crank_1_pin_xx - R_crank_2_pin_xx;
+  const Real J_closure_2_y_coupler_2_pin_negated = Real(1.0) + R_crank_1_pin_xy_negated - R_crank_2_pin_xy_negated;
+  const Real J_closure_2_y_crank_1_pin_negated = Real(1.0) - R_crank_2_pin_xy_negated;
 
   // condensation: crank_0.pin
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
   const Real crank_0_pin_1 = loaded_.penalty*R_crank_1_pin_xx;
-  const Real crank_0_pin_2 = loaded_.penalty*J_closure_1_vx_3_negated;
-  const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_vy_3_negated;
-  const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_vy_4_negated;
+  const Real crank_0_pin_2 = loaded_.penalty*J_closure_1_x_coupler_1_pin_negated;
+  const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_y_coupler_1_pin_negated;
+  const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_y_crank_0_pin_negated;
   const Real crank_0_pin_5 = R_crank_1_pin_xx*crank_0_pin_1;
-  const Real H_crank_0_bar_2_3 = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_xy_negated*crank_0_pin_3;
-  const Real H_crank_0_bar_2_4 = R_crank_1_pin_xy_negated*crank_0_pin_4 - crank_0_pin_5;
-  const Real H_crank_0_bar_3_3 = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_xy_negated*G_coupler_1_bar_vy) +
-      (J_closure_1_vx_3_negated*crank_0_pin_2 + J_closure_1_vy_3_negated*crank_0_pin_3);
-  const Real H_crank_0_bar_3_4 = G_coupler_1_bar_wz + (J_closure_1_vy_3_negated*crank_0_pin_4 - J_closure_1_vx_3_negated*crank_0_pin_1);
-  const Real H_crank_0_bar_4_4 = Mc_crank_0_bar_wz_wz + (crank_0_pin_5 + J_closure_1_vy_4_negated*crank_0_pin_4);
+  const Real H_crank_0_bar_crank_1_pin_coupler_1_pin = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_xy_negated*crank_0_pin_3;
+  const Real H_crank_0_bar_crank_1_pin_crank_0_pin = R_crank_1_pin_xy_negated*crank_0_pin_4 - crank_0_pin_5;
+  const Real H_crank_0_bar_coupler_1_pin_coupler_1_pin = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_xy_negated*G_coupler_1_bar_vy) +
+      (J_closure_1_x_coupler_1_pin_negated*crank_0_pin_2 + J_closure_1_y_coupler_1_pin_negated*crank_0_pin_3);
+  const Real H_crank_0_bar_coupler_1_pin_crank_0_pin = G_coupler_1_bar_wz + (J_closure_1_y_coupler_1_pin_negated*crank_0_pin_4 -
+      J_closure_1_x_coupler_1_pin_negated*crank_0_pin_1);
+  const Real H_crank_0_bar_crank_0_pin_crank_0_pin = Mc_crank_0_bar_wz_wz + (crank_0_pin_5 + J_closure_1_y_crank_0_pin_negated*crank_0_pin_4);
   const Real crank_0_pin_6 = loaded_.penalty*R_crank_2_pin_xx;
-  const Real crank_0_pin_7 = loaded_.penalty*J_closure_2_vx_1_negated;
-  const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_vy_1_negated;
-  const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_vy_2_negated;
+  const Real crank_0_pin_7 = loaded_.penalty*J_closure_2_x_coupler_2_pin_negated;
+  const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_y_coupler_2_pin_negated;
+  const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_y_crank_1_pin_negated;
   const Real crank_0_pin_10 = R_crank_2_pin_xx*crank_0_pin_6;
-  const Real H_crank_0_bar_0_1 = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_xy_negated*crank_0_pin_8;
-  const Real H_crank_0_bar_0_2 = R_crank_2_pin_xy_negated*crank_0_pin_9 - crank_0_pin_10;
-  const Real H_crank_0_bar_0_0 = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_xy_negated*(loaded_.penalty*R_crank_2_pin_xy_negated));
-  const Real H_crank_0_bar_1_1 = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_xy_negated*G_coupler_2_bar_vy) +
-      (J_closure_2_vx_1_negated*crank_0_pin_7 + J_closure_2_vy_1_negated*crank_0_pin_8);
-  const Real H_crank_0_bar_1_2 = G_coupler_2_bar_wz + (J_closure_2_vy_1_negated*crank_0_pin_9 - J_closure_2_vx_1_negated*crank_0_pin_6);
-  const Real H_crank_0_bar_2_2 = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_xy_negated*(loaded_.penalty*R_crank_1_pin_xy_negated)) +
-      (crank_0_pin_10 + J_closure_2_vy_2_negated*crank_0_pin_9);
-  const Real Dinv_crank_0_bar_0 = Real(1.0)/H_crank_0_bar_0_0;
-  const Real crank_0_pin_11 = H_crank_0_bar_0_1*Dinv_crank_0_bar_0;
-  const Real crank_0_pin_12 = H_crank_0_bar_0_2*Dinv_crank_0_bar_0;
-  const Real Dinv_crank_0_bar_1 = Real(1.0)/(H_crank_0_bar_1_1 - H_crank_0_bar_0_1*crank_0_pin_11);
-  const Real crank_0_pin_13 = H_crank_0_bar_1_2 - H_crank_0_bar_0_2*crank_0_pin_11;
-  const Real crank_0_pin_14 = Dinv_crank_0_bar_1*crank_0_pin_13;
-  const Real Dinv_crank_0_bar_2 = Real(1.0)/(H_crank_0_bar_2_2 - (H_crank_0_bar_0_2*crank_0_pin_12 + crank_0_pin_13*crank_0_pin_14));
-  const Real crank_0_pin_15 = H_crank_0_bar_2_3*Dinv_crank_0_bar_2;
-  const Real crank_0_pin_16 = H_crank_0_bar_2_4*Dinv_crank_0_bar_2;
-  const Real Dinv_crank_0_bar_3 = Real(1.0)/(H_crank_0_bar_3_3 - H_crank_0_bar_2_3*crank_0_pin_15);
-  const Real crank_0_pin_17 = H_crank_0_bar_3_4 - H_crank_0_bar_2_4*crank_0_pin_15;
-  const Real crank_0_pin_18 = Dinv_crank_0_bar_3*crank_0_pin_17;
-  const Real Dinv_crank_0_bar_4 = Real(1.0)/(H_crank_0_bar_4_4 - (H_crank_0_bar_2_4*crank_0_pin_16 + crank_0_pin_17*crank_0_pin_18));
+  const Real H_crank_0_bar_crank_2_pin_coupler_2_pin = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_xy_negated*crank_0_pin_8;
+  const Real H_crank_0_bar_crank_2_pin_crank_1_pin = R_crank_2_pin_xy_negated*crank_0_pin_9 - crank_0_pin_10;
+  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_xy_negated*(loaded_.penalty*R_crank_2_pin_xy_negated));
+  const Real H_crank_0_bar_coupler_2_pin_coupler_2_pin = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_xy_negated*G_coupler_2_bar_vy) +
+      (J_closure_2_x_coupler_2_pin_negated*crank_0_pin_7 + J_closure_2_y_coupler_2_pin_negated*crank_0_pin_8);
+  const Real H_crank_0_bar_coupler_2_pin_crank_1_pin = G_coupler_2_bar_wz + (J_closure_2_y_coupler_2_pin_negated*crank_0_pin_9 -
+      J_closure_2_x_coupler_2_pin_negated*crank_0_pin_6);
+  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_xy_negated*(loaded_.penalty*R_crank_1_pin_xy_negated)) +
+      (crank_0_pin_10 + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
+  const Real Dinv_crank_0_bar_crank_2_pin = Real(1.0)/H_crank_0_bar_crank_2_pin_crank_2_pin;
+  const Real L_crank_0_bar_coupler_2_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_coupler_2_pin*Dinv_crank_0_bar_crank_2_pin;
+  const Real L_crank_0_bar_crank_1_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_crank_1_pin*Dinv_crank_0_bar_crank_2_pin;
+  const Real Dinv_crank_0_bar_coupler_2_pin = Real(1.0)/(H_crank_0_bar_coupler_2_pin_coupler_2_pin -
+      H_crank_0_bar_crank_2_pin_coupler_2_pin*L_crank_0_bar_coupler_2_pin_crank_2_pin);
+  const Real crank_0_pin_11 = H_crank_0_bar_coupler_2_pin_crank_1_pin -
+      H_crank_0_bar_crank_2_pin_crank_1_pin*L_crank_0_bar_coupler_2_pin_crank_2_pin;
+  const Real L_crank_0_bar_crank_1_pin_coupler_2_pin = Dinv_crank_0_bar_coupler_2_pin*crank_0_pin_11;
+  const Real Dinv_crank_0_bar_crank_1_pin = Real(1.0)/(H_crank_0_bar_crank_1_pin_crank_1_pin -
+      (H_crank_0_bar_crank_2_pin_crank_1_pin*L_crank_0_bar_crank_1_pin_crank_2_pin +
+      crank_0_pin_11*L_crank_0_bar_crank_1_pin_coupler_2_pin));
+  const Real L_crank_0_bar_coupler_1_pin_crank_1_pin = H_crank_0_bar_crank_1_pin_coupler_1_pin*Dinv_crank_0_bar_crank_1_pin;
+  const Real L_crank_0_bar_crank_0_pin_crank_1_pin = H_crank_0_bar_crank_1_pin_crank_0_pin*Dinv_crank_0_bar_crank_1_pin;
+  const Real Dinv_crank_0_bar_coupler_1_pin = Real(1.0)/(H_crank_0_bar_coupler_1_pin_coupler_1_pin -
+      H_crank_0_bar_crank_1_pin_coupler_1_pin*L_crank_0_bar_coupler_1_pin_crank_1_pin);
+  const Real crank_0_pin_12 = H_crank_0_bar_coupler_1_pin_crank_0_pin -
+      H_crank_0_bar_crank_1_pin_crank_0_pin*L_crank_0_bar_coupler_1_pin_crank_1_pin;
+  const Real L_crank_0_bar_crank_0_pin_coupler_1_pin = Dinv_crank_0_bar_coupler_1_pin*crank_0_pin_12;
+  const Real Dinv_crank_0_bar_crank_0_pin = Real(1.0)/(H_crank_0_bar_crank_0_pin_crank_0_pin -
+      (H_crank_0_bar_crank_1_pin_crank_0_pin*L_crank_0_bar_crank_0_pin_crank_1_pin +
+      crank_0_pin_12*L_crank_0_bar_crank_0_pin_coupler_1_pin));
 
   // condensation: crank_0.pin
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
-  const Real crank_0_pin_19 = loaded_.penalty*gap_closure_1_x;
-  const Real crank_0_pin_20 = loaded_.penalty*gap_closure_1_y;
-  const Real crank_0_pin_21 = R_crank_1_pin_xx*crank_0_pin_19;
-  const Real ph_crank_0_bar_3 = J_closure_1_vx_3_negated*crank_0_pin_19 + J_closure_1_vy_3_negated*crank_0_pin_20;
-  const Real ph_crank_0_bar_4_negated = crank_0_pin_21 - J_closure_1_vy_4_negated*crank_0_pin_20;
-  const Real crank_0_pin_22 = loaded_.penalty*gap_closure_2_x;
-  const Real crank_0_pin_23 = loaded_.penalty*gap_closure_2_y;
-  const Real crank_0_pin_24 = R_crank_2_pin_xx*crank_0_pin_22;
-  const Real ph_crank_0_bar_0 = crank_0_pin_24 + R_crank_2_pin_xy_negated*crank_0_pin_23;
-  const Real ph_crank_0_bar_1 = J_closure_2_vx_1_negated*crank_0_pin_22 + J_closure_2_vy_1_negated*crank_0_pin_23;
-  const Real ph_crank_0_bar_2 = crank_0_pin_21 + R_crank_1_pin_xy_negated*crank_0_pin_20 - (crank_0_pin_24 -
-      J_closure_2_vy_2_negated*crank_0_pin_23);
-  const Real pg_crank_0_bar_1 = ph_crank_0_bar_1 - crank_0_pin_11*ph_crank_0_bar_0;
-  const Real pg_crank_0_bar_2 = ph_crank_0_bar_2 - (crank_0_pin_12*ph_crank_0_bar_0 + crank_0_pin_14*pg_crank_0_bar_1);
-  const Real pg_crank_0_bar_3 = ph_crank_0_bar_3 - crank_0_pin_15*pg_crank_0_bar_2;
-  const Real pg_crank_0_bar_4_negated = ph_crank_0_bar_4_negated + (crank_0_pin_16*pg_crank_0_bar_2 + crank_0_pin_18*pg_crank_0_bar_3);
+  const Real ppush_closure_1_x = loaded_.penalty*gap_closure_1_x;
+  const Real ppush_closure_1_y = loaded_.penalty*gap_closure_1_y;
+  const Real crank_0_pin_13 = R_crank_1_pin_xx*ppush_closure_1_x;
+  const Real ph_crank_0_bar_coupler_1_pin = J_closure_1_x_coupler_1_pin_negated*ppush_closure_1_x + J_closure_1_y_coupler_1_pin_negated*ppush_closure_1_y;
+  const Real ph_crank_0_bar_crank_0_pin_negated = crank_0_pin_13 - J_closure_1_y_crank_0_pin_negated*ppush_closure_1_y;
+  const Real ppush_closure_2_x = loaded_.penalty*gap_closure_2_x;
+  const Real ppush_closure_2_y = loaded_.penalty*gap_closure_2_y;
+  const Real crank_0_pin_14 = R_crank_2_pin_xx*ppush_closure_2_x;
+  const Real ph_crank_0_bar_crank_2_pin = crank_0_pin_14 + R_crank_2_pin_xy_negated*ppush_closure_2_y;
+  const Real ph_crank_0_bar_coupler_2_pin = J_closure_2_x_coupler_2_pin_negated*ppush_closure_2_x + J_closure_2_y_coupler_2_pin_negated*ppush_closure_2_y;
+  const Real ph_crank_0_bar_crank_1_pin = crank_0_pin_13 + R_crank_1_pin_xy_negated*ppush_closure_1_y - (crank_0_pin_14 -
+      J_closure_2_y_crank_1_pin_negated*ppush_closure_2_y);
+  const Real pg_crank_0_bar_coupler_2_pin = ph_crank_0_bar_coupler_2_pin - L_crank_0_bar_coupler_2_pin_crank_2_pin*ph_crank_0_bar_crank_2_pin;
+  const Real pg_crank_0_bar_crank_1_pin = ph_crank_0_bar_crank_1_pin - (L_crank_0_bar_crank_1_pin_crank_2_pin*ph_crank_0_bar_crank_2_pin +
+      L_crank_0_bar_crank_1_pin_coupler_2_pin*pg_crank_0_bar_coupler_2_pin);
+  const Real pg_crank_0_bar_coupler_1_pin = ph_crank_0_bar_coupler_1_pin - L_crank_0_bar_coupler_1_pin_crank_1_pin*pg_crank_0_bar_crank_1_pin;
+  const Real pg_crank_0_bar_crank_0_pin_negated = ph_crank_0_bar_crank_0_pin_negated + (L_crank_0_bar_crank_0_pin_crank_1_pin*pg_crank_0_bar_crank_1_pin +
+      L_crank_0_bar_crank_0_pin_coupler_1_pin*pg_crank_0_bar_coupler_1_pin);
 
   // accelerations: crank_0.pin
   //   zdd = H^-1 (h - G^T Zdd_P)
   //   four_bar.yaml:20
-  const Real pzdd_crank_0_bar_4_negated = Dinv_crank_0_bar_4*pg_crank_0_bar_4_negated;
-  const Real pzdd_crank_0_bar_3 = Dinv_crank_0_bar_3*pg_crank_0_bar_3 + crank_0_pin_18*pzdd_crank_0_bar_4_negated;
-  const Real pzdd_crank_0_bar_2 = Dinv_crank_0_bar_2*pg_crank_0_bar_2 - (crank_0_pin_15*pzdd_crank_0_bar_3 -
-      crank_0_pin_16*pzdd_crank_0_bar_4_negated);
-  const Real pzdd_crank_0_bar_1 = Dinv_crank_0_bar_1*pg_crank_0_bar_1 - crank_0_pin_14*pzdd_crank_0_bar_2;
-  const Real pzdd_crank_0_bar_0 = Dinv_crank_0_bar_0*ph_crank_0_bar_0 - (crank_0_pin_11*pzdd_crank_0_bar_1 + crank_0_pin_12*pzdd_crank_0_bar_2);
+  const Real pzdd_crank_0_bar_crank_0_pin_negated = Dinv_crank_0_bar_crank_0_pin*pg_crank_0_bar_crank_0_pin_negated;
+  const Real pzdd_crank_0_bar_coupler_1_pin = Dinv_crank_0_bar_coupler_1_pin*pg_crank_0_bar_coupler_1_pin +
+      L_crank_0_bar_crank_0_pin_coupler_1_pin*pzdd_crank_0_bar_crank_0_pin_negated;
+  const Real pzdd_crank_0_bar_crank_1_pin = Dinv_crank_0_bar_crank_1_pin*pg_crank_0_bar_crank_1_pin -
+      (L_crank_0_bar_coupler_1_pin_crank_1_pin*pzdd_crank_0_bar_coupler_1_pin -
+      L_crank_0_bar_crank_0_pin_crank_1_pin*pzdd_crank_0_bar_crank_0_pin_negated);
+  const Real pzdd_crank_0_bar_coupler_2_pin = Dinv_crank_0_bar_coupler_2_pin*pg_crank_0_bar_coupler_2_pin -
+      L_crank_0_bar_crank_1_pin_coupler_2_pin*pzdd_crank_0_bar_crank_1_pin;
+  const Real pzdd_crank_0_bar_crank_2_pin = Dinv_crank_0_bar_crank_2_pin*ph_crank_0_bar_crank_2_pin -
+      (L_crank_0_bar_coupler_2_pin_crank_2_pin*pzdd_crank_0_bar_coupler_2_pin +
+      L_crank_0_bar_crank_1_pin_crank_2_pin*pzdd_crank_0_bar_crank_1_pin);
 
-  dz[0] = -pzdd_crank_0_bar_4_negated;
-  dz[1] = pzdd_crank_0_bar_3;
-  dz[2] = pzdd_crank_0_bar_2;
-  dz[3] = pzdd_crank_0_bar_1;
-  dz[4] = pzdd_crank_0_bar_0;
+  dz[0] = -pzdd_crank_0_bar_crank_0_pin_negated;
+  dz[1] = pzdd_crank_0_bar_coupler_1_pin;
+  dz[2] = pzdd_crank_0_bar_crank_1_pin;
+  dz[3] = pzdd_crank_0_bar_coupler_2_pin;
+  dz[4] = pzdd_crank_0_bar_crank_2_pin;
 }
 
 template void FourBar<Precision>::project(const Precision* q, const Precision* gap, Precision* dz) const;

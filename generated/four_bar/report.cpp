@@ -8,7 +8,7 @@ template <class Real>
 void FourBar<Real>::report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const {
   (void)vdot;
   (void)lambda;
-  using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp, std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;
+  using std::cos, std::sin;
 
   // inputs
   const Real q_crank_0_pin_angle = q[0];

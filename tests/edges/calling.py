@@ -6,7 +6,9 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from click.testing import CliRunner
 
@@ -15,6 +17,7 @@ from cutjoint.commands import options
 from tests.fuzz.limits import HangError, at_most, at_most_bytes
 from tests.fuzz.press import press
 
+from .commands import good_calls
 from .values import FOLDER, LINK, MODEL, TABLE, TWIN
 
 #: Seconds that a call may take on an idle machine.
@@ -43,6 +46,20 @@ def set_up(folder: Path) -> dict[str, bytes]:
     Path("loop").symlink_to("loop")
     Path(FOLDER).mkdir()
     return {name: Path(name).read_bytes() for name in (MODEL, TABLE, LINK, TWIN)}
+
+
+@cache
+def compile_first() -> None:
+    """Call every command once with good values, but for what takes minutes: what it compiles is in the cache then."""
+    before = os.getcwd()
+    try:
+        with TemporaryDirectory() as folder:
+            for i, words in enumerate(good_calls()):
+                set_up(Path(folder) / str(i))
+                result = CliRunner().invoke(main, words)
+                assert result.exit_code == 0, f"{' '.join(words)}: {result.output[-600:]}"
+    finally:
+        os.chdir(before)
 
 
 def call(words: Sequence[str]) -> Ended:

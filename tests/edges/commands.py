@@ -10,6 +10,10 @@ from cutjoint.cli import main
 
 from .values import MODEL, TABLE
 
+#: A choice that suits the press, where the first does not.
+_CHOICES = {"peer": "exudyn"}
+#: Commands that take minutes where nothing is wrong.
+LONG = ("bench",)
 #: What keeps a call short, where a command has the option.
 _SHORT = {"--end": "0.01", "--method": "recursive"}
 
@@ -18,6 +22,15 @@ def commands() -> dict[str, click.Command]:
     """All commands by name."""
     context = click.Context(main)
     return {name: command for name in main.list_commands(context) if (command := main.get_command(context, name)) is not None}
+
+
+def good_calls() -> Iterator[list[str]]:
+    """A call of every command with good values, and of each option that names a file to read, but for commands that take minutes."""
+    for name, command in commands().items():
+        if name not in LONG:
+            yield call_with(name, [])
+            optional = [o for o in command.params if is_path(o, written=False) and not o.required]
+            yield from (call_with(name, [(option, _good(option))]) for option in optional)
 
 
 def options() -> Iterator[tuple[str, click.Parameter]]:
@@ -59,7 +72,7 @@ def _spelled(option: click.Parameter, value: str) -> list[str]:
 
 def _good(option: click.Parameter) -> str:
     if isinstance(option.type, click.Choice):
-        return str(option.type.choices[0])
+        return _CHOICES.get(option.name or "", str(option.type.choices[0]))
     if not isinstance(option.type, click.Path):
         raise NotImplementedError(f"a good value for {option.opts[0]}")
     if option.type.exists:

@@ -12,11 +12,16 @@ import pytest
 
 from tests.conftest import needs_cpp
 
-from .calling import call, faults, set_up
+from .calling import call, compile_first, faults, set_up
 from .commands import call_with, commands, is_path, options, reads_model
 from .values import FOLDER, MODEL, TABLE, bad_values
 
 pytestmark = needs_cpp
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled() -> None:
+    compile_first()
 
 
 @pytest.mark.parametrize(("name", "option"), list(options()), ids=lambda x: x if isinstance(x, str) else x.name)

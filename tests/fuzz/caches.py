@@ -28,6 +28,7 @@ def make(rng: random.Random) -> str:
 
     Libraries are built anew in minutes, so that most damage is to the rest.
     """
+    _template()
     libraries = rng.random() < 0.05
     return json.dumps({"file": rng.randrange(1000), "damage": rng.choice(_DAMAGES), "at": rng.random(), "libraries": libraries})
 

@@ -8,21 +8,19 @@ import random
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.edges.calling import call, faults, set_up
-from tests.edges.commands import call_with, commands, reads_model
+from tests.edges.calling import call, compile_first, faults, set_up
+from tests.edges.commands import LONG, call_with, commands, reads_model
 from tests.edges.values import bad_values
-
-#: What takes minutes where nothing is wrong.
-_LONG = ("bench", "reduce")
 
 
 def make(rng: random.Random) -> str:
     """The words of a call, as JSON; at least one value is bad where the command would take minutes."""
-    name = rng.choice([n for n in commands() if rng.random() < 0.2 or n not in _LONG])
+    compile_first()
+    name = rng.choice([n for n in commands() if rng.random() < 0.2 or n not in LONG])
     known = [(option, list(bad_values(option, reads_model=reads_model(name)))) for option in commands()[name].params]
     known = [(option, values) for option, values in known if values]
     chosen = rng.sample(known, min(len(known), rng.choice((1, 1, 2, 3))))
-    if name in _LONG:
+    if name in LONG:
         chosen = [(option, [v for v in values if v[1]]) for option, values in chosen]
     return json.dumps(call_with(name, [(option, rng.choice(values)[0]) for option, values in chosen]))
 

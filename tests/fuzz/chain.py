@@ -12,6 +12,7 @@ import sympy
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.expressions import read_term, variable
 from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.records import Scalar
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.lower import Lowering
@@ -36,6 +37,20 @@ def run_chain(text: str) -> str:
     except ExpressionError as error:
         assert time.process_time() - begin < SLOWEST, f"{time.process_time() - begin:.1f} s to refuse {text!r}"
         return error.message or "no message"
+    try:
+        lowering, blocks = _lower(expression)
+    except (OverflowError, ZeroDivisionError):
+        raise
+    except ArithmeticError as error:  # a constant that the compiler refuses
+        return str(error)
+    assert time.process_time() - begin < SLOWEST, f"{time.process_time() - begin:.1f} s for {text!r}"
+    if "kg" not in text:
+        check_values(text, lowering, blocks)
+    return ""
+
+
+def _lower(expression: Scalar) -> tuple[Lowering, list]:
+    """An expression and its first two derivatives by a variable, as blocks and lowered."""
     x = variable("length")
     slope = sympy.diff(expression, x)
     builder = Builder()
@@ -44,10 +59,7 @@ def run_chain(text: str) -> str:
     blocks = [translator.scalar(e) for e in (expression, slope, sympy.diff(slope, x))]
     lowering = Lowering()
     lowering.lower(blocks)
-    assert time.process_time() - begin < SLOWEST, f"{time.process_time() - begin:.1f} s for {text!r}"
-    if "kg" not in text:
-        check_values(text, lowering, blocks)
-    return ""
+    return lowering, blocks
 
 
 def check_values(text: str, lowering: Lowering, blocks: list) -> None:

@@ -13,6 +13,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from tests.edges.calling import compile_first
+
 from .press import MODEL, command, environment, press, require_told
 
 _EARLIER = "t,earlier\n0,1\n"
@@ -21,6 +23,7 @@ SECONDS = 60.0
 
 def make(rng: random.Random) -> str:
     """The size of the disk in kB, the calls' options and the table that was there before, as JSON."""
+    compile_first()
     options = rng.choice((
         ["simulate", MODEL, "--out", "full/run.csv"],
         ["simulate", MODEL, "--out", "run.csv", "--steps", "full/run.csv"],

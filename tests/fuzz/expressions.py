@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import random
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -177,43 +178,49 @@ def mutate(rng: random.Random, text: str) -> str:
 def any_text(rng: random.Random) -> str:
     """A text of any of these kinds."""
     kind = rng.random()
-    if kind < 0.5:
-        return write(rng, rng.randint(1, 5))
-    if kind < 0.7:
+    if kind < 0.6:
+        return write(rng, rng.choice((1, 2, 2, 3, 3, 3, 4, 5)))
+    if kind < 0.68:
         return nest(rng)
     if kind < 0.9:
         return mutate(rng, write(rng, rng.randint(1, 4)))
     return "".join(rng.choice((*GARBAGE, *VARIABLES, *NUMBERS, *SMOOTH)) for _ in range(rng.randint(0, 8)))
 
 
-def _real(function: Callable[..., float]) -> Callable[..., float]:
-    return lambda *x: float(function(*x))
-
-
-_PYTHON: Mapping[str, Any] = {
-    **{name: _real(getattr(math, name)) for name in (*SMOOTH, "atan2")},
-    "min": lambda *x: min(x),
-    "max": lambda *x: max(x),
-    "abs": lambda x: abs(float(x)),
-    "sign": lambda x: (x > 0) - (x < 0),
-    "where": lambda c, a, b: a() if c else b(),
-    "pi": math.pi,
-    "__builtins__": {},
-}
-
-
-#: How far the numbers of a text are moved, relative and absolute, to see whether its value hangs on their last digits.
+#: How far the numbers of a text and what its functions give are moved, relative and absolute, to see whether a value hangs on last digits.
 _NEAR, _TINY = 1e-9, 1e-12
 
 
+def _moved(function: Callable[..., float], shift: float) -> Callable[..., float]:
+    return lambda *x: float(function(*x)) * (1 + shift)
+
+
+def _python(shift: float) -> Mapping[str, Any]:
+    """What names mean in Python, but that functions are off by a share ``shift``."""
+    return {
+        **{name: _moved(getattr(math, name), shift) for name in (*SMOOTH, "atan2")},
+        "min": lambda *x: min(x),
+        "max": lambda *x: max(x),
+        "abs": lambda x: abs(float(x)),
+        "sign": lambda x: (x > 0) - (x < 0),
+        "where": lambda c, a, b: a() if c else b(),
+        "pi": math.pi * (1 + shift),
+        "__builtins__": {},
+    }
+
+
+_PYTHON: Mapping[float, Mapping[str, Any]] = {shift: _python(shift) for shift in (0.0, _NEAR, -_NEAR)}
+
+
 class _Prepared(ast.NodeTransformer):
-    """Branches of `where` become functions, so that only one is evaluated; numbers are moved by ``shift``, up and down in turns.
+    """Branches of `where` become functions, so that only one is evaluated; numbers are moved by up to ``shift``, no two alike.
 
     Exponents stay: a root of what is negative has no real value near a whole power.
     """
 
     def __init__(self, shift: float) -> None:
         self.shift = shift
+        self.share = 0.0
 
     def visit_Call(self, node: ast.Call) -> ast.Call:
         self.generic_visit(node)
@@ -230,22 +237,25 @@ class _Prepared(ast.NodeTransformer):
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
         if self.shift and type(node.value) in (int, float):
-            self.shift = -self.shift
-            return ast.Constant(value=float(node.value) * (1 + self.shift) + math.copysign(_TINY, self.shift))
+            self.share = (self.share + 0.618) % 2  # the golden section spreads them
+            moved = self.shift * (self.share - 1)
+            return ast.Constant(value=float(node.value) * (1 + moved) + math.copysign(_TINY, moved))
         return node
 
 
 def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, float]], float]:
-    """Python's value, over variables, of a text that reading has accepted; NaN where it has none."""
+    """Python's value, over variables, of a text that reading has accepted; NaN where it has none.  A ``shift`` of `_PYTHON` moves it."""
     try:
-        tree = _Prepared(shift).visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
-        code = compile(ast.fix_missing_locations(tree), "text", "eval")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            tree = _Prepared(shift).visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
+            code = compile(ast.fix_missing_locations(tree), "text", "eval")
     except (SyntaxError, OverflowError):  # a number with a unit; a number beyond the floats
         return lambda values: math.nan
 
     def function(values: Mapping[str, float]) -> float:
         try:
-            value = eval(code, {**_PYTHON, "pi": math.pi * (1 + shift), **values})
+            value = eval(code, {**_PYTHON[shift], **values})
             return float(value) if isinstance(value, int | float) else math.nan
         except (ArithmeticError, ValueError, TypeError):  # a complex number compared
             return math.nan

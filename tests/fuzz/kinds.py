@@ -20,8 +20,8 @@ def _check_text(text: str) -> tuple[str, ...]:
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
-        Kind(name="expressions", suffix=".txt", make=any_text, check=_check_text, share=10, limit=30),
-        Kind(name="models", suffix=".yaml", make=any_model, check=lambda text: compile_text(text).problems, share=1),
+        Kind(name="expressions", suffix=".txt", make=any_text, check=_check_text, share=10, limit=30, waits=False),
+        Kind(name="models", suffix=".yaml", make=any_model, check=lambda text: compile_text(text).problems, share=1, waits=False),
         Kind(name="run_files", suffix=".run.json", make=run_files.make, check=run_files.check, share=0.2),
         Kind(name="calls", suffix=".call.json", make=calls.make, check=calls.check, share=0.03),
         Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, share=0.002, limit=240),

@@ -15,21 +15,24 @@ class HangError(BaseException):
 
 
 @contextmanager
-def at_most(seconds: float) -> Iterator[None]:
-    """Ends the block with a `HangError` after so many seconds on the clock; ends the process if even that does not get through."""
+def at_most(seconds: float, *, busy: bool = False) -> Iterator[None]:
+    """Ends the block with a `HangError` after so many seconds on the clock, or if ``busy`` of this process's work, and the process if even
+    that does not get through.
+    """
+    timer, number = (signal.ITIMER_PROF, signal.SIGPROF) if busy else (signal.ITIMER_REAL, signal.SIGALRM)
 
-    def stop(number: int, frame: FrameType | None) -> None:
+    def stop(_: int, frame: FrameType | None) -> None:
         raise HangError(f"not done after {seconds:g} s")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    faulthandler.dump_traceback_later(2 * seconds + 30, exit=True)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(number, stop)
+    faulthandler.dump_traceback_later(20 * seconds + 300, exit=True)
+    signal.setitimer(timer, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(timer, 0)
         faulthandler.cancel_dump_traceback_later()
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(number, before)
 
 
 @contextmanager

@@ -13,6 +13,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from tests.edges.calling import compile_first
+
 from .press import MODEL, command, environment, press, run
 
 _EARLIER = "t,earlier\n0,1\n"
@@ -23,6 +25,7 @@ _GRACE = 15.0
 
 def make(rng: random.Random) -> str:
     """A signal, how long after the start it comes (s), whom it reaches, and the call, as JSON."""
+    compile_first()
     words = rng.choice((
         ["simulate", MODEL, "--out", "run.csv", "--end", str(_END)],
         ["simulate", MODEL, "--out", "run.csv", "--end", str(_END), "--steps", "steps.csv"],

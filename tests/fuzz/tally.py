@@ -20,10 +20,12 @@ SHOWN = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """Inputs of one kind: ``make`` has one from a random number generator, as text; ``check`` has why it was refused, nothing where it was
-    not, and raises where it was neither accepted nor refused as it should be.
+    """Inputs of one kind.
 
-    ``suffix`` is that of a kept input.  ``share`` is how many are tried for each model file, ``limit`` the seconds after which one hangs.
+    ``make`` has one from a random number generator, as text, and compiles what the check needs.  ``check`` has why it was refused, nothing
+    where it was not, and raises where it was neither accepted nor refused as it should be.
+    ``suffix`` is that of a kept input.  ``share`` is how many are tried for each model file, ``limit`` the seconds after which one hangs,
+    of the process's work unless it waits for others.
     """
 
     name: str
@@ -32,10 +34,11 @@ class Kind:
     check: Callable[[str], tuple[str, ...]]
     share: float
     limit: float = 60.0
+    waits: bool = True
 
     def try_one(self, text: str) -> tuple[str, ...]:
         """Check a text, which ends in time."""
-        with at_most(self.limit):
+        with at_most(self.limit, busy=not self.waits):
             return self.check(text)
 
     def corpus(self) -> list[Path]:

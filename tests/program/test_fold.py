@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.recursive.families import find_families
-from cutjoint.model.read import read_model_text
-from cutjoint.program.blocks import BindingTime, Builder
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.pipeline import generate
+from cutjoint.program.blocks import BindingTime, Block, Builder, Label
 from cutjoint.program.fold import fold
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.schedule import schedule
@@ -53,7 +54,7 @@ def test_folded_program_computes_the_same(case: str) -> None:
     text, scene = CASES[case]
     equations = formulate(text(), scene)
     evaluate = equations.functions[0]
-    folded = fold(equations.builder, find_families(equations.builder, equations.topology), evaluate.results)
+    folded = fold(equations.builder, find_corresponding(equations.builder.quantities, equations.topology), evaluate.results)
     program = schedule(equations.builder, [("plain", evaluate.results), ("folded", folded)])
     assert program.instructions("folded") < 0.7 * program.instructions("plain")
     for state in random_states(equations, 2, seed=3):
@@ -84,7 +85,7 @@ def test_the_suspensions_take_the_instructions_of_one() -> None:
     """Four suspensions in four lanes: less than a third of the instructions, and the same operations within a twentieth."""
     equations = formulate((MODELS / "iltis.yaml").read_text(), "simul1")
     evaluate = equations.functions[0]
-    folded = fold(equations.builder, find_families(equations.builder, equations.topology), evaluate.results)
+    folded = fold(equations.builder, find_corresponding(equations.builder.quantities, equations.topology), evaluate.results)
     program = schedule(equations.builder, [("plain", evaluate.results), ("folded", folded)])
     assert program.instructions("folded") < 0.33 * program.instructions("plain")
     assert program.operations("folded") == pytest.approx(program.operations("plain"), rel=0.05)
@@ -94,7 +95,26 @@ def test_the_members_of_a_chain_are_not_taken() -> None:
     """Each coupler of the N-four-bar hangs on the crank before it."""
     equations = formulate(four_bar_text(7), "swing")
     assert equations.topology.classes
-    assert find_families(equations.builder, equations.topology) == []
+    assert find_corresponding(equations.builder.quantities, equations.topology) == []
+
+
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented"])
+def test_lanes_do_not_depend_on_labels(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Labels are for readers: with names that say nothing, the two arms of the governor share the same lanes."""
+    model = read_model(MODELS / "flyball.yaml")
+    _, named, source = generate(model, model.scenes["govern"], (), method=method)
+    monkeypatch.setattr(Builder, "label", _garbled)
+    _, garbled, other = generate(model, model.scenes["govern"], (), method=method)
+    assert source.files.keys() == other.files.keys()
+    assert source.files != other.files
+    assert any(node.lanes == 2 for node in named.graph.nodes)
+    assert garbled.graph.nodes == named.graph.nodes
+    assert garbled.functions == named.functions
+
+
+def _garbled(builder: Builder, block: Block, name: str, **_: tuple[str, ...]) -> Block:
+    builder.labels.setdefault(block, Label(text=f"x{len(builder.labels)}"))
+    return block
 
 
 def test_members_that_depend_on_each_other_stay_as_they_are() -> None:

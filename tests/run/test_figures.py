@@ -83,11 +83,13 @@ def test_parameters_are_numbers() -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["--set", "gap=nan"], 1, "--set gap=nan: nan is not a finite number; write a plain number in SI units"),
+        (["--set", "gap=nan"], 1, "--set gap=nan: write NAME=NUMBER"),
+        (["--set", "gap=1e400"], 1, "--set gap=1e400: inf is not a finite number; write a plain number in SI units"),
         (["--set", "gap=1", "--set", "gap=2"], 1, "--set gap=2: 'gap' is set twice; write one of the two"),
-        (["--dt", "nan"], 2, "Invalid value for '--dt': nan is not a finite number; write a plain number in SI units"),
-        (["--end", "inf"], 2, "Invalid value for '--end': inf is not a finite number; write a plain number in SI units"),
-        (["--tolerance", "inf"], 2, "Invalid value for '--tolerance': inf is not a finite number; write a plain number in SI units"),
+        (["--dt", "nan"], 2, "Invalid value for '--dt': 'nan' is not a plain decimal number."),
+        (["--dt", "1e400"], 2, "Invalid value for '--dt': inf is not a finite number; write a plain number in SI units"),
+        (["--end", "inf"], 2, "Invalid value for '--end': 'inf' is not a plain decimal number."),
+        (["--tolerance", "inf"], 2, "Invalid value for '--tolerance': 'inf' is not a plain decimal number."),
     ],
 )
 def test_the_command_names_the_option(arguments: list[str], status: int, message: str, tmp_path: Path) -> None:

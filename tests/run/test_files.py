@@ -158,7 +158,7 @@ def test_a_run_that_fails_leaves_an_earlier_table_and_says_where_its_rows_are(fo
     assert t == pytest.approx([0, 0.1, 0.2, 0.3, 0.35])
     assert read_table(folder / "steps.partial.csv")[0].size == 35
     for reason in ("run.partial.txt", "steps.partial.txt"):
-        assert (folder / reason).read_text(encoding="utf-8").startswith("the fixed point ")
+        assert (folder / reason).read_text(encoding="utf-8").startswith("the law of 'end' (driven.yaml:13) has no finite value")
     assert (folder / "run.partial.units.json").read_bytes() == (folder / "run.units.json").read_bytes()
     assert simulate(*WHOLE, "--out", "run.csv", "--steps", "steps.csv").exit_code == 0
     assert files(folder) == ["run.csv", "run.units.json", "steps.csv"]  # nothing stale
@@ -181,9 +181,9 @@ def script(tmp_path: Path) -> Callable[[str], ReadyRun]:
 def test_a_damaged_simulator_leaves_an_earlier_table(script: Callable[[str], ReadyRun], folder: Path) -> None:
     Path("keep.csv").write_text("t,a.x\n0,1\n", encoding="utf-8")
     ready = script("")
-    for content, error in ((b"", OSError), (b"#!/bin/sh\nexit 3\n", SimulatorError), (b"#!/bin/sh\nkill -9 $$\n", SimulatorError)):
+    for content in (b"", b"#!/bin/sh\nexit 3\n", b"#!/bin/sh\nkill -9 $$\n"):
         ready.simulator.write_bytes(content)
-        with pytest.raises(error):
+        with pytest.raises(SimulatorError):
             start(ready, out=Path("keep.csv"))
         assert Path("keep.csv").read_text(encoding="utf-8") == "t,a.x\n0,1\n"
         assert [name for name in files(folder) if name != "simulator"] == ["keep.csv"]

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from itertools import chain, zip_longest
 
+from cutjoint.program.blocks import Label
 from cutjoint.program.records import Program
 
 #: Macros of C and C++ headers that look like the names that are made here.
@@ -18,7 +19,7 @@ _AXES = {3: ("x", "y", "z"), 6: ("vx", "vy", "vz", "wx", "wy", "wz")}
 
 
 def name_scalars(program: Program) -> dict[int, str]:
-    """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_0``."""
+    """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_vx``."""
     names: dict[int, str] = {}
     taken = set(MACROS)
     for block, label in sorted(program.labels.items(), key=lambda item: item[0].number):
@@ -29,20 +30,24 @@ def name_scalars(program: Program) -> dict[int, str]:
                 bare = program.graph.signless(scalar)
                 if bare not in names and program.graph.nodes[bare].op not in ("const", "symbol"):
                     sign = "" if bare == scalar else "_negated"
-                    names[bare] = unique(label + _suffix(block.shape, i, j) + sign, taken)
+                    names[bare] = unique(label.text + _suffix(label, block.shape, i, j) + sign, taken)
     return names
 
 
-def _suffix(shape: tuple[int, int], i: int, j: int) -> str:
+def _suffix(label: Label, shape: tuple[int, int], i: int, j: int) -> str:
     rows, columns = shape
     if shape == (1, 1):
         return ""
-    row = _AXES.get(rows, [str(n) for n in range(rows)])[i]
+    row = identifier(label.rows[i]) if label.rows else _axis(rows, i)
     if columns == 1:
         return f"_{row}"
-    column = _AXES.get(columns, [str(n) for n in range(columns)])[j]
+    column = identifier(label.columns[j]) if label.columns else _axis(columns, j)
     separator = "" if len(row) == len(column) == 1 and rows == columns == 3 else "_"
     return f"_{row}{separator}{column}"
+
+
+def _axis(count: int, i: int) -> str:
+    return _AXES[count][i] if count in _AXES else str(i)
 
 
 def unique(name: str, taken: set[str]) -> str:

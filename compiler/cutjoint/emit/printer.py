@@ -9,7 +9,7 @@ from math import isfinite
 from cutjoint.program.scalars import Graph, Scalar
 
 #: Functions of namespace std that keep their name.
-_STD = frozenset({"sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "abs", "pow"})
+STANDARD = frozenset({"sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "abs", "pow"})
 _SUM, _PRODUCT, _UNARY, _ATOM = 1, 2, 3, 4
 
 #: An expression longer than this gets a name of its own.
@@ -144,7 +144,7 @@ class Printer:
         if node.op == "not":
             condition = self.text(a[0], _ATOM)
             return f"(!{condition})" if self.conditions == "bool" else f"({condition} == {self.conditions}())"
-        assert node.op == "where" or node.op in _STD, node.op
+        assert node.op == "where" or node.op in STANDARD, node.op
         return f"{node.op}({arguments})"
 
     def _call_in_lanes(self, n: int) -> str:

@@ -19,9 +19,6 @@ from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.version import __version__
 
-_USING = ("std::abs", "std::acos", "std::asin", "std::atan", "std::atan2", "std::cos", "std::cosh", "std::exp", "std::log", "std::pow",
-          "std::sin", "std::sinh", "std::sqrt", "std::tan", "std::tanh")  # fmt: skip
-
 #: The length (characters) from which on a file is compiled by itself: about where its own text takes longer than the headers.
 LARGE = 40_000
 
@@ -209,7 +206,7 @@ def system_class(name: str) -> str:
 def _function(view: FunctionView) -> dict[str, object]:
     return {
         "signature": view.signature, "instance": view.instance, "unused": view.unused, "arrays": view.arrays, "sections": view.sections,
-        "results": view.results, "using": _USING,
+        "results": view.results, "using": [f"std::{name}" for name in view.calls],
     }  # fmt: skip
 
 

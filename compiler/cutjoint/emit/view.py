@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from cutjoint.emit.loops import Written, index, read_by_loops, write_loops
 from cutjoint.emit.names import MACROS, common_name, identifier, name_scalars, road_names, unique
-from cutjoint.emit.printer import Printer, Statement, kept_type, lanes_type
+from cutjoint.emit.printer import STANDARD, Printer, Statement, kept_type, lanes_type
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import BindingTime, Section
 from cutjoint.program.loops import TO, Rolled, roll
@@ -38,12 +38,13 @@ class SectionView:
 class FunctionView:
     """A generated function.  ``signature`` names all arguments, ``instance`` is the same for a build's precision.
 
-    ``arrays`` declares what its loops keep.
+    ``arrays`` declares what its loops keep, ``calls`` are the functions of namespace std that it calls.
     """
 
     signature: str
     instance: str
     unused: tuple[str, ...]
+    calls: tuple[str, ...]
     arrays: tuple[str, ...]
     sections: tuple[SectionView, ...]
     results: tuple[str, ...]
@@ -236,7 +237,7 @@ class Viewer:
         return FunctionView(
             signature=f"{name}({', '.join(arguments)}){const}",
             instance=f"{name}({', '.join(a.replace('Real', 'Precision') for a in arguments)}){const}",
-            unused=tuple(n for n in names if not _mentions(text, n)),
+            unused=tuple(n for n in names if not _mentions(text, n)), calls=tuple(f for f in sorted(STANDARD) if _mentions(text, f)),
             arrays=arrays, sections=tuple(sections), results=tuple(results),
         )  # fmt: skip
 

@@ -64,8 +64,7 @@ def make_numbers(builder: Builder, cuts: tuple[Joint, ...], closure: str) -> Num
     """The numerical parameters; with the closure "proximal" a penalty for each cut joint and no stabilisation."""
     if closure == "proximal":
         own = builder.symbol("penalties", max(len(cuts), 1), BindingTime.PARAM)
-        labels = {cut.name: f"penalty_{cut.name.replace('.', '_')}" for cut in cuts}
-        penalties = {name: builder.label(builder.element(own, i), label) for i, (name, label) in enumerate(labels.items())}
+        penalties = {cut.name: builder.name(builder.element(own, i), "penalty", cut.name) for i, cut in enumerate(cuts)}
         return Numbers(penalties=penalties, damping_ratio=builder.number(0.0), frequency=builder.number(0.0))
     column = builder.symbol("numerics", 3, BindingTime.PARAM)
     names = ("penalty", "damping_ratio", "frequency")

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
-from cutjoint.formulate.correspondence import Correspondence
 from cutjoint.model.records import Output, Parameter, Scene
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
@@ -185,7 +184,6 @@ class SystemEquations(Equations):
 
     method: str
     start: RecursiveEquations
-    correspondence: Correspondence
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

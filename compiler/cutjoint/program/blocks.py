@@ -32,6 +32,7 @@ construction, the binding time of what it depends on, and the section (a body, j
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -86,6 +87,26 @@ class ConstantError(ArithmeticError):
         super().__init__(f"{place + ': ' if place else ''}{message}; write smaller numbers")
 
 
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a block is: ``symbol`` as in the formulation's equations, of which ``parts`` of the model, ``which`` of those that one part has,
+    such as its first coordinate, and its ``number`` among all that are called the same."""
+
+    symbol: str
+    parts: tuple[str, ...]
+    which: tuple[str | int, ...]
+    number: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Label:
+    """What readers call a block.  ``rows`` and ``columns`` name its elements; those of three or six are axes without."""
+
+    text: str
+    rows: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Block:
     """A node of the block IR; made by a :class:`Builder` only."""
@@ -105,7 +126,7 @@ class Block:
 
 
 class Builder:
-    """Makes blocks, one object an expression, and keeps their names and sections."""
+    """Makes blocks, one object an expression, and knows what they are: labels, for readers only, quantities, and sections."""
 
     def __init__(self) -> None:
         self._nodes: dict[Hashable, Block] = {}
@@ -113,7 +134,9 @@ class Builder:
         self._mark = ""
         self.restricted: set[Block] = set()
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
-        self.labels: dict[Block, str] = {}
+        self.labels: dict[Block, Label] = {}
+        self.quantities: dict[Quantity, Block] = {}
+        self._counts: Counter[tuple[str, tuple[str, ...], tuple[str | int, ...]]] = Counter()
 
     @contextmanager
     def section(self, stage: str, element: str, equation: str, source: str) -> Iterator[None]:
@@ -141,10 +164,25 @@ class Builder:
             self.restricted.add(block)
         return block
 
-    def label(self, block: Block, name: str) -> Block:
-        """Name a block as the literature does; the first name stays."""
-        self.labels.setdefault(block, self._mark + name)
+    def label(self, block: Block, name: str, *, rows: tuple[str, ...] = (), columns: tuple[str, ...] = ()) -> Block:
+        """Name a block for readers, as the literature does; the first name stays."""
+        self.labels.setdefault(block, Label(text=self._mark + name, rows=rows, columns=columns))
         return block
+
+    def record(self, block: Block, symbol: str, *parts: str, which: tuple[str | int, ...] = ()) -> Block:
+        """Say what a block is, in the words of `Quantity`; the same is said of corresponding blocks, but for the parts."""
+        key = (self._mark + symbol, parts, which)
+        self.quantities[Quantity(*key, self._counts[key])] = block
+        self._counts[key] += 1
+        return block
+
+    def name(
+        self, block: Block, symbol: str, *parts: str, which: tuple[str, ...] = (), rows: tuple[str, ...] = (),
+        columns: tuple[str, ...] = (),
+    ) -> Block:  # fmt: skip
+        """Say what a block is, and label it with that."""
+        text = "_".join((symbol, *parts, *which)).replace(".", "_")
+        return self.label(self.record(block, symbol, *parts, which=which), text, rows=rows, columns=columns)
 
     def _make(
         self, op: str, args: tuple[Block, ...], shape: tuple[int, int], *, data: Hashable = None, symmetric: bool = False,

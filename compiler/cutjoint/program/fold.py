@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
-from cutjoint.program.blocks import Block, Builder, is_zero
+from cutjoint.program.blocks import Block, Builder, Label, is_zero
 from cutjoint.program.lower import reachable_blocks
 
 #: One block for each lane.
@@ -120,7 +120,7 @@ class _Folding:
             return b.total(parts)
         block = b.again(family[0], parts)
         if family[0] in b.labels:
-            b.label(block, f"{b.labels[family[0]]}_x{len(family)}")
+            b.labels.setdefault(block, _in_lanes(b.labels[family[0]], len(family)))
         return block
 
     def uniform(self, block: Block) -> Block:
@@ -129,7 +129,7 @@ class _Folding:
             with self.builder.within(block.section):
                 result = self._uniform(block)
             if block in self.builder.labels and not result.lanes:
-                self.builder.label(result, self.builder.labels[block])
+                self.builder.labels.setdefault(result, self.builder.labels[block])
             self.rewritten[block] = result
         return self.rewritten[block]
 
@@ -186,6 +186,10 @@ class _Folding:
             term = self.uniform(block)
             result = b.add(result, term) if sign > 0 else b.sub(result, term)
         return result
+
+
+def _in_lanes(label: Label, lanes: int) -> Label:
+    return replace(label, text=f"{label.text}_x{lanes}")
 
 
 def fold(builder: Builder, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:

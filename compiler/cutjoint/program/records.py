@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.program.blocks import Block, Section
+from cutjoint.program.blocks import Block, Label, Section
 from cutjoint.program.lower import Elements
 from cutjoint.program.scalars import FREE, Graph
 
@@ -39,7 +39,7 @@ class Program:
     graph: Graph
     sections: tuple[Section, ...]
     elements: Mapping[Block, Elements]
-    labels: Mapping[Block, str]
+    labels: Mapping[Block, Label]
     functions: tuple[LoweredFunction, ...]
     loaded: tuple[int, ...]
     stepped: tuple[int, ...]

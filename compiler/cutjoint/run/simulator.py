@@ -11,7 +11,7 @@ from typing import Any
 
 from cutjoint.run.result_files import write_all
 from cutjoint.run.results import FailureReport
-from cutjoint.run.stopping import stop_requests
+from cutjoint.run.stopping import StopRequest, stop_requests
 
 #: Called with the share of a run that is done, 0 to 1.
 Progress = Callable[[float], None]
@@ -45,11 +45,13 @@ def call_simulator(
         except OSError as error:
             raise SimulatorError(f"cannot write the run file in {tempfile.gettempdir()}: {error.strerror}") from None
         open_files = [file.fileno(), *(place["descriptor"] for place in run_file.values() if _is_descriptor(place))]
-        with _begin(
-            [str(binary), f"/dev/fd/{file.fileno()}"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaint, pass_fds=open_files,
-            encoding="utf-8", errors="replace",
-        ) as process:  # fmt: skip
-            status, summary = _follow(process, progress, receive)
+        command = [str(binary), f"/dev/fd/{file.fileno()}"]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": complaint, "pass_fds": open_files}
+        # from before the simulator begins: what it writes first may be what somebody waits for with a signal
+        with stop_requests() as request, _begin(command, **pipes, encoding="utf-8", errors="replace") as process:
+            status, summary = _follow(process, request, progress, receive)
+        if request.number is not None:
+            raise request.error(_when(summary))
         complaint.seek(0)
         if status not in (0, 1) or not summary:
             raise SimulatorError(complaint.read().strip().removeprefix("error: ") or f"the simulator ended with status {status}")
@@ -64,17 +66,14 @@ def _is_descriptor(place: Any) -> bool:
 
 
 def _follow(
-    process: subprocess.Popen[str], progress: Progress | None, receive: Receive | None
+    process: subprocess.Popen[str], request: StopRequest, progress: Progress | None, receive: Receive | None
 ) -> tuple[int, dict[str, Any]]:  # fmt: skip
-    """The status that a simulator ends with and its summary, the last record that it writes."""
+    """The status that a simulator ends with and its summary, the last record that it writes; a request to stop closes its input."""
     assert process.stdin is not None
     try:
-        with stop_requests(process.stdin.close) as request:
-            summary = _read_records(process, progress, receive)
-            status = process.wait()
-        if request.number is not None:
-            raise request.error(_when(summary))
-        return status, summary
+        request.answer_by(process.stdin.close)
+        summary = _read_records(process, progress, receive)
+        return process.wait(), summary
     finally:
         process.kill()  # who follows it has given up; one that has ended is left alone
 

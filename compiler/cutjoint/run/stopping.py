@@ -27,9 +27,16 @@ class Terminated(SystemExit):
 
 @dataclass
 class StopRequest:
-    """Which signal has come, if any."""
+    """Which signal has come, if any, and what is called then."""
 
     number: int | None = None
+    answer: Callable[[], None] | None = None
+
+    def answer_by(self, answer: Callable[[], None]) -> None:
+        """Call ``answer`` when a signal comes; at once where one has come."""
+        self.answer = answer
+        if self.number is not None:
+            answer()
 
     def error(self, message: str) -> Interrupted | Terminated:
         """What to raise for it."""
@@ -42,15 +49,16 @@ _USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_
 
 
 @contextmanager
-def stop_requests(stop: Callable[[], None]) -> Iterator[StopRequest]:
-    """While this lasts, a signal that would end the program calls ``stop`` in place of that; a second one raises `KeyboardInterrupt`."""
+def stop_requests() -> Iterator[StopRequest]:
+    """While this lasts, a signal that would end the program is a request instead; a second one raises `KeyboardInterrupt`."""
     request = StopRequest()
 
     def handle(number: int, frame: FrameType | None) -> None:
         if request.number is not None:
             raise KeyboardInterrupt
         request.number = number
-        stop()
+        if request.answer is not None:
+            request.answer()
 
     in_main = threading.current_thread() is threading.main_thread()
     taken = {s: usual for s, usual in _USUAL.items() if in_main and signal.getsignal(s) == usual}

@@ -30,7 +30,7 @@ def close(k: Kinematics, loop: LoopClosure, penalty: Block) -> Closed:
     """A cut joint under its multipliers and the penalty of its residual."""
     b, joint = k.builder, loop.joint
     with b.section("closure", joint.name, "W = -A^T (penalty Phi + lambda)", joint.span.place):
-        push = b.label(b.add(b.scale(penalty, loop.residual), loop.multipliers), f"push_{joint.name.replace('.', '_')}")
+        push = b.name(b.add(b.scale(penalty, loop.residual), loop.multipliers), "push", joint.name, rows=loop.names)
         return Closed(loop=loop, wrenches=pulls(k, loop, push))
 
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.correspondence import Correspondence
 from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
 from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
@@ -58,7 +57,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
     system_of = _System(
         b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, penalty) for loop in loops),
-        Zdd=given_accelerations(k), correspondence=Correspondence(), M=masses, Q=weights_of_masses,
+        Zdd=given_accelerations(k), M=masses, Q=weights_of_masses,
     )  # fmt: skip
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
     balance = system_of.balance()
@@ -76,8 +75,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         slots={
             **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
         },
-        start=start,
-        correspondence=system_of.correspondence, load_arguments=LOAD_ARGUMENTS,
+        start=start, load_arguments=LOAD_ARGUMENTS,
         switches=describe_switches(b, switches), domains=describe_domains(b, domains),
     )  # fmt: skip
 
@@ -93,7 +91,6 @@ class _System:
     loops: tuple[LoopClosure, ...]
     closed: tuple[Closed, ...]
     Zdd: Mapping[str, Block]
-    correspondence: Correspondence
     M: Mapping[str, Block]
     Q: Mapping[str, Block]
 
@@ -110,16 +107,13 @@ class _System:
             ):
                 own = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
                 above = [carried[c] for c in carried if k.motions[c].tree_joint.parent == body]
-                carried[body] = b.label(b.sub(b.total([own, *above]), pulled[body]), f"F_{body.replace('.', '_')}")
+                carried[body] = b.name(b.sub(b.total([own, *above]), pulled[body]), "F", body)
                 if motion.b is not None:
                     value = b.mul(b.transpose(motion.b), carried[body])
                     if body in self.system.joint_forces:
                         value = b.sub(value, self.system.joint_forces[body])
-                    results[f"balance:{joint.name}"] = self._record(value, "balance", joint.name)
-        return results | {f"residual:{c.name}": self._record(c.loop.residual, "residual", c.name) for c in self.closed}
-
-    def _record(self, block: Block, *names: str) -> Block:
-        return self.correspondence.record(*names, block=block)
+                    results[f"balance:{joint.name}"] = b.record(value, "balance", joint.name)
+        return results | {f"residual:{c.name}": b.record(c.loop.residual, "residual", c.name) for c in self.closed}
 
     def _by_body(self, shares: Iterable[Mapping[str, Block]]) -> dict[str, Block]:
         b, sums = self.b, {body: self.b.zero(6) for body in self.k.motions}
@@ -139,7 +133,7 @@ class _System:
             entries[known] = self.b.add(entries[known], value) if known in entries else value
         results = {}
         for (j, k), value in entries.items():
-            self._record(value, "tangent", j.body, str(j.index), k.body, str(k.index))
+            self.b.record(value, "tangent", j.body, k.body, which=(j.index, k.index))
             results[f"tangent:{j.row},{k.row}"] = value
         return results
 
@@ -184,7 +178,7 @@ class _System:
                 base = b.mul(transport(b, self.k.pole_step(joint.base, joint.follower)), self.Zdd[joint.base])
                 bend = b.add(b.mul(loop.A, b.sub(self.Zdd[joint.follower], base)), loop.s)
             for name, block in (("residual", loop.residual), ("rate", loop.rate), ("curvature", bend)):
-                results[f"{name}:{joint.name}"] = self._record(block, name, joint.name)
+                results[f"{name}:{joint.name}"] = b.record(block, name, joint.name)
         return results
 
     def stretch(self) -> dict[str, Block]:
@@ -200,23 +194,21 @@ class _System:
             with b.section("closure", joint.name, "A (x_f - x_b)", joint.span.place):
                 base = b.mul(transport(b, self.k.pole_step(joint.base, joint.follower)), moved[joint.base])
                 change = b.mul(loop.A, b.sub(moved[joint.follower], base))
-            results[f"change:{joint.name}"] = self._record(change, "change", joint.name)
+            results[f"change:{joint.name}"] = b.record(change, "change", joint.name)
         return results
 
     def pull(self) -> dict[str, Block]:
         """J^T w."""
         b, motions = self.b, self._motions()
-        results = {f"force:{c.joint}": b.zero(len(c.speed_names)) for c in self.start.charts}
+        forces = {c.joint: b.zero(len(c.speed_names)) for c in self.start.charts}
         for loop in self.loops:
             for _, wrench, way in ways(motions, pulls(self.k, loop, weights(self.k, loop))):
                 for body in dict.fromkeys(m.body for m in way):
                     motion = self.k.motions[body]
                     assert motion.b is not None
-                    name = f"force:{motion.tree_joint.joint.name}"
-                    results[name] = b.sub(results[name], b.mul(b.transpose(motion.b), wrench))
-        for name, block in results.items():
-            self._record(block, *name.split(":"))
-        return results
+                    joint = motion.tree_joint.joint.name
+                    forces[joint] = b.sub(forces[joint], b.mul(b.transpose(motion.b), wrench))
+        return {f"force:{joint}": b.record(block, "force", joint) for joint, block in forces.items()}
 
 
 def _place(b: Builder, start: RecursiveEquations) -> dict[str, Block]:

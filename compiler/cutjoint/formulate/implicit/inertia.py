@@ -36,15 +36,15 @@ def composites(
     b = k.builder
     found: dict[str, Composite] = {}
     for body, motion in reversed(k.motions.items()):
-        name, carried = body.replace(".", "_"), [c for c in found if k.motions[c].tree_joint.parent == body]
+        carried = [c for c in found if k.motions[c].tree_joint.parent == body]
         with b.section(
             "tangent", body, "M^c = M + sum M^c, B^c = B + sum B^c, F^c = M A - Q + sum F^c", motion.tree_joint.joint.span.place
         ):
             F = b.sub(b.mul(M[body], Zdd[body]), Q[body])
             found[body] = Composite(
-                M=b.label(b.total([M[body], *(found[c].M for c in carried)]), f"Mc_{name}"),
-                B=b.label(b.total([_turning(k, bodies[body]), *(found[c].B for c in carried)]), f"Bc_{name}"),
-                F=b.label(b.total([F, *(found[c].F for c in carried)]), f"Fc_{name}"),
+                M=b.name(b.total([M[body], *(found[c].M for c in carried)]), "Mc", body),
+                B=b.name(b.total([_turning(k, bodies[body]), *(found[c].B for c in carried)]), "Bc", body),
+                F=b.name(b.total([F, *(found[c].F for c in carried)]), "Fc", body),
             )
     return found
 

@@ -154,9 +154,9 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
             DV = b.add(b.scale(weights.damping, column), motion_cross(b, after, xi))
             c = b.add(column, b.scale(weights.damping, motion_cross(b, before, column)))
             c = b.sub(b.sub(c, motion_cross(b, xi, A_after)), motion_cross(b, DV, after))
-            name = f"{chart.joint}_{chart.speed_names[i]}{'' if own.share == 1 else f'_{n}'}".replace(".", "_")
+            which = (chart.speed_names[i], *([] if own.share == 1 else [str(n)]))
             for block, symbol in ((xi, "xi"), (DV, "DV"), (c, "c")):
-                b.label(block, f"{symbol}_{name}")
+                b.name(block, symbol, chart.joint, which=which)
             yield Motion(
                 body=body, row=chart.v + i, index=i, group=n, share=own.share, s=column, shift=shifts[i], xi=xi, after=after, DV=DV,
                 c=c,

@@ -27,7 +27,7 @@ class NodalForce:
 
     def _add(self, source: str, node: Node, force: Block) -> None:
         if node.body != GROUND:
-            self.motions.correspondence.record(source, node.name, block=force)
+            self.motions.builder.record(force, "force", source, node.name)
             known = self.parts.get(node)
             self.parts[node] = force if known is None else self.motions.builder.add(known, force)
 
@@ -39,7 +39,7 @@ class NodalForce:
         b = self.motions.builder
         forces = {n: self.parts.get(n, b.zero(n.size)) for n in self.motions.layout.coordinates}
         for node, force in forces.items():
-            self.motions.correspondence.record("total", node.name, block=force)
+            b.record(force, "total force", node.name)
         return forces
 
 
@@ -58,7 +58,7 @@ class NodalMatrix:
 
     def _add(self, source: str, i: Node, j: Node, block: Block) -> None:
         if GROUND not in (i.body, j.body):
-            self.motions.correspondence.record(source, i.name, j.name, block=block)
+            self.motions.builder.record(block, "tangent", source, i.name, j.name)
             known = self.parts.get((i, j))
             self.parts[i, j] = block if known is None else self.motions.builder.add(known, block)
 

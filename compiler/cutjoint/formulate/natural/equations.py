@@ -85,7 +85,7 @@ def formulate_lagrangian(
             **domain_slots(domains),
         },
         domains=describe_domains(b, domains),
-        start=start, layout=layout, correspondence=motions.correspondence, constraints=system.constraints,
+        start=start, layout=layout, constraints=system.constraints,
         load_arguments=LOAD_ARGUMENTS,
     )  # fmt: skip
 
@@ -189,7 +189,7 @@ class _System:
             for (u, w), block in squares.by_coordinate().items():
                 scaled = b.scale(weight, block)
                 blocks[u, w] = b.add(blocks[u, w], scaled) if (u, w) in blocks else scaled
-                self.motions.correspondence.record("tangent", u.name, w.name, block=blocks[u, w])
+                b.record(blocks[u, w], "total tangent", u.name, w.name)
             return self._elements(blocks, lower=True)
 
     def classical(self) -> dict[str, Block]:
@@ -242,7 +242,7 @@ class _System:
         results: dict[str, Block] = {}
         for c in self.constraints:
             for block in (c.residual, c.rate, c.drift):
-                self.motions.correspondence.record(c.element, block=block)
+                b.record(block, "constraint", c.element)
             bend = b.add(c.drift, self._stretched(c))
             results |= {f"residual:{c.symbol}": c.residual, f"rate:{c.symbol}": c.rate, f"curvature:{c.symbol}": bend}
         return results

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cutjoint.formulate.correspondence import Correspondence
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
 from cutjoint.formulate.translate import Translator
@@ -28,7 +27,6 @@ class NodeMotions:
     builder: Builder
     translator: Translator
     layout: Layout
-    correspondence: Correspondence = field(default_factory=Correspondence)
     _known: dict[Node, Motion] = field(default_factory=dict, repr=False)
 
     def of(self, form: Form) -> Motion:
@@ -59,7 +57,7 @@ class NodeMotions:
         if node not in self._known:
             motion = self._known[node] = self._derived(node)
             for block in (motion.x, motion.v, motion.a):
-                self.correspondence.record(node.name, block=block)
+                self.builder.record(block, "node", node.name)
         return self._known[node]
 
     def _derived(self, node: Node) -> Motion:

@@ -45,9 +45,21 @@ class BranchSystem:
         self.subspaces = {b: self._subspace(self.k.motions[b]) for b in self.unknowns}
 
     @property
+    def rows(self) -> tuple[str, ...]:
+        """What readers call the unknowns: their joints, without the instance that has them all, and a name where a joint has several."""
+        motions = [self.k.motions[body] for body in self.unknowns]
+        names = [m.tree_joint.joint.name for m in motions]
+        instances = {name.rpartition(".")[0] for name in names}
+        joints = [name.rpartition(".")[2] for name in names] if len(instances) == 1 else names
+        return tuple(
+            joint if len(m.speed_names) == 1 else f"{joint}_{name}"
+            for joint, m in zip(joints, motions, strict=True) for name in m.speed_names
+        )  # fmt: skip
+
+    @property
     def name(self) -> str:
         """What its matrices are called by: its first body."""
-        return self.branch.bodies[0].replace(".", "_")
+        return self.branch.bodies[0]
 
     def _subspace(self, motion: JointMotion) -> Block:
         """S; a ball turns about its centre in global axes."""
@@ -72,7 +84,7 @@ class BranchSystem:
             return b.zero(6)
         if body not in self._known:
             motion = self.k.motions[body]
-            self._known[body] = b.label(b.add(self._known_part(motion.tree_joint.parent), motion.d), f"a_{body.replace('.', '_')}")
+            self._known[body] = b.name(b.add(self._known_part(motion.tree_joint.parent), motion.d), "a", body)
         return self._known[body]
 
     def eliminate(self) -> None:
@@ -83,10 +95,12 @@ class BranchSystem:
             self._close(loop)
         first = self.k.motions[self.branch.bodies[0]].tree_joint.joint
         with b.section("condensation", first.name, _EQUATION, first.span.place):
-            H, h = b.label(self._matrix(), f"H_{self.name}"), b.label(self._right_side(), f"h_{self.name}")
+            H = b.name(self._matrix(), "H", self.name, rows=self.rows, columns=self.rows)
+            h = b.name(self._right_side(), "h", self.name, rows=self.rows)
             self._lower, self._inverse = b.ldl(H)
-            b.label(self._inverse, f"Dinv_{self.name}")
-            self._g = b.label(b.forward(self._lower, h), f"g_{self.name}")
+            b.name(self._lower, "L", self.name, rows=self.rows, columns=self.rows)
+            b.name(self._inverse, "Dinv", self.name, rows=self.rows)
+            self._g = b.name(b.forward(self._lower, h), "g", self.name, rows=self.rows)
             if self.branch.carrier != GROUND:
                 self._pass_on()
 
@@ -94,19 +108,19 @@ class BranchSystem:
         """M^c, F^c and G, from the leaves on."""
         b = self.k.builder
         for body in reversed(self.branch.bodies):
-            joint, name = self.k.motions[body].tree_joint.joint, body.replace(".", "_")
+            motion = self.k.motions[body]
+            joint = motion.tree_joint.joint
             with b.section("condensation", joint.name, "M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S", joint.span.place):
                 own = b.sub(self.system.Q[body], b.mul(self.system.M[body], self._known_part(body)))
                 carried = [c for c in self.branch.bodies if self.k.motions[c].tree_joint.parent == body]
-                self._mass[body] = b.label(b.total([self.system.M[body], *(self._mass[c] for c in carried)]), f"Mc_{name}")
-                self._force[body] = b.label(b.total([own, *(self._force[c] for c in carried)]), f"Fc_{name}")
+                self._mass[body] = b.name(b.total([self.system.M[body], *(self._mass[c] for c in carried)]), "Mc", body)
+                self._force[body] = b.name(b.total([own, *(self._force[c] for c in carried)]), "Fc", body)
                 if body in self.subspaces:
-                    self._rows[body] = b.label(b.mul(self._mass[body], self.subspaces[body]), f"G_{name}")
+                    self._rows[body] = b.name(b.mul(self._mass[body], self.subspaces[body]), "G", body, columns=motion.speed_names)
 
     def _close(self, loop: LoopClosure) -> None:
         """J and s' of a cut joint."""
         b, joint = self.k.builder, loop.joint
-        name = joint.name.replace(".", "_")
         step = transport(b, self.k.pole_step(joint.base, joint.follower))
         with b.section("closure", joint.name, "J = A S, s' = s + A (a_f - a_b)", joint.span.place):
             base, follower = self._carriers(joint.base), self._carriers(joint.follower)
@@ -120,9 +134,9 @@ class BranchSystem:
                     parts.append(b.neg(b.mul(loop.A, b.mul(step, self.subspaces[body]))))
                 else:
                     parts.append(b.zero(len(loop.names), self.subspaces[body].shape[1]))
-            self._rows[joint.name] = b.label(b.stack([parts]), f"J_{name}")
+            self._rows[joint.name] = b.name(b.stack([parts]), "J", joint.name, rows=loop.names, columns=self.rows)
             apart = b.sub(self._known_part(joint.follower), b.mul(step, self._known_part(joint.base)))
-            self._drift[joint.name] = b.label(b.add(loop.s, b.mul(loop.A, apart)), f"drift_{name}")
+            self._drift[joint.name] = b.name(b.add(loop.s, b.mul(loop.A, apart)), "drift", joint.name, rows=loop.names)
 
     def _matrix(self) -> Block:
         b = self.k.builder
@@ -154,6 +168,7 @@ class BranchSystem:
         h = b.stack([[part] for part in parts])
         for loop in self.loops:
             pull = b.add(loop.multipliers, b.scale(self.numbers.penalties[loop.joint.name], self._drift[loop.joint.name]))
+            b.name(pull, "push", loop.joint.name, rows=loop.names)
             h = b.sub(h, b.mul(b.transpose(self._rows[loop.joint.name]), pull))
         return h
 
@@ -161,7 +176,8 @@ class BranchSystem:
         """M_P += M^c - Y^T D^-1 Y, Q_P += F^c - Y^T e."""
         b, carrier = self.k.builder, self.branch.carrier
         roots = [body for body in self.branch.bodies if self.k.motions[body].tree_joint.parent not in self.branch.bodies]
-        self._Y = b.label(b.forward(self._lower, b.stack([[b.transpose(self._rows[body])] for body in self.unknowns])), f"Y_{self.name}")
+        passed = b.stack([[b.transpose(self._rows[body])] for body in self.unknowns])
+        self._Y = b.name(b.forward(self._lower, passed), "Y", self.name, rows=self.rows)
         self.system.source = self.branch.bodies[0]
         for body in roots:
             self.system.add_mass(carrier, self._mass[body])
@@ -176,7 +192,7 @@ class BranchSystem:
         with b.section("accelerations", first.name, "zdd = H^-1 (h - G^T Zdd_P)", first.span.place):
             if self.branch.carrier != GROUND:
                 right = b.sub(right, b.mul(self._Y, Zdd[self.branch.carrier]))
-            self._zdd = b.label(b.backward(self._lower, b.weigh(self._inverse, right)), f"zdd_{self.name}")
+            self._zdd = b.name(b.backward(self._lower, b.weigh(self._inverse, right)), "zdd", self.name, rows=self.rows)
             return self._parted(self._zdd)
 
     def _parted(self, unknown: Block) -> dict[str, Block]:
@@ -187,7 +203,7 @@ class BranchSystem:
             part = b.take(unknown, (start, end))
             if motion.centre is not None:
                 part = b.mul(b.transpose(self.k.frames[motion.tree_joint.parent].R), part)
-            found[body] = b.label(part, f"vdot_{motion.tree_joint.joint.name.replace('.', '_')}")
+            found[body] = b.name(part, "vdot", motion.tree_joint.joint.name, rows=motion.speed_names)
             start = end
         return found
 

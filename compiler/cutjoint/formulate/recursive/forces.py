@@ -56,7 +56,7 @@ class Forces:
         """The quantities of an element, each under its name."""
         self.quantities[element] = quantities
         for quantity, block in quantities.items():
-            b.label(block, f"{quantity}_{element.replace('.', '_')}")
+            b.name(block, quantity, element)
 
 
 def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
@@ -75,12 +75,11 @@ def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
     b = k.builder
     if body.mass == 0:
         return b.zero(6, 6), b.zero(6)
-    cpp = body.name.replace(".", "_")
     mass = k.translator.scalar(body.mass)
-    c = b.label(k.point(body.name, body.centre_of_mass), f"c_{cpp}")
+    c = b.name(k.point(body.name, body.centre_of_mass), "c", body.name)
     xx, yy, zz, xy, xz, yz = (k.translator.scalar(x) for x in body.inertia)
     own = b.mirror(b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-    J = b.label(b.sandwich(k.frames[body.name].R, own), f"J_{cpp}")
+    J = b.name(b.sandwich(k.frames[body.name].R, own), "J", body.name)
     moment = b.scale(mass, c)
     corner = b.neg(b.skew(moment))
     M = b.stack([
@@ -116,7 +115,7 @@ def add_guards(forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dic
             values = _law_values(k, guard.force)
             if isinstance(guard.force, LawForce):
                 forces.add(b, name, named(values))
-            margins[name] = b.label(smallest_margin(b, k.translator, guard, values), f"margin_{name.replace('.', '_')}")
+            margins[name] = b.name(smallest_margin(b, k.translator, guard, values), "margin", name)
     return margins
 
 

@@ -56,6 +56,11 @@ class JointMotion:
     rate: tuple[Block, ...]
     acceleration: tuple[Block, ...]
 
+    @property
+    def speed_names(self) -> tuple[str, ...]:
+        """The names of the k unknowns among the joint's speeds."""
+        return self.chart.speed_names if self.chart is not None else ()
+
 
 @dataclass(kw_only=True)
 class Kinematics:
@@ -137,12 +142,12 @@ def derive_kinematics(
 
 
 def _add_joint(k: Kinematics, t: TreeJoint, model: Model, scene: Scene, chart: Chart | None) -> None:
-    b, name = k.builder, _name(t.child)
+    b = k.builder
     kernel = derive_joint(t)
     position, quaternion, rate, acceleration = _coordinates(k, t, kernel, model, scene, chart)
     local = k.translator.with_values(dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False)))
     local = local.with_values(dict(zip(kernel.u, rate, strict=True)))
-    turn = b.label(local.matrix(kernel.rotation), f"R_{_name(t.joint.name)}")
+    turn = b.name(local.matrix(kernel.rotation), "R", t.joint.name)
     shift = local.matrix(kernel.displacement)
     if t.parent == GROUND:
         frame, motion = _add_root(k, t, kernel, local, turn, shift, rate)
@@ -150,7 +155,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, scene: Scene, chart: C
         frame, motion = _add_branch(k, t, kernel, local, turn, shift, rate)
     for block, symbol in ((frame.R, "R"), (frame.r, "r"), (frame.Z, "Z"), (motion[0], "b"), (motion[1], "d")):
         if block is not None:
-            b.label(block, f"{symbol}_{name}")
+            b.name(block, symbol, t.child, columns=chart.speed_names if chart is not None and symbol == "b" else ())
     subspace, drift, centre = motion
     if t.joint.guide is not None and subspace is not None:
         drift, subspace = b.add(drift, b.mul(subspace, b.column(acceleration))), None
@@ -166,13 +171,13 @@ def _coordinates(
     k: Kinematics, t: TreeJoint, kernel: JointKernel, model: Model, scene: Scene, chart: Chart | None
 ) -> tuple[tuple[Block, ...], tuple[Block, ...], tuple[Block, ...], tuple[Block, ...]]:
     """Scalar coordinates, quaternion, speeds, and (of a guided joint) accelerations."""
-    b, name = k.builder, _name(t.joint.name)
+    b, name = k.builder, t.joint.name
     if t.joint.guide is not None:
         columns = [_guided(k, guide, model, scene) for guide in t.joint.guide]
         for coordinate, column in zip(kernel.q, columns, strict=True):
-            own = name if len(columns) == 1 else f"{name}_{str(coordinate).removeprefix('q_')}"
+            which = () if len(columns) == 1 else (str(coordinate).removeprefix("q_"),)
             for block, symbol in zip(column, ("q", "v", "vdot"), strict=True):
-                b.label(block, f"{symbol}_{own}")
+                b.name(block, symbol, name, which=which)
         places, rates, accelerations = zip(*columns, strict=True)
         return places, (), rates, accelerations
     if chart is None:
@@ -190,10 +195,6 @@ def _guided(k: Kinematics, guide: Scalar, model: Model, scene: Scene) -> tuple[B
     motion = b.symbol("motion", 1, BindingTime.STEP)
     place, rate, acceleration = (k.translator.scalar(e) for e in guide_rates(guide, model, scene))
     return place, b.mul(motion, rate), b.mul(motion, acceleration)
-
-
-def _name(element: str) -> str:
-    return element.replace(".", "_")
 
 
 _Motion = tuple[Block | None, Block, Block | None]
@@ -223,7 +224,7 @@ def _add_branch(
 ) -> tuple[Frame, _Motion]:
     """A body that another carries."""
     b, parent = k.builder, k.frames[t.parent]
-    at = b.label(k.point(t.parent, inner_point(t.joint, t.reversed)), f"p_{_name(t.joint.name)}")
+    at = b.name(k.point(t.parent, inner_point(t.joint, t.reversed)), "p", t.joint.name)
     origin = reference_point(t.joint, t.reversed)
     R = b.mul(parent.R, turn)
     r = b.add(at, b.mul(parent.R, shift))
@@ -231,7 +232,7 @@ def _add_branch(
         return Frame(R=R, r=r, origin=origin, Z=parent.Z, pole=parent.pole, root=parent.root), (None, b.zero(6), None)
     subspace = _to_pole(k, parent.R, at, local.matrix(kernel.subspace))
     added = _to_pole(k, parent.R, at, b.mul(local.matrix(kernel.subspace), b.column(rate)))
-    b.label(added, f"bv_{_name(t.joint.name)}")
+    b.name(added, "bv", t.joint.name)
     drift = b.add(motion_cross(b, parent.Z, added), _to_pole(k, parent.R, at, local.matrix(kernel.drift)))
     frame = Frame(R=R, r=r, origin=origin, Z=b.add(parent.Z, added), pole=parent.pole, root=parent.root)
     return frame, (subspace, drift, at if t.joint.element.is_ball else None)

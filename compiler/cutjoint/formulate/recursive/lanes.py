@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.formulate.recursive.families import find_families
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
@@ -14,6 +14,6 @@ _OFTEN = frozenset({"evaluate", "project", "guard", "events"})
 
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
-    families = find_families(equations.builder, equations.topology) if lanes else []
+    families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
     folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in _OFTEN}
     return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes)

@@ -60,10 +60,10 @@ class _Terms:
 
 def _of_kernel(k: Kinematics, joint: Joint, kernel: ClosureKernel) -> _Terms:
     """The terms as SymPy derives them."""
-    b, name = k.builder, joint.name.replace(".", "_")
+    b, name = k.builder, joint.name
     step = k.pole_step(joint.base, joint.follower)
-    base_twist = b.label(k.twist_at(k.frames[joint.base].Z, step), f"Z_base_{name}")
-    twist = b.label(b.sub(k.frames[joint.follower].Z, base_twist), f"Z_{name}")
+    base_twist = b.name(k.twist_at(k.frames[joint.base].Z, step), "Z_base", name)
+    twist = b.name(b.sub(k.frames[joint.follower].Z, base_twist), "Z", name)
     local = k.translator.with_values(_values(k, joint, kernel, twist, step))
     A = local.matrix(kernel.jacobian)
     gamma = b.sub(local.matrix(kernel.drift), b.mul(A, motion_cross(b, base_twist, twist)))
@@ -75,16 +75,16 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
 
     With g = p - p0 and n = g/l: Phi' = n . g', A = [n, p x n], gamma = g'.g'/l + n . (w_f x p' - w_b x p0').
     """
-    b, name = k.builder, joint.name.replace(".", "_")
+    b, name = k.builder, joint.name
     assert joint.to is not None
     point, start = k.point(joint.follower, joint.to), k.point(joint.base, joint.at)
     length = k.translator.scalar(sympy.Matrix(rod_of(joint)).norm())
     share = b.call("div", b.number(1.0), length)
-    way = b.label(k.between(joint.follower, point, joint.base, start), f"way_{name}")
-    n = b.label(b.scale(share, way), f"n_{name}")
+    way = b.name(k.between(joint.follower, point, joint.base, start), "way", name)
+    n = b.name(b.scale(share, way), "n", name)
     speeds = (k.velocity(joint.follower, point), k.velocity(joint.base, start))
     turned = (b.cross(halves(b, k.frames[body].Z)[1], v) for body, v in zip((joint.follower, joint.base), speeds, strict=True))
-    speed, bent = b.label(b.sub(*speeds), f"speed_{name}"), b.sub(*turned)
+    speed, bent = b.name(b.sub(*speeds), "speed", name), b.sub(*turned)
     return _Terms(
         residual=b.mul(b.number(0.5), b.sub(b.dot(n, way), length)), rate=b.dot(n, speed),
         A=b.stack([[b.transpose(n), b.transpose(b.cross(point, n))]]),
@@ -94,13 +94,21 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
 
 def _derive(b: Builder, joint: Joint, kernel: ClosureKernel, terms: _Terms, numbers: Numbers) -> LoopClosure:
     """A cut joint's blocks under their names."""
-    name = joint.name.replace(".", "_")
-    residual, rate, A = b.label(terms.residual, f"Phi_{name}"), b.label(terms.rate, f"Phid_{name}"), b.label(terms.A, f"A_{name}")
-    doubled = b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))
-    squared = b.mul(numbers.frequency, numbers.frequency)
-    s = b.label(b.add(terms.gamma, b.add(b.scale(doubled, rate), b.scale(squared, residual))), f"s_{name}")
+    name, rows = joint.name, kernel.names
+    residual, rate = b.name(terms.residual, "Phi", name, rows=rows), b.name(terms.rate, "Phid", name, rows=rows)
+    A = b.name(terms.A, "A", name, rows=rows)
+    of_rate, of_residual = _stabilisation(b, numbers)
+    s = b.name(b.add(terms.gamma, b.add(b.scale(of_rate, rate), b.scale(of_residual, residual))), "s", name, rows=rows)
     multipliers = b.symbol(f"lambda:{joint.name}", len(kernel.names), BindingTime.ITERATION)
     return LoopClosure(joint=joint, names=kernel.names, residual=residual, rate=rate, A=A, s=s, multipliers=multipliers)
+
+
+def _stabilisation(b: Builder, numbers: Numbers) -> tuple[Block, Block]:
+    """The factors 2 xi w of the residual's rate and w^2 of the residual, the same for all cut joints."""
+    with b.section("stabilisation", "", "2 xi w, w^2", ""):
+        of_rate = b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))
+        of_residual = b.mul(numbers.frequency, numbers.frequency)
+    return b.label(of_rate, "rate_stabilisation"), b.label(of_residual, "residual_stabilisation")
 
 
 def _values(k: Kinematics, joint: Joint, kernel: ClosureKernel, twist: Block, step: Block) -> dict[sympy.Symbol, Block]:
@@ -126,8 +134,8 @@ def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...],
         with b.section("closure", joint.name, "M += A^T a A, C -= A^T a A, Q -= A^T (lambda + a s)  (eqs. 39-42)", joint.span.place):
             penalty = numbers.penalties[joint.name]
             weights = b.stack([[penalty]] * len(loop.names))
-            K = b.label(b.gram(loop.A, weights), f"K_{joint.name.replace('.', '_')}")
-            force = b.add(loop.multipliers, b.scale(penalty, loop.s))
+            K = b.name(b.gram(loop.A, weights), "K", joint.name)
+            force = b.name(b.add(loop.multipliers, b.scale(penalty, loop.s)), "push", joint.name, rows=loop.names)
             wrench = b.mul(b.transpose(loop.A), force)
             step = transport(b, k.pole_step(joint.base, joint.follower))
             back = b.transpose(step)
@@ -162,7 +170,7 @@ def corrections(k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers,
     for loop in loops:
         name = loop.joint.name
         with b.section("multipliers", name, CORRECTION, loop.joint.span.place):
-            found[name] = b.label(b.scale(numbers.penalties[name], errors[name]), f"correction_{name.replace('.', '_')}")
+            found[name] = b.name(b.scale(numbers.penalties[name], errors[name]), "correction", name, rows=loop.names)
     return found
 
 

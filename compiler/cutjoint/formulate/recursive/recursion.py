@@ -19,6 +19,7 @@ global axes, where it passes on a force only.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -56,14 +57,14 @@ class BodySystem:
     C: dict[tuple[str, str], Block] = field(default_factory=dict)
     joint_forces: dict[str, Block] = field(default_factory=dict)
     source: str = ""
-    _shares: dict[tuple[str, str], int] = field(default_factory=dict)
+    _shares: Counter[tuple[str, ...]] = field(default_factory=Counter)
 
     def couple(self, i: str, j: str, block: Block) -> None:
         """C_ij += block, C_ji += block^T; a coupling of a body with itself closes into its M, one with the ground is nothing."""
         b = self.builder
         if GROUND in (i, j):
             return
-        self._name_share("dC", f"{i}_{j}", block)
+        self._name_share("dC", block, i, j)
         if i == j:
             self.add_mass(i, b.symmetrise(block))
             return
@@ -87,19 +88,20 @@ class BodySystem:
     def add_mass(self, i: str, block: Block) -> None:
         """M_i += block."""
         if i != GROUND:
-            self._name_share("dM", i, block)
+            self._name_share("dM", block, i)
             self.M[i] = self.builder.add(self.M[i], block)
 
     def add_force(self, i: str, block: Block) -> None:
         """Q_i += block."""
         if i != GROUND:
-            self._name_share("dQ", i, block)
+            self._name_share("dQ", block, i)
             self.Q[i] = self.builder.add(self.Q[i], block)
 
-    def _name_share(self, symbol: str, target: str, block: Block) -> None:
+    def _name_share(self, symbol: str, block: Block, *targets: str) -> None:
         """Name what an element adds to M, Q or C of a body, such as dM1_arm_chassis for the arm's first share of the chassis."""
-        n = self._shares[symbol, f"{self.source}_{target}"] = self._shares.get((symbol, f"{self.source}_{target}"), 0) + 1
-        self.builder.label(block, f"{symbol}{n}_{self.source}_{target}".replace(".", "_"))
+        key = (symbol, self.source, *targets)
+        self._shares[key] += 1
+        self.builder.name(block, f"{symbol}{self._shares[key]}", self.source, *targets)
 
 
 class Branched(Protocol):
@@ -125,28 +127,30 @@ def condense(system: BodySystem, kinematics: Kinematics, branches: Mapping[str, 
                 gone.add(id(branches[body]))
             continue
         joint = motion.tree_joint.joint
-        name, system.source = body.replace(".", "_"), body
+        system.source = body
         equation = "D = b^T M b, M_p += M + C + C^T - y_p^T D^-1 y_p, Q_p += Q - M d - y_p^T e  (eqs. 28-42)"
         with b.section("condensation", joint.name, equation, joint.span.place):
-            b.label(system.M[body], f"M_{name}")
-            b.label(system.Q[body], f"Q_{name}")
+            b.name(system.M[body], "M", body)
+            b.name(system.Q[body], "Q", body)
             if motion.b is None:
                 _carry(system, body, motion)
             elif motion.centre is not None:
                 pivots[body] = _eliminate_ball(system, body, motion, motion.centre)
             else:
                 pivots[body] = _eliminate(system, body, motion, motion.b)
-            _name_pivot(b, pivots.get(body), name)
+            _name_pivot(b, pivots.get(body), body, motion)
         system.release(body)
     return pivots
 
 
-def _name_pivot(builder: Builder, pivot: Pivot | None, name: str) -> None:
+def _name_pivot(builder: Builder, pivot: Pivot | None, body: str, motion: JointMotion) -> None:
     if pivot is not None:
-        builder.label(pivot.inverse, f"Dinv_{name}")
-        builder.label(pivot.g, f"g_{name}")
+        rows = motion.speed_names
+        builder.name(pivot.lower, "L", body, rows=rows, columns=rows)
+        builder.name(pivot.inverse, "Dinv", body, rows=rows)
+        builder.name(pivot.g, "g", body, rows=rows)
         for other, row in pivot.rows.items():
-            builder.label(row, f"Y_{name}_{other.replace('.', '_')}")
+            builder.name(row, "Y", body, other, rows=rows)
 
 
 def _carry(system: BodySystem, body: str, motion: JointMotion) -> None:
@@ -263,8 +267,8 @@ def expand(
             above = b.add(Zdd[motion.tree_joint.parent], motion.d)
             if body in pivots:
                 above, zdd[body] = _solve(kinematics, motion, pivots[body], Zdd)
-                b.label(zdd[body], f"vdot_{joint.name.replace('.', '_')}")
-            Zdd[body] = b.label(above, f"Zdd_{body.replace('.', '_')}")
+                b.name(zdd[body], "vdot", joint.name, rows=motion.speed_names)
+            Zdd[body] = b.name(above, "Zdd", body)
     return Zdd, zdd
 
 
