@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,23 +12,18 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import COORDINATES, JointKind, Output
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models
+from tests.mechanisms.joint_examples import EXAMPLES
 from tests.oracles.dense import Instant, Numerics
 from tests.oracles.evaluation import both
 
 NUMERICS = Numerics(penalty=1e4, damping_ratio=1.0, frequency=10.0)
-FIELDS: dict[str, dict[str, Any]] = {
-    "revolute": {"axis": [1, 2, 3]}, "prismatic": {"axis": [-1, 2, 3]}, "cylindrical": {"axis": [1, 2, -3]},
-    "screw": {"axis": [1, 0.5, 0], "pitch": 0.2}, "universal": {"axis": [0, 0.6, 0.8], "axis_2": [1, 0, 0]},
-    "planar": {"axis": [0.2, 0.1, 3]}, "point_on_line": {"axis": [1, 2, 3]}, "distance": {"to": [0.4, 0.7, 0.2]}, "free": {},
-    "spherical": {}, "fixed": {},
-}  # fmt: skip
-GUIDABLE = ("revolute", "prismatic", "screw", "cylindrical", "universal", "planar")
+GUIDABLE = tuple(map(str, random_models.GUIDABLE))
 
 
 def document(kind: str, axis: str, is_guided: bool) -> str:
     """An arm on a joint of one kind that carries a hand, and the image of both."""
     names = COORDINATES[JointKind(kind)]
-    joint = {"kind": kind, "bodies": ["ground", "arm"], "at": [0.1, 0.3, 0.2], "cut": False, **FIELDS[kind]}
+    joint = {"kind": kind, "bodies": ["ground", "arm"], "at": [0.1, 0.3, 0.2], "cut": False, **EXAMPLES[kind]}
     if is_guided:
         laws = ["0.2 + 0.3*sin(t)", "0.5*t**2", "t - 0.1"][: len(names)]
         joint["guide"] = laws if len(laws) > 1 else laws[0]
@@ -55,7 +49,7 @@ def document(kind: str, axis: str, is_guided: bool) -> str:
 
 
 @pytest.mark.parametrize("axis", "xyz")
-@pytest.mark.parametrize(("kind", "is_guided"), [*((kind, False) for kind in FIELDS), *((kind, True) for kind in GUIDABLE)])
+@pytest.mark.parametrize(("kind", "is_guided"), [*((kind, False) for kind in EXAMPLES), *((kind, True) for kind in GUIDABLE)])
 def test_the_image_moves_as_the_mirror_shows(kind: str, is_guided: bool, axis: str) -> None:
     model = read_model_text(document(kind, axis, is_guided), "pair.yaml")
     topology = build_topology(model)

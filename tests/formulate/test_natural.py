@@ -31,7 +31,7 @@ from cutjoint.sparse.tangent import places
 from cutjoint.topology.build import build_topology
 from tests.conftest import with_heavy
 from tests.mechanisms import random_models
-from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE, NOWHERE, TIME, TREE_KINDS, K, scene, workshop
+from tests.mechanisms.random_models import CUT_KINDS, MEASURED, NOWHERE, TIME, TREE_KINDS, K, scene, workshop
 from tests.oracles.dense import Instant, Numerics
 from tests.oracles.evaluation import BlockMechanism
 
@@ -109,7 +109,7 @@ def make_pair(
 
 def told(model: Model) -> tuple[Output, ...]:
     """Every quantity that natural coordinates tell, but reactions."""
-    rods = {j.name for j in model.joints if j.kind is K.DISTANCE}
+    rods = {j.name for j in model.joints if not j.element.is_measured}
     tree = [t.joint for t in build_topology(model).tree if t.joint.name not in rods]
     forces = [f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)]
     elements = (*model.bodies, *model.markers, *forces, *tree)
@@ -117,7 +117,7 @@ def told(model: Model) -> tuple[Output, ...]:
 
 
 def without_rod_forces(model: Model) -> Model:
-    rods = {j.name for j in model.joints if j.kind is K.DISTANCE}
+    rods = {j.name for j in model.joints if not j.element.is_measured}
     return replace(model, forces=tuple(f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)))
 
 
@@ -207,7 +207,7 @@ def test_coupled_loops(seed: int) -> None:
     compare(random_models.random_loops(seed), seed)
 
 
-@pytest.mark.parametrize("kind", GUIDABLE)
+@pytest.mark.parametrize("kind", MEASURED)
 def test_guided_joint(kind: JointKind) -> None:
     w = workshop(0, f"guided {kind}")
     w.grow(w.guided(w.guided(w.grow("ground"), kind), kind))

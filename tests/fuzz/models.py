@@ -7,24 +7,16 @@ import json
 import random
 from typing import Any
 
+from cutjoint.elements.joints import JOINTS
+from cutjoint.elements.kinds import JointKind
+
 Node = dict[str, Any]
 
-AXIS_KINDS = ("revolute", "prismatic", "screw", "cylindrical", "planar", "point_on_line")
-KINDS = (*AXIS_KINDS, "universal", "spherical", "fixed", "free", "distance")
-SINGLE = ("revolute", "prismatic", "screw")
-COORDINATES = {
-    "revolute": ("angle",),
-    "prismatic": ("displacement",),
-    "screw": ("angle",),
-    "cylindrical": ("displacement", "angle"),
-    "universal": ("angle_1", "angle_2"),
-    "planar": ("displacement_1", "displacement_2", "angle"),
-    "point_on_line": ("displacement",),
-    "distance": ("angle_1", "angle_2"),
-    "free": ("x", "y", "z"),
-    "spherical": (),
-    "fixed": (),
-}
+#: A value for each field that kinds of joints have of their own, two for those that must be perpendicular.
+FIELDS = {"axis": [1, 0, 0], "axis_2": [0, 1, 0], "to": [5, 5, 5]}
+KINDS = tuple(map(str, JOINTS))
+SINGLE = tuple(str(kind) for kind, joint in JOINTS.items() if joint.can_be_guided and len(joint.coordinates) == 1)
+COORDINATES = {str(kind): joint.coordinates for kind, joint in JOINTS.items()}
 
 #: Names that are allowed and that a careless generator of C++, CMake or JSON stumbles over.
 ODD_NAMES = (
@@ -266,14 +258,12 @@ class Maker:
         name, part = self.name("joint"), {"kind": kind, "bodies": [base, follower], "at": self.triple(), **more}
         if self.chance(0.4):
             part["bodies"].reverse()
-        if kind in AXIS_KINDS:
+        fields = [field.name for field in JOINTS[JointKind(kind)].fields]
+        part |= {name: FIELDS[name] for name in fields if name in FIELDS}
+        if "axis" in fields and "axis_2" not in fields:
             part["axis"] = self.axis()
-        if kind == "universal":
-            part |= {"axis": [1, 0, 0], "axis_2": [0, 1, 0]}
-        if kind == "screw":
+        if "pitch" in fields:
             part["pitch"] = self.rng.choice((0.1, "0.05 m"))
-        if kind == "distance":
-            part["to"] = [5, 5, 5]
         self.joints[name] = part
         return name
 

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import sympy
 
+from cutjoint.elements.joint import PERPENDICULAR
+from cutjoint.elements.joints import JOINTS
 from cutjoint.model.records import (
     COORDINATES,
     GROUND,
@@ -36,9 +38,14 @@ from cutjoint.model.records import (
 )
 
 K = JointKind
-TREE_KINDS = tuple(JointKind)
-CUT_KINDS = tuple(kind for kind in JointKind if kind is not K.FREE)
-GUIDABLE = (K.REVOLUTE, K.PRISMATIC, K.SCREW, K.CYLINDRICAL, K.UNIVERSAL, K.PLANAR)
+#: Kinds whose motions have a coordinate each, of which random models are made, and all kinds, those with shared coordinates last.
+PLAIN_KINDS = tuple(kind for kind in JointKind if not JOINTS[kind].shares_coordinates)
+TREE_KINDS = (*PLAIN_KINDS, *(kind for kind in JointKind if kind not in PLAIN_KINDS))
+PLAIN_CUTS = tuple(kind for kind in PLAIN_KINDS if JOINTS[kind].closes)
+CUT_KINDS = tuple(kind for kind in TREE_KINDS if JOINTS[kind].closes)
+GUIDABLE = tuple(kind for kind in JOINTS if JOINTS[kind].can_be_guided)
+#: Guided kinds whose angles natural coordinates have.
+MEASURED = tuple(kind for kind in GUIDABLE if JOINTS[kind].is_measured)
 
 NOWHERE = Span(file="random", line=1, column=1)
 TIME = sympy.Symbol("t", real=True)
@@ -118,10 +125,11 @@ class Workshop:
 
     def axes(self, kind: JointKind) -> tuple[tuple[Any, ...], ...]:
         """The directions of a joint."""
-        if kind in (K.FIXED, K.SPHERICAL, K.DISTANCE, K.FREE):
+        fields = [field.name for field in JOINTS[kind].fields]
+        if "axis" not in fields:
             return ()
         first = self.axis()
-        if kind is not K.UNIVERSAL:
+        if PERPENDICULAR not in JOINTS[kind].conditions:
             return (first,)
         return first, _unit(np.cross(np.array(first, dtype=float), self.rng.standard_normal(3)))
 
@@ -154,10 +162,10 @@ class Workshop:
         name = f"{'cut' if cut else 'joint'}_{len(self.joints)}"
         base, follower = (outer, inner) if is_reversed else (inner, outer)
         at, to = self.point(), None
-        if kind is K.DISTANCE:
+        if any(field.name == "to" for field in JOINTS[kind].fields):
             at = self.numbers()
             to = tuple(a + s for a, s in zip(at, self.numbers(0.8), strict=True))
-        pitch = sympy.Float(self.rng.uniform(0.1, 0.3)) if kind is K.SCREW else None
+        pitch = sympy.Float(self.rng.uniform(0.1, 0.3)) if JOINTS[kind].advances else None
         self.joints.append(
             Joint(
                 name=name, kind=kind, base=base, follower=follower, at=at, axes=self.axes(kind), to=to, pitch=pitch, cut=cut,
@@ -170,7 +178,7 @@ class Workshop:
         """A new body on a joint, by default one of any kind that is seen from either end."""
         body = self.body(how.pop("massless", False))
         how.setdefault("is_reversed", self.chance(0.5))
-        self.joint(kind or self.pick(TREE_KINDS), inner, body, **how)
+        self.joint(kind or self.pick(PLAIN_KINDS), inner, body, **how)
         return body
 
     def close(self, kind: JointKind, one: str, other: str, *, cut: bool | None = True) -> str:
@@ -179,7 +187,7 @@ class Workshop:
 
     def guided(self, inner: str, kind: JointKind | None = None) -> str:
         """A new body on a guided joint."""
-        kind = kind or self.pick(GUIDABLE)
+        kind = kind or self.pick([k for k in GUIDABLE if k in PLAIN_KINDS])
         rates = [sympy.Float(x) for x in self.rng.uniform(0.5, 1.5, len(COORDINATES[kind]))]
         return self.grow(inner, kind, guide=tuple(sympy.Float(0.3) * sympy.sin(x * TIME) + DRIVE.symbol for x in rates))
 
@@ -373,7 +381,7 @@ def loop_with(kind: JointKind, closing: str, seed: int) -> Model:
         one, other = third, GROUND
     elif closing == "twice":
         one, other = third, first
-        w.close(w.pick(CUT_KINDS), other, one)
+        w.close(w.pick(PLAIN_CUTS), other, one)
     elif closing == "parent":
         one, other = third, second
     else:
@@ -392,7 +400,7 @@ def floating_loops(seed: int, roots: int = 2) -> Model:
     for _ in range(int(w.rng.integers(3, 6))):
         w.grow(w.pick(w.places()))
     for _ in range(int(w.rng.integers(1, 4))):
-        w.close(w.pick(CUT_KINDS), *w.two())
+        w.close(w.pick(PLAIN_CUTS), *w.two())
     w.load_all()
     return w.model()
 
@@ -406,7 +414,7 @@ def random_loops(seed: int, gravity: bool = True, forces: bool = True) -> Model:
     if seed % 2 == 0:
         w.guided(w.pick(w.places()))
     for _ in range(int(w.rng.integers(2, 5))):
-        w.close(w.pick(CUT_KINDS), *w.two())
+        w.close(w.pick(PLAIN_CUTS), *w.two())
     heavy = [b.name for b in w.bodies]
     if seed % 3 != 2:
         w.link(*w.rng.permutation(heavy)[:2])
@@ -423,9 +431,9 @@ def chosen_loops(seed: int) -> Model:
     w = workshop(seed, "chosen loops")
     w.grow(GROUND, w.pick(HEAVY), cut=None)
     for _ in range(int(w.rng.integers(3, 7))):
-        w.grow(w.pick(w.places()), w.pick(CUT_KINDS), cut=None)
+        w.grow(w.pick(w.places()), w.pick(PLAIN_CUTS), cut=None)
     for _ in range(int(w.rng.integers(1, 4))):
-        w.close(w.pick(CUT_KINDS), *w.two(), cut=None)
+        w.close(w.pick(PLAIN_CUTS), *w.two(), cut=None)
     w.load_all()
     return w.model()
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.elements.joint import Ball, JointElement, Offset, Slide, Turn
+from cutjoint.elements.joints import JOINTS
 from cutjoint.model.document import json_schema
 from cutjoint.model.names import VARIABLES
 from cutjoint.model.operations import FUNCTIONS
@@ -68,6 +70,37 @@ def test_the_examples_of_laws_load(line: str) -> None:
 def test_the_road_example_loads() -> None:
     road = example("road:").replace("\n", "\n    ")
     assert len(read("fall: {end: 2}", f"fall:\n    end: 2\n    {road}").scenes["fall"].road.right) == 4
+
+
+def joint_row(joint: JointElement) -> str:
+    """The line of a kind in the table of joints."""
+    fields = [f"`{field.name}`{field.words}" for field in joint.fields] + (["`guide`"] if joint.can_be_guided else [])
+    cells = (f"`{joint.kind}`", ", ".join(fields), ", ".join(joint.coordinates), ", ".join(joint.speeds))
+    return "|" + "|".join(f" {cell} " if cell else " " for cell in cells) + "|"
+
+
+def test_the_table_of_joints_is_the_catalogue() -> None:
+    rows = [joint_row(joint) for joint in JOINTS.values()]
+    table = "\n".join(rows)
+    assert table in TEXT, f"write into docs/model-format.md:\n{table}"
+
+
+def chain_row(joint: JointElement) -> str:
+    """The line of a kind in the table of chains."""
+    words = {Slide: "slide", Ball: "ball", Offset: "offset (the rod)"}
+    parts = []
+    for motion in joint.chain:
+        word = words.get(type(motion), "turn")
+        if isinstance(motion, Turn):
+            word += " with a pitch" if motion.advances else ""
+            word = word if motion.share == 1 else f"{motion.share} {motion.coordinate}"
+        parts.append(word)
+    return f"| {joint.kind} | {', '.join(parts)} |" if parts else f"| {joint.kind} | |"
+
+
+def test_the_table_of_chains_is_the_catalogue() -> None:
+    table = "\n".join(chain_row(joint) for joint in JOINTS.values())
+    assert table in (DOCS.parent / "mechanics.md").read_text(encoding="utf-8"), f"write into docs/mechanics.md:\n{table}"
 
 
 def test_everything_is_named() -> None:

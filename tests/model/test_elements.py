@@ -24,6 +24,7 @@ from cutjoint.model.records import (
     RoadSegment,
     SegmentKind,
 )
+from tests.mechanisms.joint_examples import EXAMPLES
 
 from .pendulum import PENDULUM, read
 
@@ -80,34 +81,31 @@ def test_points_build_on_each_other() -> None:
     assert model.markers[0].point == (1, 0, 0)
 
 
-JOINTS = {
-    "fixed": "",
-    "revolute": ", axis: [0, 0, 1]",
-    "prismatic": ", axis: [0, 0, 1]",
-    "cylindrical": ", axis: [0, 0, 1]",
-    "screw": ", axis: [0, 0, 1], pitch: 5 mm",
-    "universal": ", axis: [0, 0, 1], axis_2: [1, 0, 0]",
-    "planar": ", axis: [0, 0, 1]",
-    "spherical": "",
-    "point_on_line": ", axis: [0, 0, 1]",
-    "distance": ", to: [1, 0, 0]",
-    "free": "",
-}
-
-
-@pytest.mark.parametrize("kind", JOINTS)
+@pytest.mark.parametrize("kind", EXAMPLES)
 def test_every_kind_of_joint(kind: str) -> None:
-    text = f"bar: {{kind: {kind}, bodies: [ground, arm], at: [0, 0, 0]{JOINTS[kind]}, cut: false}}"
-    joint = read(HINGE, f"{HINGE}\n  {text}").joints[1]
+    fields = EXAMPLES[kind]
+    text = json.dumps({"kind": kind, "bodies": ["ground", "arm"], "at": [0, 0, 0], "cut": False, **fields})
+    joint = read(HINGE, f"{HINGE}\n  bar: {text}").joints[1]
     assert joint.kind is JointKind(kind)
-    assert len(joint.axes) == JOINTS[kind].count("axis")
+    assert len(joint.axes) == (1 if joint.element.axis_is_bisector else len(fields.keys() & {"axis", "axis_2"}))
     assert joint.cut is False
-    assert joint.to == ((1, 0, 0) if kind == "distance" else None)
-    assert joint.pitch is None if kind != "screw" else float(joint.pitch) == 0.005
+    assert (None if joint.to is None else list(floats(joint.to))) == fields.get("to")
+    assert (None if joint.pitch is None else float(joint.pitch)) == fields.get("pitch")
+
+
+def test_the_pitch_of_a_screw_has_a_unit() -> None:
+    text = "bar: {kind: screw, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 0, 1], pitch: 5 mm}"
+    assert float(read(HINGE, f"{HINGE}\n  {text}").joints[1].pitch) == 0.005
+
+
+def test_the_axis_of_a_constant_velocity_joint_is_the_bisector_of_its_shafts() -> None:
+    text = "knuckle: {kind: constant_velocity, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 2, 0], axis_2: [0.6, 0.8, 0], cut: true}"
+    joint = read(HINGE, f"{HINGE}\n  {text}").joints[1]
+    assert floats(joint.axes[0]) == pytest.approx([0.1**0.5, 0.9**0.5, 0], abs=1e-15)
 
 
 def test_every_kind_of_joint_has_quantities() -> None:
-    assert set(JOINTS) == set(JointKind)
+    assert set(EXAMPLES) == set(JointKind)
     for kind in JointKind:
         names = [*COORDINATES[kind], *SPEEDS[kind]]
         assert list(quantities.JOINT_QUANTITIES[kind]) == names

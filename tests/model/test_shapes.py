@@ -58,13 +58,13 @@ SHAPES = [
         "kind: revolute",
         "kind: §revolut",
         "@: joint 'hinge': unknown joint kind 'revolut'; did you mean 'revolute'? kinds: "
-        "cylindrical, distance, fixed, free, planar, point_on_line, prismatic, revolute, "
+        "constant_velocity, cylindrical, distance, fixed, free, planar, point_on_line, prismatic, revolute, "
         "screw, spherical, universal",
     ),
     (
         "kind: revolute",
         "kind: §sledge",
-        "@: joint 'hinge': unknown joint kind 'sledge'; kinds: cylindrical, distance, fixed, "
+        "@: joint 'hinge': unknown joint kind 'sledge'; kinds: constant_velocity, cylindrical, distance, fixed, "
         "free, planar, point_on_line, prismatic, revolute, screw, spherical, universal",
     ),
     ("kind: revolute, ", "", "13:3: joint 'hinge': the field 'kind' is missing"),

@@ -15,7 +15,7 @@ Array = np.ndarray
 SCALARS = {
     JointKind.FIXED: 0, JointKind.REVOLUTE: 1, JointKind.PRISMATIC: 1, JointKind.CYLINDRICAL: 2, JointKind.SCREW: 1,
     JointKind.UNIVERSAL: 2, JointKind.PLANAR: 3, JointKind.SPHERICAL: 0, JointKind.POINT_ON_LINE: 1,
-    JointKind.DISTANCE: 2, JointKind.FREE: 3,
+    JointKind.DISTANCE: 2, JointKind.FREE: 3, JointKind.CONSTANT_VELOCITY: 2,
 }  # fmt: skip
 BALLS = (JointKind.SPHERICAL, JointKind.POINT_ON_LINE, JointKind.DISTANCE, JointKind.FREE)
 
@@ -112,6 +112,11 @@ def _follower_from_base(kind: JointKind, axes: tuple[Array, ...], pitch: float, 
             return rotation_about(axes[0], q[..., 0]), pitch * q[..., :1] * axes[0]
         case JointKind.UNIVERSAL:
             return rotation_about(axes[0], q[..., 0]) @ rotation_about(axes[1], q[..., 1]), still
+        case JointKind.CONSTANT_VELOCITY:
+            # a rotation about an axis across the joint's: the vector part of its quaternion has no component along that
+            first, second = tangents(axes[0])
+            (c_1, s_1), (c_2, s_2) = ((np.cos(q[..., i : i + 1] / 2), np.sin(q[..., i : i + 1] / 2)) for i in range(2))
+            return rotation_of(np.concatenate([c_2 * c_1, c_2 * s_1 * first + s_2 * second], axis=-1)), still
         case JointKind.PLANAR:
             first, second = tangents(axes[0])
             return rotation_about(axes[0], q[..., 2]), q[..., :1] * first + q[..., 1:2] * second
@@ -124,13 +129,14 @@ def _follower_from_base(kind: JointKind, axes: tuple[Array, ...], pitch: float, 
 ROWS = {
     JointKind.FIXED: 6, JointKind.REVOLUTE: 6, JointKind.PRISMATIC: 5, JointKind.CYLINDRICAL: 5, JointKind.SCREW: 6,
     JointKind.UNIVERSAL: 4, JointKind.PLANAR: 4, JointKind.SPHERICAL: 3, JointKind.POINT_ON_LINE: 2, JointKind.DISTANCE: 1,
+    JointKind.CONSTANT_VELOCITY: 4,
 }  # fmt: skip
 
 #: First rows of the residuals that are vectors.
 VECTORS = {
     JointKind.FIXED: (0, 3), JointKind.REVOLUTE: (0, 3), JointKind.PRISMATIC: (2,), JointKind.CYLINDRICAL: (2,),
     JointKind.SCREW: (2,), JointKind.UNIVERSAL: (0,), JointKind.PLANAR: (1,), JointKind.SPHERICAL: (0,),
-    JointKind.POINT_ON_LINE: (), JointKind.DISTANCE: (),
+    JointKind.POINT_ON_LINE: (), JointKind.DISTANCE: (), JointKind.CONSTANT_VELOCITY: (0,),
 }  # fmt: skip
 
 
@@ -156,6 +162,8 @@ def residual(kind: JointKind, axes: tuple[Array, ...], rod: Array | None, pitch:
         return _beside(gap, aligned)
     if kind is JointKind.UNIVERSAL:
         return _beside(gap, _along(apply(turn, axes[1]), axis))
+    if kind is JointKind.CONSTANT_VELOCITY:
+        return _beside(gap, _along(twist, axis))
     first, second = tangents(axis)
     across, along = _beside(_along(gap, first), _along(gap, second)), _along(gap, axis)
     match kind:

@@ -35,7 +35,7 @@ from cutjoint.twin.mechanism import describe_generic
 from cutjoint.twin.system import describe_generic_natural
 from tests.conftest import MODELS
 from tests.mechanisms import random_models
-from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE, NOWHERE, TREE_KINDS, K, workshop
+from tests.mechanisms.random_models import CUT_KINDS, MEASURED, NOWHERE, TREE_KINDS, K, workshop
 from tests.oracles.dense import DenseMechanism, Instant
 from tests.oracles.reports import reported
 
@@ -115,7 +115,7 @@ def make_case(
 
 def without_rods(model: Model, scene: Scene) -> Scene:
     """The scene without forces on coordinates of distance joints, which have no attitude."""
-    rods = {j.name for j in model.joints if j.kind is K.DISTANCE}
+    rods = {j.name for j in model.joints if not j.element.is_measured}
     off = {f.name: False for f in model.forces if isinstance(f, JointForce) and f.joint in rods}
     return replace(scene, switches={**scene.switches, **off})
 
@@ -123,10 +123,10 @@ def without_rods(model: Model, scene: Scene) -> Scene:
 def all_outputs(model: Model) -> list[Output]:
     """Every quantity of every element but cut joints and the rods of distance joints."""
     topology, joints = build_topology(model), {j.name: j for j in model.joints}
-    tree = [t.joint for t in topology.tree if t.joint.kind is not K.DISTANCE]
+    tree = [t.joint for t in topology.tree if t.joint.element.is_measured]
     cuts = {j.name for j in topology.cuts}
     reactions = [r for r in model.reactions if r.joint in cuts and joints[r.joint].kind is not K.FIXED]
-    rods = {j.name for j in model.joints if j.kind is K.DISTANCE}
+    rods = {j.name for j in model.joints if not j.element.is_measured}
     forces = [f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)]
     elements = (*model.bodies, *model.markers, *reactions, *forces, *tree)
     return [Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e)]
@@ -274,7 +274,7 @@ def test_coupled_loops(seed: int, program: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("kind", GUIDABLE)
+@pytest.mark.parametrize("kind", MEASURED)
 def test_guided_joints(kind: JointKind, method: str, program: Path, tmp_path: Path) -> None:
     w = workshop(0, f"guided {kind}")
     body = w.guided(w.grow(GROUND, K.REVOLUTE), kind)

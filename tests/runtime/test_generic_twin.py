@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -24,6 +25,8 @@ from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
+from tests.mechanisms.joint_examples import EXAMPLES
+from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE
 
 pytestmark = needs_cpp
 
@@ -284,28 +287,13 @@ def check_small(generic: Path, folder: Path, **parts: Any) -> None:
     check_agreement(generic, case, folder, spread=0.3)
 
 
-JOINTS: Mapping[str, dict[str, Any]] = {
-    "fixed": {},
-    "revolute": {"axis": [1, 2, 3]},
-    "prismatic": {"axis": [-1, 2, 3]},
-    "cylindrical": {"axis": [1, 2, -3]},
-    "screw": {"axis": [1, 0.5, 0], "pitch": 0.2},
-    "universal": {"axis": [0, 0.6, 0.8], "axis_2": [1, 0, 0]},
-    "planar": {"axis": [0.2, 0.1, 3]},
-    "spherical": {},
-    "point_on_line": {"axis": [1, 2, 3]},
-    "distance": {"to": [0.4, 0.7, 0.2]},
-    "free": {},
-}
-
-
 def joint_of(kind: str, *bodies: str, **more: Any) -> dict[str, Any]:
-    return {"kind": kind, "bodies": list(bodies), "at": [0.2, 0.3, 0.1], **JOINTS[kind], **more}
+    return {"kind": kind, "bodies": list(bodies), "at": [0.2, 0.3, 0.1], **EXAMPLES[kind], **more}
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["forward", "reversed"])
 @pytest.mark.parametrize("parent", ["ground", "left"])
-@pytest.mark.parametrize("kind", JOINTS)
+@pytest.mark.parametrize("kind", EXAMPLES)
 def test_tree_joint(kind: str, parent: str, turned: bool, generic: Path, tmp_path: Path) -> None:
     bodies = ("tip", parent) if turned else (parent, "tip")
     closure = {"kind": "spherical", "bodies": ["right", "tip"], "at": [0.5, 0.5, 0.5], "cut": True}
@@ -316,14 +304,14 @@ CUTS = [("right", "tip"), ("tip", "right"), ("left", "tip"), ("ground", "tip"), 
 
 
 @pytest.mark.parametrize("bodies", CUTS, ids="-".join)
-@pytest.mark.parametrize("kind", [kind for kind in JOINTS if kind != "free"])
+@pytest.mark.parametrize("kind", tuple(map(str, CUT_KINDS)))
 def test_cut_joint(kind: str, bodies: tuple[str, str], generic: Path, tmp_path: Path) -> None:
     reaction = {"joint": "closure", "body": "tip", "direction": [1, 1, 0]}
     check_small(generic, tmp_path, joints={"closure": joint_of(kind, *bodies, cut=True)}, reactions={"pull": reaction})
 
 
 @pytest.mark.parametrize("bodies", [("ground", "tip"), ("left", "tip"), ("tip", "left")], ids="-".join)
-@pytest.mark.parametrize("kind", ["revolute", "prismatic", "screw", "cylindrical", "universal", "planar"])
+@pytest.mark.parametrize("kind", tuple(map(str, GUIDABLE)))
 def test_guided_joint(kind: str, bodies: tuple[str, str], generic: Path, tmp_path: Path) -> None:
     closure = {"kind": "revolute", "bodies": ["right", "tip"], "at": [0.5, 0.5, 0.5], "axis": [0, 1, 1], "cut": True}
     laws = ["drive + 0.3*t**2", "sin(t)", "drive*t"][: len(COORDINATES.get(kind, "1"))]
@@ -382,9 +370,10 @@ def test_joint_forces(kind: str, guide: str | None, generic: Path, tmp_path: Pat
     check_small(generic, tmp_path, joints={"arm": arm}, forces=forces)
 
 
+#: Those of the kinds with several, or with a ball behind them.
 COORDINATES = {
-    "cylindrical": ["displacement", "angle"], "universal": ["angle_1", "angle_2"], "planar": ["displacement_1", "displacement_2", "angle"],
-    "point_on_line": ["displacement"], "distance": ["angle_1", "angle_2"], "free": ["x", "y", "z"],
+    str(kind): list(joint.coordinates) for kind, joint in JOINTS.items()
+    if joint.coordinates and (joint.has_ball or len(joint.coordinates) > 1)
 }  # fmt: skip
 
 

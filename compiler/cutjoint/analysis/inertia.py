@@ -14,10 +14,11 @@ import numpy as np
 from cutjoint.analysis.closing import Array, design_coordinates, evaluate_closures, evaluate_rates
 from cutjoint.analysis.geometry import evaluate
 from cutjoint.analysis.poses import TOLERANCE, explore
+from cutjoint.elements.joint import Direction, Slide, Turn
 from cutjoint.formulate.inputs import make_translator
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics, halves
-from cutjoint.model.records import Body, JointKind, Model
+from cutjoint.model.records import Body, Model
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.records import TreeJoint
@@ -86,9 +87,10 @@ def _resists(model: Model, body: Body, t: TreeJoint) -> bool:
     (mass,) = evaluate(model, [body.mass])
     xx, yy, zz, xy, xz, yz = evaluate(model, body.inertia)
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if t.joint.kind is JointKind.PRISMATIC:
+    motions = t.joint.element.chain
+    if all(isinstance(m, Slide) for m in motions):
         return bool(mass > 0)
-    if t.joint.kind is JointKind.REVOLUTE:
+    if motions == (Turn("angle", Direction.AXIS),):
         axis, arm = evaluate(model, t.joint.axes[0]), evaluate(model, body.centre_of_mass) - evaluate(model, t.joint.at)
         return bool(axis @ inertia @ axis + mass * np.sum(np.cross(axis, arm) ** 2) > TOLERANCE * (np.trace(inertia) + mass * arm @ arm))
     principal = np.linalg.eigvalsh(inertia)

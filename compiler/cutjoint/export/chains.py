@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from cutjoint.elements.joint import AXIAL_FRAME, Ball, Direction, Offset, Slide, Turn
 from cutjoint.export.records import Mechanism, PeerJoint, Triple
 from cutjoint.export.start import Array
 from cutjoint.model.errors import Problem
@@ -40,42 +41,32 @@ def chain(joint: PeerJoint) -> tuple[Part, ...]:
     A free joint's coordinates and a distance joint's angles belong to no part.
     """
     inner, outer = (joint.follower_point, joint.base_point) if joint.reversed else (joint.base_point, joint.follower_point)
-    match joint.kind:
-        case JointKind.FREE:
-            return (Part(type="free", point=outer),)
-        case JointKind.DISTANCE:
-            # two turns of the rod, then the outer ball: MuJoCo has none after a ball
-            across = frame(np.array(outer) - np.array(inner))[:2]
-            return (*(Part(type="hinge", point=inner, axis=axis) for axis in across), Part(type="ball", point=outer))
-    parts = tuple(_motions(joint))
+    if joint.element.is_free:
+        return (Part(type="free", point=outer),)
+    if any(isinstance(m, Offset) for m in joint.element.chain):
+        # two turns of the rod, then the outer ball: MuJoCo has none after a ball
+        across = frame(np.array(outer) - np.array(inner))[:2]
+        return (*(Part(type="hinge", point=inner, axis=axis) for axis in across), Part(type="ball", point=outer))
+    parts = tuple(_part(joint, motion) for motion in joint.element.chain if not isinstance(motion, Offset))
     return tuple(map(_opposite, parts[::-1])) if joint.reversed else parts
 
 
-def _motions(joint: PeerJoint) -> Iterator[Part]:
-    """The motions of the follower beside the base."""
-    at, base, follower = joint.follower_point, joint.base_axes, joint.follower_axes
-    match joint.kind:
-        case JointKind.REVOLUTE:
-            yield Part(type="hinge", point=at, axis=base[0], coordinate=0)
-        case JointKind.PRISMATIC:
-            yield Part(type="slide", point=at, axis=base[0], coordinate=0)
-        case JointKind.CYLINDRICAL:
-            yield Part(type="slide", point=at, axis=base[0], coordinate=0)
-            yield Part(type="hinge", point=at, axis=base[0], coordinate=1)
-        case JointKind.SCREW:
-            yield Part(type="screw", point=at, axis=base[0], coordinate=0, pitch=joint.pitch)
-        case JointKind.UNIVERSAL:
-            yield Part(type="hinge", point=at, axis=base[0], coordinate=0)
-            yield Part(type="hinge", point=at, axis=follower[1], coordinate=1)
-        case JointKind.PLANAR:
-            yield Part(type="slide", point=at, axis=base[1], coordinate=0)
-            yield Part(type="slide", point=at, axis=base[2], coordinate=1)
-            yield Part(type="hinge", point=at, axis=base[0], coordinate=2)
-        case JointKind.POINT_ON_LINE:
-            yield Part(type="slide", point=at, axis=base[0], coordinate=0)
-            yield Part(type="ball", point=at)
-        case JointKind.SPHERICAL:
-            yield Part(type="ball", point=at)
+def _part(joint: PeerJoint, motion: Slide | Turn | Ball) -> Part:
+    """A motion of the follower beside the base."""
+    if isinstance(motion, Ball):
+        return Part(type="ball", point=joint.follower_point)
+    kind: Literal["hinge", "slide", "screw"] = "slide"
+    if isinstance(motion, Turn):
+        kind = "screw" if motion.advances else "hinge"
+    coordinate, pitch = joint.element.coordinates.index(motion.coordinate), joint.pitch if kind == "screw" else 0.0
+    return Part(type=kind, point=joint.follower_point, axis=_axis(joint, motion.direction), coordinate=coordinate, pitch=pitch)
+
+
+def _axis(joint: PeerJoint, direction: Direction) -> Triple:
+    """A direction as the body carries it that the motions before lead to."""
+    if direction is Direction.AXIS_2:
+        return joint.follower_axes[1]
+    return joint.base_axes[AXIAL_FRAME.index(direction)]
 
 
 def _opposite(part: Part) -> Part:
@@ -99,9 +90,19 @@ def triple(vector: Array) -> Triple:
     return x, y, z
 
 
+def chain_problems(mechanism: Mechanism, joints: Sequence[PeerJoint]) -> list[Problem]:
+    """Joints of which several motions share a coordinate, and forces on coordinates that belong to no part."""
+    return [*(_shared(joint) for joint in joints if joint.element.shares_coordinates), *joint_force_problems(mechanism)]
+
+
+def _shared(joint: PeerJoint) -> Problem:
+    message, hint = f"a joint of kind {joint.kind} is not exported to this simulator", "write a universal joint"
+    return Problem(span=joint.span, element=f"joint '{joint.name}'", message=message, hint=hint)
+
+
 def joint_force_problems(mechanism: Mechanism) -> list[Problem]:
     """Forces on coordinates that belong to no part of a chain."""
-    kinds = {joint.name: joint.kind for joint in mechanism.tree if joint.kind in (JointKind.FREE, JointKind.DISTANCE)}
+    kinds = {joint.name: joint.kind for joint in mechanism.tree if joint.element.from_inner}
     forces = [force for force in mechanism.forces if isinstance(force, JointForce) and force.joint in kinds]
     return [_no_part(force, kinds[force.joint]) for force in forces]
 

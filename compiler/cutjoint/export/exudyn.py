@@ -12,7 +12,7 @@ from cutjoint.emit.source import environment
 from cutjoint.export.chains import joint_force_problems
 from cutjoint.export.columns import make_columns
 from cutjoint.export.exudyn_forces import ForceWriter, road_statements
-from cutjoint.export.exudyn_joints import LOCKED, Constraint, constrain, independent_cuts, joint_problems
+from cutjoint.export.exudyn_joints import Constraint, constrain, independent_cuts, joint_problems, locked
 from cutjoint.export.exudyn_laws import function
 from cutjoint.export.forces_cpp import arm
 from cutjoint.export.mechanism import build_mechanism
@@ -104,7 +104,7 @@ def _joint(mechanism: Mechanism, constraint: Constraint) -> Iterator[str]:
     joint = constraint.joint
     arms = ((body, arm(mechanism, body, point)) for body, point in ((joint.base, joint.base_point), (joint.follower, joint.follower_point)))
     ends = ", ".join(map(repr, arms))
-    if constraint.locked != LOCKED[joint.kind]:
+    if constraint.locked != locked(joint.element):
         yield f"mechanism.joint({ends}, {constraint.axes!r}, {constraint.locked!r})"
     elif joint.kind is JointKind.REVOLUTE:
         yield f"mechanism.revolute({ends}, {constraint.axes!r})"

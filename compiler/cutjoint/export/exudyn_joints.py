@@ -7,26 +7,45 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cutjoint.elements.joint import (
+    AXIAL_FRAME,
+    DESIGN_FRAME,
+    IN_PLANE,
+    ON_LINE,
+    PERPENDICULAR,
+    Condition,
+    Direction,
+    JointElement,
+    SameAttitude,
+    SameDirection,
+    SameDistance,
+    SamePoint,
+    Slide,
+)
 from cutjoint.export.chains import Frame, frame, triple
 from cutjoint.export.independence import Row, independent_rows
 from cutjoint.export.records import Mechanism, PeerJoint
 from cutjoint.export.start import Array
 from cutjoint.model.errors import Problem
-from cutjoint.model.records import JointKind, Model, Scene
+from cutjoint.model.records import Model, Scene
 
-#: Which slides along and turns about a joint's frame are locked; the joint's axis is the frame's third.
-LOCKED: Mapping[JointKind, tuple[int, ...]] = {
-    JointKind.FIXED: (1, 1, 1, 1, 1, 1),
-    JointKind.REVOLUTE: (1, 1, 1, 1, 1, 0),
-    JointKind.PRISMATIC: (1, 1, 0, 1, 1, 1),
-    JointKind.CYLINDRICAL: (1, 1, 0, 1, 1, 0),
-    JointKind.UNIVERSAL: (1, 1, 1, 1, 0, 0),
-    JointKind.PLANAR: (0, 0, 1, 1, 1, 0),
-    JointKind.SPHERICAL: (1, 1, 1, 0, 0, 0),
-    JointKind.POINT_ON_LINE: (1, 1, 0, 0, 0, 0),
-    JointKind.DISTANCE: (0, 0, 1, 0, 0, 0),
-    JointKind.FREE: (0, 0, 0, 0, 0, 0),
+#: Which slides along and turns about a joint's frame a condition locks; the joint's axis is the frame's third.
+_LOCKED_BY: Mapping[Condition, tuple[int, ...]] = {
+    SamePoint(): (1, 1, 1, 0, 0, 0),
+    ON_LINE: (1, 1, 0, 0, 0, 0),
+    IN_PLANE: (0, 0, 1, 0, 0, 0),
+    SameDistance(): (0, 0, 1, 0, 0, 0),
+    PERPENDICULAR: (0, 0, 0, 1, 0, 0),
+    SameDirection(Direction.AXIS): (0, 0, 0, 1, 1, 0),
+    SameAttitude(AXIAL_FRAME): (0, 0, 0, 1, 1, 1),
+    SameAttitude(DESIGN_FRAME): (0, 0, 0, 1, 1, 1),
 }
+
+
+def locked(element: JointElement) -> tuple[int, ...]:
+    """What of a joint's frame its kind locks."""
+    return tuple(map(max, zip((0,) * 6, *(_LOCKED_BY[c] for c in element.conditions), strict=True)))
+
 
 #: What of a frame is locked, in words.
 _WORDS = ("across 1", "across 2", "along", "turn 1", "turn 2", "turn 3")
@@ -62,17 +81,17 @@ class Constraint:
 
 def constrain(joint: PeerJoint) -> Constraint:
     """The constraint of a joint."""
-    if joint.kind is JointKind.UNIVERSAL:
+    if PERPENDICULAR in joint.element.conditions:
         # its equation: the base's second axis and the follower's third one are across each other
         first, second = np.array(joint.base_axes[0]), np.array(joint.follower_axes[1])
         axes = triple(np.cross(first, second)), triple(first), triple(second)
-        return Constraint(joint=joint, axes=axes, locked=LOCKED[joint.kind])
-    return Constraint(joint=joint, axes=frame(_axis(joint)), locked=LOCKED[joint.kind])
+        return Constraint(joint=joint, axes=axes, locked=locked(joint.element))
+    return Constraint(joint=joint, axes=frame(_axis(joint)), locked=locked(joint.element))
 
 
 def _axis(joint: PeerJoint) -> Array:
     """A joint's axis, or the line between its points; any for a ball."""
-    if joint.kind is JointKind.DISTANCE:
+    if SameDistance() in joint.element.conditions:
         return np.subtract(joint.follower_point, joint.base_point)
     return np.array(joint.base_axes[0] if joint.base_axes else (0.0, 0.0, 1.0))
 
@@ -93,9 +112,9 @@ def joint_problems(mechanism: Mechanism) -> list[Problem]:
     """Joints that Exudyn does not have."""
     problems = []
     for joint in (*mechanism.tree, *mechanism.cuts):
-        if joint.kind is JointKind.SCREW:
-            problems.append(_problem(joint, "Exudyn has no joint of kind screw", "write a revolute or a cylindrical joint"))
-        elif joint.guide and joint.kind is not JointKind.PRISMATIC:
+        if not all(condition in _LOCKED_BY for condition in joint.element.conditions):
+            problems.append(_problem(joint, f"Exudyn has no joint of kind {joint.kind}", "write a revolute or a cylindrical joint"))
+        elif joint.guide and joint.element.chain != (Slide("displacement", Direction.AXIS),):
             message = f"a joint of kind {joint.kind} that time moves is not exported to Exudyn"
             problems.append(_problem(joint, message, "guide a prismatic joint, or give its input a constant value"))
     return problems

@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import sympy
 
+from cutjoint.elements.joint import Direction
 from cutjoint.export.numbers import Numbers
 from cutjoint.export.records import Matrix, Mechanism, PeerJoint, Place, RigidBody, Triple
 from cutjoint.export.start import Array, Start, find_start
-from cutjoint.formulate.directions import tangents
+from cutjoint.formulate.directions import direction_of
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.records import GROUND, Body, Joint, JointKind, Model, Scalar, Scene
+from cutjoint.model.records import GROUND, Body, Joint, Model, Scalar, Scene
 from cutjoint.pipeline import is_reduced
 from cutjoint.run.run_file import RunError
 from cutjoint.topology.build import build_topology
@@ -69,7 +69,7 @@ class _Builder:
         return roots
 
     def is_weld(self, t: TreeJoint) -> bool:
-        return t.joint.kind is JointKind.FIXED or (t.joint.guide is not None and not any(g.has(TIME) for g in self.guide(t.joint)))
+        return t.joint.element.is_rigid or (t.joint.guide is not None and not any(g.has(TIME) for g in self.guide(t.joint)))
 
     def guide(self, joint: Joint) -> tuple[Scalar, ...]:
         return tuple(self.numbers.law(guide) for guide in joint.guide or ())
@@ -155,13 +155,10 @@ def _require_mass(bodies: Sequence[RigidBody]) -> None:
 
 
 def _across(joint: Joint) -> Iterator[Sequence[Scalar]]:
-    """The two directions across a planar joint's axis or a distance joint's rod."""
-    if joint.kind is JointKind.PLANAR:
-        yield from map(tuple, tangents(joint, joint.axes[0]))
-    if joint.kind is JointKind.DISTANCE:
-        assert joint.to is not None
-        rod = tuple(sympy.sympify(b) - a for a, b in zip(joint.at, joint.to, strict=True))
-        yield from map(tuple, tangents(joint, rod))
+    """The two directions across a joint's axis or rod, if its motions are along them."""
+    across = (Direction.ACROSS_1, Direction.ACROSS_2)
+    if any(m.direction in across for m in joint.element.scalar_motions):
+        yield from (direction_of(joint, d) for d in across)
 
 
 def _steiner(way: Array) -> Array:

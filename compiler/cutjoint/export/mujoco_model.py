@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from cutjoint.export.chains import Part, chain, joint_force_problems, speeds
+from cutjoint.export.chains import Part, chain, chain_problems, speeds
 from cutjoint.export.records import Mechanism, PeerJoint, RigidBody, Triple
 from cutjoint.export.start import Array
 from cutjoint.model.errors import ModelError, Problem
@@ -190,7 +190,7 @@ def _require_joints(mechanism: Mechanism) -> None:
     """Raise ModelError for what MuJoCo's joints and equality constraints cannot stand for."""
     problems = [_no_guide(joint) for joint in mechanism.tree if joint.kind is JointKind.SCREW and joint.guide]
     problems += [_no_equality(cut) for cut in mechanism.cuts if cut.kind not in _CUTS]
-    if problems := [*problems, *joint_force_problems(mechanism)]:
+    if problems := [*problems, *chain_problems(mechanism, mechanism.tree)]:
         raise ModelError(problems)
 
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 
 from cutjoint.emit.source import environment
-from cutjoint.export.chains import joint_force_problems
+from cutjoint.export.chains import chain_problems
 from cutjoint.export.columns import make_columns
 from cutjoint.export.forces_cpp import write_forces
 from cutjoint.export.laws import vector
@@ -34,11 +34,11 @@ def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float]
     """The file NAME.cpp, and those that are the same for all models.
 
     Raises:
-        ModelError: a body without mass, a force that is not exported, an output that peers do not report.
+        ModelError: a body without mass, a joint or a force that is not exported, an output that peers do not report.
         RunError, TopologyError, SimulatorError, ToolchainError: as for a run, which finds where the scene starts.
     """
     mechanism, numbers = build_mechanism(model, scene, parameters), Numbers.of(model, scene, parameters)
-    if problems := joint_force_problems(mechanism):
+    if problems := chain_problems(mechanism, (*mechanism.tree, *mechanism.cuts)):
         raise ModelError(problems)
     columns = make_columns(model, mechanism, numbers, outputs)
     tree, forces = build_tree(model, scene, mechanism), write_forces(mechanism, numbers, scene)

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from cutjoint.elements.joint import JointElement
+from cutjoint.elements.joints import JOINTS
 from cutjoint.model.records import Force, JointKind, Scalar, Span
 
 #: Components in the global frame.
@@ -94,6 +96,11 @@ class PeerJoint:
     reversed: bool
     guide: tuple[Scalar, ...]
     span: Span
+
+    @property
+    def element(self) -> JointElement:
+        """What the joint's kind is."""
+        return JOINTS[self.kind]
 
     @property
     def parent(self) -> str:

@@ -1,16 +1,56 @@
-"""Directions across a joint's own."""
+"""The directions of joints in the design position, by their meaning."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 import sympy
 
+from cutjoint.elements.joint import DESIGN_FRAME, Direction
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.geometry import least_component
-from cutjoint.model.records import Joint, Vector
+from cutjoint.model.geometry import GLOBAL_AXES, least_component
+from cutjoint.model.records import Joint, Scalar, Vector
 
 Matrix: TypeAlias = Any
+
+
+def direction_of(joint: Joint, direction: Direction) -> Vector:
+    """A direction of a joint.
+
+    Raises:
+        ModelError: two directions are needed across one that depends on an open parameter.
+    """
+    match direction:
+        case Direction.AXIS:
+            return joint.axes[0]
+        case Direction.AXIS_2:
+            return joint.axes[1]
+        case Direction.NORMAL:
+            first, second = map(sympy.Matrix, joint.axes)
+            return _vector(first.cross(second))
+        case Direction.ROD:
+            return rod_of(joint)
+        case Direction.ACROSS_1 | Direction.ACROSS_2:
+            along = joint.axes[0] if joint.to is None else rod_of(joint)
+            return _vector(tangents(joint, along)[direction is Direction.ACROSS_2])
+    return GLOBAL_AXES[DESIGN_FRAME.index(direction)]
+
+
+def slide_axis(joint: Joint, coordinate: str) -> Vector:
+    """The direction along which a displacement counts."""
+    return direction_of(joint, joint.element.slide_direction(coordinate))
+
+
+def rod_of(joint: Joint) -> Vector:
+    """The way from the base's point to the follower's in the design position."""
+    assert joint.to is not None
+    return _vector(sympy.sympify(b) - a for a, b in zip(joint.at, joint.to, strict=True))
+
+
+def _vector(components: Iterable[Scalar]) -> Vector:
+    x, y, z = components
+    return x, y, z
 
 
 def tangents(joint: Joint, normal: Vector) -> tuple[Matrix, Matrix]:

@@ -9,14 +9,11 @@ import sympy
 
 from cutjoint.formulate.records import Chart, Slot
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import COORDINATES, SPEEDS, Binding, Joint, JointKind, Model, Output, Parameter, Scalar, Scene
+from cutjoint.model.records import Binding, Joint, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.topology.records import Topology
 
 TIME = sympy.Symbol("t", real=True)
-
-#: Joint kinds whose motion has a ball.
-BALLS = frozenset({JointKind.SPHERICAL, JointKind.POINT_ON_LINE, JointKind.DISTANCE, JointKind.FREE})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,17 +77,17 @@ def make_charts(topology: Topology) -> tuple[Chart, ...]:
     charts: list[Chart] = []
     q = v = 0
     for t in topology.tree:
-        kind = t.joint.kind
-        if t.joint.guide is not None or not SPEEDS[kind]:
+        element = t.joint.element
+        if t.joint.guide is not None or not element.speeds:
             continue
-        scalars, ball = len(COORDINATES[kind]), kind in BALLS
+        scalars, ball = len(element.coordinates), element.has_ball
         charts.append(
             Chart(
                 joint=t.joint.name, q=q, v=v, scalars=scalars, ball=ball,
-                coordinate_names=COORDINATES[kind] + (("e0", "e1", "e2", "e3") if ball else ()), speed_names=SPEEDS[kind],
+                coordinate_names=element.coordinates + (("e0", "e1", "e2", "e3") if ball else ()), speed_names=element.speeds,
             )
         )  # fmt: skip
-        q, v = q + scalars + 4 * ball, v + len(SPEEDS[kind])
+        q, v = q + scalars + 4 * ball, v + len(element.speeds)
     return tuple(charts)
 
 
@@ -119,15 +116,9 @@ def report_columns(
 
 def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
     """The outer body's point of a tree joint in the design position: the origin of the outer body's frame."""
-    if joint.kind is not JointKind.DISTANCE or is_reversed:
-        return joint.at
-    assert joint.to is not None
-    return joint.to
+    return joint.at if joint.to is None or is_reversed else joint.to
 
 
 def inner_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
     """The inner body's point of a tree joint in the design position."""
-    if joint.kind is not JointKind.DISTANCE or not is_reversed:
-        return joint.at
-    assert joint.to is not None
-    return joint.to
+    return joint.at if joint.to is None or not is_reversed else joint.to

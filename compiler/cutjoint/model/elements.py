@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
+from cutjoint.elements.joint import PERPENDICULAR, JointElement
+from cutjoint.elements.joints import JOINTS
 from cutjoint.model import body_parts, document, joint_parts
 from cutjoint.model.forces import joint_forces, read_force
-from cutjoint.model.geometry import coincide, perpendicular, read_direction, read_point
+from cutjoint.model.geometry import coincide, perpendicular, read_direction, read_point, unit
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.mass import read_mass
-from cutjoint.model.records import COORDINATES, Body, Force, Joint, JointKind, Marker, Reaction, Scalar, Vector
-from cutjoint.model.scope import Element, Scope, element, with_points
+from cutjoint.model.records import Body, Force, Joint, JointKind, Marker, Reaction, Scalar, Vector
+from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
 from cutjoint.model.units import ANGLE, LENGTH, TIME
 
 
@@ -62,10 +66,10 @@ def _read_body(element: Element, body: body_parts.Body) -> Body:
 
 def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
     base, follower = element.two_bodies(joint.bodies)
-    pitch = element.scalar(joint.pitch, LENGTH, ("pitch",)) if isinstance(joint, joint_parts.ScrewJoint) else None
+    given = {own.name: getattr(joint, own.name) for own in JOINTS[JointKind(joint.kind)].fields}
     at, to = read_point(element, joint.at, ("at",)), None
-    if isinstance(joint, joint_parts.DistanceJoint):
-        at, to = element.settle(at), element.settle(read_point(element, joint.to, ("to",)))
+    if "to" in given:
+        at, to = element.settle(at), element.settle(read_point(element, given["to"], ("to",)))
     if to is not None and coincide(element, at, to):
         element.fail("at and to are the same point", "a distance needs two", ("to",))
     return Joint(
@@ -74,27 +78,35 @@ def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
         base=base,
         follower=follower,
         at=at,
-        axes=_axes(element, joint),
+        axes=_axes(element, JOINTS[JointKind(joint.kind)], given),
         to=to,
-        pitch=pitch,
+        pitch=element.scalar(given["pitch"], LENGTH, ("pitch",)) if "pitch" in given else None,
         cut=joint.cut,
         guide=_guide(element, joint),
         span=element.span,
     )
 
 
-def _axes(element: Element, joint: joint_parts.Joint) -> tuple[Vector, ...]:
-    if isinstance(joint, joint_parts.UniversalJoint):
-        axes = (
-            read_direction(element, joint.axis, ("axis",)),
-            read_direction(element, joint.axis_2, ("axis_2",)),
-        )
-        if not perpendicular(element, *axes):
-            element.fail("axis and axis_2 are not perpendicular", "", ("axis_2",))
-        return axes
-    if isinstance(joint, (joint_parts.LineJoint, joint_parts.SlidingJoint, joint_parts.SingleJoint, joint_parts.ScrewJoint)):
-        return (read_direction(element, joint.axis, ("axis",)),)
-    return ()
+def _axes(element: Element, kind: JointElement, given: Mapping[str, Any]) -> tuple[Vector, ...]:
+    names = [name for name in ("axis", "axis_2") if given.get(name) is not None]
+    axes = tuple(read_direction(element, given[name], (name,)) for name in names)
+    if PERPENDICULAR in kind.conditions and not perpendicular(element, *axes):
+        element.fail("axis and axis_2 are not perpendicular", "", ("axis_2",))
+    if kind.axis_is_bisector and len(axes) == 2:
+        return (_bisector(element, *axes),)
+    return axes
+
+
+def _bisector(element: Element, a: Vector, b: Vector) -> Vector:
+    x, y, z = (p + q for p, q in zip(a, b, strict=True))
+    if math.hypot(*map(element.value, (x, y, z))) < OPPOSITE:
+        element.fail("axis and axis_2 are opposite", "let both point from the base to the follower", ("axis_2",))
+        return (FAILED, FAILED, FAILED)
+    return unit((x, y, z))
+
+
+#: The least length of the sum of two unit vectors that are not opposite.
+OPPOSITE = 1e-6
 
 
 def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | None:
@@ -102,7 +114,8 @@ def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | N
     guide = getattr(joint, "guide", None)
     if guide is None:
         return None
-    coordinates = COORDINATES[JointKind(joint.kind)]
+    kind = JOINTS[JointKind(joint.kind)]
+    coordinates = kind.coordinates
     laws = guide if isinstance(guide, tuple) else (guide,)
     if joint.cut:
         element.fail("a cut joint has no coordinate to guide", "remove cut or guide", ("guide",))
@@ -110,12 +123,12 @@ def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | N
         message = f"guide has {len(laws)} law{'s' * (len(laws) != 1)}, a {joint.kind} joint {len(coordinates)} coordinates"
         element.fail(message, f"give one for each of {', '.join(coordinates)}", ("guide",))
     return tuple(
-        read_law(element, law, _GUIDES[name.startswith("angle")], ("guide", index) if isinstance(guide, tuple) else ("guide",))
+        read_law(element, law, _GUIDES[kind.units[name]], ("guide", index) if isinstance(guide, tuple) else ("guide",))
         for index, (name, law) in enumerate(zip(coordinates, laws, strict=False))
     )
 
 
-_GUIDES = {True: LawKind({"t": TIME}, ANGLE), False: LawKind({"t": TIME}, LENGTH)}
+_GUIDES = {"rad": LawKind({"t": TIME}, ANGLE), "m": LawKind({"t": TIME}, LENGTH)}
 
 
 def _read_reaction(element: Element, reaction: document.Reaction) -> Reaction:

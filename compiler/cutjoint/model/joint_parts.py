@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
-from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
+from pydantic import BeforeValidator, Field, StrictBool, StrictStr, create_model, model_validator
 
+from cutjoint.elements.joint import JointElement
+from cutjoint.elements.joints import JOINTS
 from cutjoint.model.values import Direction, Law, Number, Pair, Part, Point, shape_error
 
 
@@ -35,19 +38,14 @@ class JointLimits(Part):
 
 
 class JointPart(Part):
-    """What all joints have."""
+    """What all joints have; those of each kind have its own fields from the catalogue."""
 
+    kind: str
     bodies: Pair
     at: Point
     cut: StrictBool | None = None
     spring: JointSpring | None = None
     limits: JointLimits | None = None
-
-
-class PlainJoint(JointPart):
-    """A joint without directions."""
-
-    kind: Literal["fixed", "spherical", "free"]
 
 
 def _list(value: Any) -> Any:
@@ -58,56 +56,22 @@ def _list(value: Any) -> Any:
 
 Guides = Annotated[tuple[Law, ...], BeforeValidator(_list)]
 
-
-class LineJoint(JointPart):
-    """A joint with one axis."""
-
-    kind: Literal["point_on_line"]
-    axis: Direction
+#: The types of the fields that kinds have of their own.
+_TYPES: Mapping[str, Any] = {"axis": Direction, "axis_2": Direction, "to": Point, "pitch": Number}
 
 
-class SlidingJoint(JointPart):
-    """A joint that slides and turns, with one axis (of a planar joint: the normal)."""
-
-    kind: Literal["cylindrical", "planar"]
-    axis: Direction
-    guide: Guides | None = None
-
-
-class SingleJoint(JointPart):
-    """A joint with one coordinate."""
-
-    kind: Literal["revolute", "prismatic"]
-    axis: Direction
-    guide: Law | None = None
+def _shape_of(element: JointElement) -> type[JointPart]:
+    """The shape of a kind's joints."""
+    fields: dict[str, Any] = {"kind": (Literal[str(element.kind)], ...)}
+    for own in element.fields:
+        fields[own.name] = (_TYPES[own.name] | None, None) if own.optional else (_TYPES[own.name], ...)
+    if element.can_be_guided:
+        fields["guide"] = ((Law if len(element.coordinates) == 1 else Guides) | None, None)
+    name = element.kind.title().replace("_", "")
+    return create_model(f"{name}Joint", __base__=JointPart, __doc__=f"A joint that leaves free: {element.text}.", **fields)
 
 
-class ScrewJoint(JointPart):
-    """A screw; ``pitch`` in m a radian."""
-
-    kind: Literal["screw"]
-    axis: Direction
-    pitch: Number
-    guide: Law | None = None
-
-
-class UniversalJoint(JointPart):
-    """A Hooke joint; ``axis`` in the base, ``axis_2`` in the follower, perpendicular."""
-
-    kind: Literal["universal"]
-    axis: Direction
-    axis_2: Direction
-    guide: Guides | None = None
-
-
-class DistanceJoint(JointPart):
-    """A massless rod from ``at`` on the base to ``to`` on the follower."""
-
-    kind: Literal["distance"]
-    to: Point
-
-
-Joint: TypeAlias = Annotated[
-    PlainJoint | LineJoint | SlidingJoint | SingleJoint | ScrewJoint | UniversalJoint | DistanceJoint,
-    Field(discriminator="kind"),
-]
+if TYPE_CHECKING:
+    Joint: TypeAlias = JointPart
+else:
+    Joint = Annotated[Union[tuple(map(_shape_of, JOINTS.values()))], Field(discriminator="kind")]  # noqa: UP007

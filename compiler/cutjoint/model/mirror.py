@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from cutjoint.elements.joint import DESIGN_FRAME, Direction, Slide
 from cutjoint.model.elements import Elements
 from cutjoint.model.expressions import variable
 from cutjoint.model.geometry import least_component
 from cutjoint.model.records import (
-    COORDINATES,
     AxialForce,
     Body,
     BodyLoad,
@@ -21,7 +21,6 @@ from cutjoint.model.records import (
     Force,
     Joint,
     JointForce,
-    JointKind,
     Marker,
     PointSpring,
     Reaction,
@@ -30,8 +29,6 @@ from cutjoint.model.records import (
     Vector,
 )
 from cutjoint.model.scope import FAILED
-
-_TRANSLATION = (JointKind.PRISMATIC, JointKind.POINT_ON_LINE)
 
 
 @dataclass(frozen=True)
@@ -80,31 +77,37 @@ def _body(mirror: Mirror, body: Body) -> Body:
 def coordinate_signs(mirror: Mirror, joint: Joint) -> Mapping[str, int]:
     """For each coordinate of a joint whether it counts the same way in the image.
 
-    A cylindrical joint's axis mirrors as one of rotation, so that it slides the other way.  Tangents across a direction are
-    its vector products with a global axis; they mirror as vectors where that axis does, but for the first one across a rod.
+    A displacement along a direction is a vector, a turn about it a pseudo-vector.
     """
-    ones = dict.fromkeys(COORDINATES[joint.kind], 1)
-    match joint.kind:
-        case JointKind.CYLINDRICAL:
-            return {**ones, "displacement": -1}
-        case JointKind.FREE:
-            return dict(zip("xyz", mirror.signs, strict=True))
-        case JointKind.PLANAR:
-            sign = _tangent_sign(mirror, joint.axes[0])
-            return {**ones, "displacement_1": sign, "displacement_2": sign}
-        case JointKind.DISTANCE:
-            assert joint.to is not None
-            x, y, z = (b - a for a, b in zip(joint.at, joint.to, strict=True))
-            sign = _tangent_sign(mirror, (x, y, z))
-            return {"angle_1": sign, "angle_2": -sign}
-    return ones
+    return {
+        m.coordinate: _image_sign(mirror, joint, m.direction) * (1 if isinstance(m, Slide) else -1) for m in joint.element.scalar_motions
+    }
 
 
-def _tangent_sign(mirror: Mirror, direction: Vector) -> int:
+def _image_sign(mirror: Mirror, joint: Joint, direction: Direction) -> int:
+    """1 where a direction of the joint's image is the image of the direction as a vector, -1 where it is the opposite.
+
+    Directions across another one are its vector products with a global axis, and with the first of them.
+    """
+    match direction:
+        case Direction.X | Direction.Y | Direction.Z:
+            return mirror.signs[DESIGN_FRAME.index(direction)]
+        case Direction.ACROSS_1:
+            main = Direction.AXIS if joint.to is None else Direction.ROD
+            return -_image_sign(mirror, joint, main) * _tangent_sign(mirror, joint)
+        case Direction.ACROSS_2:
+            return _tangent_sign(mirror, joint)
+        case Direction.ROD:
+            return 1
+    return -1 if joint.element.axis_mirrors_as_rotation else 1
+
+
+def _tangent_sign(mirror: Mirror, joint: Joint) -> int:
     """The sign of the global axis from which the tangents across a direction are made; an open direction has none to derive."""
-    if any(component.free_symbols or component.has(FAILED) for component in direction):
+    x, y, z = joint.axes[0] if joint.to is None else (b - a for a, b in zip(joint.at, joint.to, strict=True))
+    if any(component.free_symbols or component.has(FAILED) for component in (x, y, z)):
         return 1
-    return mirror.signs[least_component(direction)]
+    return mirror.signs[least_component((x, y, z))]
 
 
 def _guides(joint: Joint, signs: Mapping[str, int]) -> tuple[Scalar, ...] | None:
@@ -114,7 +117,7 @@ def _guides(joint: Joint, signs: Mapping[str, int]) -> tuple[Scalar, ...] | None
 
 
 def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
-    image = mirror.vector if joint.kind in _TRANSLATION else mirror.rotation
+    image = mirror.rotation if joint.element.axis_mirrors_as_rotation else mirror.vector
     return replace(
         joint,
         at=mirror.vector(joint.at),

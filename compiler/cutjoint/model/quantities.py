@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeAlias
 
+from cutjoint.elements.joints import JOINTS
 from cutjoint.model.records import (
-    COORDINATES,
-    SPEEDS,
     AxialForce,
     Body,
     BodyLoad,
@@ -64,18 +63,8 @@ QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
 _TORQUE: Mapping[str, str] = {"Mx": "N*m", "My": "N*m", "Mz": "N*m"}
 
 
-def _joint_unit(coordinate: str) -> str:
-    return "rad" if coordinate.startswith("angle") else "m"
-
-
-def _joint_units(kind: JointKind) -> Mapping[str, str]:
-    coordinates = {name: _joint_unit(name) for name in COORDINATES[kind]}
-    speeds = {name: ("rad/s" if name.startswith(("angle", "w")) else "m/s") for name in SPEEDS[kind]}
-    return {**coordinates, **speeds}
-
-
 #: Quantities and units of the tree joints of each kind: coordinates, then speeds.
-JOINT_QUANTITIES: Mapping[JointKind, Mapping[str, str]] = {kind: _joint_units(kind) for kind in JointKind}
+JOINT_QUANTITIES: Mapping[JointKind, Mapping[str, str]] = {kind: joint.units for kind, joint in JOINTS.items()}
 
 
 def quantities(element: Element) -> Mapping[str, str]:
@@ -88,8 +77,7 @@ def quantities(element: Element) -> Mapping[str, str]:
         case BodyLoad(point=None):
             return _TORQUE
         case JointForce():
-            turns = _joint_unit(element.coordinate) == "rad"
-            return _ROTARY_LAW if turns else {"force": "N", **_TANGENTS}
+            return _ROTARY_LAW if element.coordinate.startswith("angle") else {"force": "N", **_TANGENTS}
     return QUANTITIES[type(element)]
 
 

@@ -14,6 +14,10 @@ from enum import StrEnum
 from pathlib import PurePath
 from typing import Any, TypeAlias
 
+from cutjoint.elements.joint import JointElement
+from cutjoint.elements.joints import JOINTS
+from cutjoint.elements.kinds import JointKind as JointKind
+
 #: A SymPy expression (SymPy ships no types).
 Scalar: TypeAlias = Any
 #: Three expressions: components in the global design frame.
@@ -79,61 +83,21 @@ class Body:
     span: Span
 
 
-class JointKind(StrEnum):
-    """What a joint leaves free."""
+#: The scalar coordinates of each joint kind, in order.
+COORDINATES: Mapping[JointKind, tuple[str, ...]] = {kind: element.coordinates for kind, element in JOINTS.items()}
 
-    FIXED = "fixed"
-    REVOLUTE = "revolute"
-    PRISMATIC = "prismatic"
-    CYLINDRICAL = "cylindrical"
-    SCREW = "screw"
-    UNIVERSAL = "universal"
-    PLANAR = "planar"
-    SPHERICAL = "spherical"
-    POINT_ON_LINE = "point_on_line"
-    DISTANCE = "distance"
-    FREE = "free"
-
-
-#: The scalar coordinates of each joint kind, in order.  The attitude of a spherical end (the last three
-#: speeds of spherical, point-on-line, distance and free joints) is kept as a quaternion and has no scalar
-#: coordinates.
-COORDINATES: Mapping[JointKind, tuple[str, ...]] = {
-    JointKind.FIXED: (),
-    JointKind.REVOLUTE: ("angle",),
-    JointKind.PRISMATIC: ("displacement",),
-    JointKind.CYLINDRICAL: ("displacement", "angle"),
-    JointKind.SCREW: ("angle",),
-    JointKind.UNIVERSAL: ("angle_1", "angle_2"),
-    JointKind.PLANAR: ("displacement_1", "displacement_2", "angle"),
-    JointKind.SPHERICAL: (),
-    JointKind.POINT_ON_LINE: ("displacement",),
-    JointKind.DISTANCE: ("angle_1", "angle_2"),
-    JointKind.FREE: ("x", "y", "z"),
-}
-
-_SPIN = ("wx", "wy", "wz")
-
-#: The speeds of each joint kind, in order: the rates of the coordinates, then the angular velocity of a
-#: spherical end in the axes of the base body (rad/s).
-SPEEDS: Mapping[JointKind, tuple[str, ...]] = {
-    **{kind: tuple(f"{name}_rate" for name in names) for kind, names in COORDINATES.items()},
-    JointKind.SPHERICAL: _SPIN,
-    JointKind.POINT_ON_LINE: ("displacement_rate", *_SPIN),
-    JointKind.DISTANCE: ("angle_1_rate", "angle_2_rate", *_SPIN),
-    JointKind.FREE: ("vx", "vy", "vz", *_SPIN),
-}
+#: The speeds of each joint kind, in order: the rates of the coordinates, then the angular velocity of a ball in the axes of the body before
+#: it (rad/s).
+SPEEDS: Mapping[JointKind, tuple[str, ...]] = {kind: element.speeds for kind, element in JOINTS.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
     """A joint between two bodies, ``base`` and ``follower``.
 
-    ``at`` is the joint's point in the design position, common to both bodies.  ``axes`` holds the joint's
-    directions: the axis of a revolute, prismatic, cylindrical, screw or point-on-line joint; the normal of a
-    planar one; base axis and follower axis of a universal one (perpendicular); nothing otherwise.
-    ``to`` is the follower's point of a distance joint.  ``pitch`` is a screw's advance in metres a radian.
-    The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`.
+    ``element`` is the catalogue's record of its kind.  ``at`` is the joint's point in the design position, common to both bodies.
+    ``axes`` holds the joint's axis and second axis, as far as the kind has them.  ``to`` is the follower's point where it is another.
+    ``pitch`` is an advance in metres a radian.  The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`.
     ``cut`` is True for a joint that the model cuts, False for one it wants in the tree, None to let the
     compiler choose.  ``guide`` prescribes the joint's coordinates, each as a function of ``t`` and of inputs.
     """
@@ -149,6 +113,11 @@ class Joint:
     cut: bool | None
     guide: tuple[Scalar, ...] | None
     span: Span
+
+    @property
+    def element(self) -> JointElement:
+        """What the joint's kind is."""
+        return JOINTS[self.kind]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion
 from cutjoint.model.forces import JOINT_FORCES
 from cutjoint.model.mass import moments_problem
-from cutjoint.model.records import GROUND, Body, Joint, JointKind, Span
+from cutjoint.model.records import GROUND, Body, Joint, Span
 from cutjoint.model.scope import LARGEST, Scope
 from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
@@ -83,7 +83,7 @@ def check_elements(expansion: Expansion, problems: Problems) -> None:
 def check_guides(expansion: Expansion, problems: Problems) -> None:
     """Note joints whose bodies guides hold already, each with a loop of prescribed motions without any freedom."""
     held: dict[str, list[tuple[str, Joint]]] = {}
-    prescribed = [j for j in expansion.elements.joints if not j.cut and (j.guide is not None or j.kind is JointKind.FIXED)]
+    prescribed = [j for j in expansion.elements.joints if not j.cut and (j.guide is not None or j.element.is_rigid)]
     closing = [j for j in expansion.elements.joints if j not in prescribed]
     for joint in (*prescribed, *closing):
         loop = _way(held, joint.base, joint.follower)

@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import (
     GROUND,
-    SPEEDS,
     Body,
     Force,
     Joint,
     JointForce,
-    JointKind,
     Marker,
     Model,
     Scalar,
@@ -46,11 +44,11 @@ def freeze_idle(model: Model, scene: Scene) -> Outcome:
         return outcome
     if poses is None:
         return outcome
-    moves = {j.name: _movement(model, j, poses) for j in model.joints if j.kind is not JointKind.FREE}
+    moves = {j.name: _movement(model, j, poses) for j in model.joints if not j.element.is_free}
     limit = IDLE if scene.tolerance is None else scene.tolerance
     idle = {name for name, moved in moves.items() if moved <= limit}
     left: list[Note] = []
-    while any(j.name in idle and j.guide is None and SPEEDS[j.kind] for j in model.joints):  # what is fixed anyway is for an exact pass
+    while any(j.name in idle and j.guide is None and j.element.speeds for j in model.joints):  # what is fixed anyway is for an exact pass
         frozen = Frozen(model=model, poses=poses, joints=tuple(j for j in model.joints if j.name in idle))
         problem = frozen.problem(scene)
         if problem is None:
@@ -97,7 +95,7 @@ def _freeze(outcome: Outcome, frozen: Frozen, moves: Mapping[str, float]) -> Out
 def _places(model: Model, poses: Mapping[str, Poses]) -> dict[str, Scalar]:
     """Where free bodies start, near which frozen ones find their equilibrium: they may be off the road where they are drawn."""
     places: dict[str, Scalar] = {}
-    for joint in (j for j in model.joints if j.kind is JointKind.FREE and j.base == GROUND):
+    for joint in (j for j in model.joints if j.element.is_free and j.base == GROUND):
         at, pose = numbers(joint.at, model), poses[joint.follower]
         for name, value in zip("xyz", pose.r[0] + pose.R[0] @ at - at, strict=True):
             places[f"{joint.name}.{name}"] = sympy.Float(value)

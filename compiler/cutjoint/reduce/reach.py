@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.records import GROUND, SPEEDS, Body, JointForce, Model, Reaction, RodForce, Scene
+from cutjoint.model.records import GROUND, Body, JointForce, Model, Reaction, RodForce, Scene
 from cutjoint.reduce.records import Note, Outcome
 from cutjoint.reduce.rename import bodies_of
 
@@ -48,7 +48,7 @@ def _given_motion(model: Model) -> set[str]:
     given, grows = {GROUND}, True
     while grows:
         found = {
-            other for j in model.joints if (j.guide is not None or not SPEEDS[j.kind]) and not j.cut
+            other for j in model.joints if (j.guide is not None or not j.element.speeds) and not j.cut
             for one, other in ((j.base, j.follower), (j.follower, j.base)) if one in given and other not in given
         }  # fmt: skip
         grows = bool(found)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import sympy
 
 from cutjoint.formulate.inputs import guide_rates
-from cutjoint.model.records import GROUND, Body, Joint, JointKind, Marker, Model, Output, Scene
+from cutjoint.model.records import GROUND, Body, Joint, Marker, Model, Output, Scene
 from cutjoint.reduce.records import Note, Outcome
 from cutjoint.reduce.rename import hand_over
 
@@ -18,7 +18,7 @@ def weld_bodies(model: Model, scene: Scene) -> Outcome:
     """The pass: fixed joints, and joints whose guides keep them in the design position throughout the scene."""
     outcome = Outcome(model=model, scene=scene)
     for joint in model.joints:
-        if joint.kind is JointKind.FIXED or _at_rest(joint, model, scene):
+        if joint.element.is_rigid or _at_rest(joint, model, scene):
             outcome = _weld(outcome, next(j for j in outcome.model.joints if j.name == joint.name))
     return outcome
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cutjoint.model.records import GROUND, SPEEDS, Joint
+from cutjoint.model.records import GROUND, Joint
 from cutjoint.topology.records import TreeJoint
 
 
 def degrees(joint: Joint) -> int:
     """The unknown speeds of a joint: none where it is guided."""
-    return 0 if joint.guide is not None else len(SPEEDS[joint.kind])
+    return 0 if joint.guide is not None else len(joint.element.speeds)
 
 
 def eliminate(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Mapping[str, frozenset[str]]:

@@ -1,34 +1,17 @@
 """Predicted operations of one evaluation, from the body graph alone.
 
-What a joint's kinematics and a cut joint's equations take is a table by kind: the means counted in the programs of random
-mechanisms.  What the condensation takes is counted from its formulas (formulate/recursive/) with dense blocks.  Forces are left out: they
-cost the same whatever is cut.
+What a joint's kinematics and a cut joint's equations take is part of the catalogue of elements.  What the condensation takes is counted
+from its formulas (formulate/recursive/) with dense blocks.  Forces are left out: they cost the same whatever is cut.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cutjoint.model.records import GROUND, SPEEDS, Joint, JointKind, Model
+from cutjoint.model.records import GROUND, Joint, Model
 from cutjoint.topology.branches import find_branches
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.records import Branch, TreeJoint
-
-K = JointKind
-
-#: Pose, velocity and motion subspace of the outer body: next to the ground, and on a body that moves.
-PLACING: Mapping[JointKind, tuple[int, int]] = {
-    K.FIXED: (0, 14), K.REVOLUTE: (20, 115), K.PRISMATIC: (2, 65), K.CYLINDRICAL: (30, 160), K.SCREW: (25, 195),
-    K.UNIVERSAL: (115, 270), K.PLANAR: (60, 240), K.SPHERICAL: (26, 125), K.POINT_ON_LINE: (80, 280),
-    K.DISTANCE: (890, 1190), K.FREE: (38, 265),
-}  # fmt: skip
-
-#: Residual, Jacobian, penalty mass and force, correction of the multipliers: to the ground, in one branch, between two branches.
-CLOSING: Mapping[JointKind, tuple[int, int, int]] = {
-    K.FIXED: (330, 575, 650), K.REVOLUTE: (200, 325, 390), K.PRISMATIC: (565, 800, 930), K.CYLINDRICAL: (410, 510, 595),
-    K.SCREW: (590, 960, 1050), K.UNIVERSAL: (240, 305, 395), K.PLANAR: (355, 335, 470), K.SPHERICAL: (115, 190, 280),
-    K.POINT_ON_LINE: (225, 390, 525), K.DISTANCE: (180, 250, 400),
-}  # fmt: skip
 
 #: Mass matrix, weight and inertia force of a body.
 BODY = 170
@@ -37,7 +20,7 @@ BODY = 170
 def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint], coupled: Mapping[str, frozenset[str]]) -> int:
     """Operations of one evaluation but for the forces; ``coupled`` is what ``eliminate`` found."""
     still = _reached(tree, [t for t in tree if degrees(t.joint) == 0])
-    upright = _reached(tree, [t for t in tree if t.joint.kind in (K.FIXED, K.PRISMATIC)])
+    upright = _reached(tree, [t for t in tree if t.joint.element.keeps_attitude])
     moving = [t for t in tree if t.child not in still]
     turning = {t.child for t in moving} - upright
     branches = find_branches(tree, cuts)
@@ -45,7 +28,7 @@ def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[J
     closing = [cut for cut in cuts if not any(cut.name in branch.cuts for branch in branches)]
     return (
         BODY * len({b.name for b in model.bodies if b.mass != 0} & turning)
-        + sum(PLACING[t.joint.kind][t.parent in turning] for t in moving)
+        + sum(t.joint.element.operations.placing[t.parent in turning] for t in moving)
         + sum(_condensation(t, coupled[t.child] - still, t.parent not in still) for t in moving if t.child not in within)
         + _closing(tree, closing, still)
         + sum(_branched(branch, tree, cuts, {b.name for b in model.bodies if b.mass != 0}) for branch in branches)
@@ -69,7 +52,7 @@ def _closing(tree: Sequence[TreeJoint], cuts: Sequence[Joint], still: set[str]) 
     for cut in cuts:
         moving = {cut.base, cut.follower} - still
         if moving:
-            total += CLOSING[cut.kind][0 if len(moving) == 1 else 1 + (root[cut.base] != root[cut.follower])]
+            total += cut.element.operations.closing[0 if len(moving) == 1 else 1 + (root[cut.base] != root[cut.follower])]
     return total
 
 
@@ -79,7 +62,7 @@ def _condensation(t: TreeJoint, others: frozenset[str], inner: bool) -> int:
     passed_on = (27 + 36 * s) * inner
     if k == 0:
         return passed_on
-    is_ball = t.joint.kind is K.SPHERICAL
+    is_ball = t.joint.element.is_ball
     linked = len(others | {t.parent}) if inner and not is_ball else s
     factor = k**3 // 3 + k + 6 * k * (k - 1) * linked
     updates = 60 * k * linked + 36 * k * linked * (linked - 1)
@@ -95,9 +78,9 @@ def _ball(s: int, inner: bool) -> int:
 
 def _projection(t: TreeJoint, s: int, inner: bool) -> int:
     """b^T M b and b^T C of s couplings, by the rows of b that are not nought."""
-    if t.joint.kind is K.FREE and not inner:
+    if t.joint.element.is_free and not inner:
         return 0
-    k, width = degrees(t.joint), 5 if t.joint.kind is K.PRISMATIC or not inner else 11
+    k, width = degrees(t.joint), 5 if t.joint.element.keeps_attitude or not inner else 11
     return width * (6 * k * (1 + s) + k * (k + 1) // 2)
 
 
@@ -119,7 +102,7 @@ def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint], 
     total += sum(11 * unknowns[i] * unknowns[j] for j in laden for i in carriers[j])
     for cut in (c for c in cuts if c.name in branch.cuts):
         ends = [set(carriers.get(body, ())) for body in (cut.base, cut.follower)]
-        m, w = 6 - len(SPEEDS[cut.kind]), sum(unknowns[body] for body in ends[0] ^ ends[1])
+        m, w = 6 - len(cut.element.speeds), sum(unknowns[body] for body in ends[0] ^ ends[1])
         total += m * (EQUATION + 11 * w + w * (w + 1) + 4 * w)
     passed_on = 6 * n * n + 48 * n if branch.carrier != GROUND else 0
     return total + n**3 // 3 + 3 * n * n + passed_on

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from cutjoint.model.records import GROUND, Joint, JointForce, JointKind, Model
+from cutjoint.model.records import GROUND, Joint, JointForce, Model
 from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.operations import predict_operations
 from cutjoint.topology.records import TreeJoint
@@ -36,7 +36,7 @@ def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
 def tree_only(model: Model) -> frozenset[str]:
     """The joints whose coordinates are used, so that they cannot be cut: wanted in the tree, guided, with a force on the coordinate, with
     an initial coordinate or speed, reported; and free joints, which close nothing."""
-    wanted = {j.name for j in model.joints if j.cut is False or j.guide is not None or j.kind is JointKind.FREE}
+    wanted = {j.name for j in model.joints if j.cut is False or j.guide is not None or not j.element.closes}
     forced = {f.joint for f in model.force_elements if isinstance(f, JointForce)}
     names = {j.name for j in model.joints}
     used: set[str] = set()
@@ -100,7 +100,7 @@ class Cost:
     """What a choice of cut joints costs; the first difference decides.
 
     ``width`` is the largest number of bodies to which an eliminated body is coupled, ``operations`` are predicted for one evaluation,
-    ``redundant`` counts the cut joints' equations that are redundant by their kind.
+    ``redundant`` counts the cut joints that align a direction by three equations, of which two are independent.
     """
 
     width: int
@@ -108,16 +108,12 @@ class Cost:
     redundant: int
 
 
-#: Kinds whose cut aligns an axis by three equations of which two are independent.
-_ONE_TOO_MANY = frozenset({JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.PLANAR, JointKind.SCREW})
-
-
 def cost_of(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Cost:
     """The cost of a spanning tree and its cut joints."""
     coupled = eliminate(tree, cuts)
     return Cost(
         width=max((len(s) for s in coupled.values()), default=0), operations=predict_operations(model, tree, cuts, coupled),
-        redundant=sum(c.kind in _ONE_TOO_MANY for c in cuts),
+        redundant=sum(c.element.shared_direction is not None for c in cuts),
     )  # fmt: skip
 
 

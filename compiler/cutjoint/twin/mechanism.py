@@ -5,6 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from cutjoint.elements.joint import (
+    AXIAL_FRAME,
+    Advance,
+    Carried,
+    Condition,
+    Direction,
+    Offset,
+    Product,
+    Products,
+    SameAttitude,
+    SameDirection,
+    SameDistance,
+    SamePoint,
+    Slide,
+    Turn,
+    Way,
+)
+from cutjoint.elements.joint import Motion as ChainMotion
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.records import Chart
@@ -87,12 +105,53 @@ def _cut(trees: Trees, joint: Joint) -> Json:
 def _geometry(trees: Trees, joint: Joint) -> Json:
     return {
         "name": joint.name,
-        "kind": str(joint.kind),
+        "chain": [_motion_of_chain(joint, motion) for motion in joint.element.chain],
+        "from_inner": joint.element.from_inner,
+        "conditions": [_condition(condition) for condition in joint.element.conditions],
         "at": trees.all(joint.at),
         "to": None if joint.to is None else trees.all(joint.to),
         "axes": [trees.all(axis) for axis in joint.axes],
         "pitch": None if joint.pitch is None else trees.one(joint.pitch),
     }
+
+
+def _motion_of_chain(joint: Joint, motion: ChainMotion) -> Json:
+    match motion:
+        case Slide():
+            return {"kind": "slide", "direction": motion.direction, "coordinate": joint.element.coordinates.index(motion.coordinate)}
+        case Turn():
+            coordinate = joint.element.coordinates.index(motion.coordinate)
+            more = {"share": float(motion.share), "advances": motion.advances}
+            return {"kind": "turn", "direction": motion.direction, "coordinate": coordinate, **more}
+        case Offset():
+            return {"kind": "offset", "direction": motion.direction}
+    return {"kind": "ball"}
+
+
+def _condition(condition: Condition) -> Json:
+    """A condition by its name with what it names; the twin has its equations by hand."""
+    name = {
+        SamePoint: "same_point", SameDirection: "same_direction", SameAttitude: "same_attitude", Products: "products",
+        SameDistance: "same_distance", Advance: "advance",
+    }[type(condition)]  # fmt: skip
+    directions: Sequence[Direction] = ()
+    match condition:
+        case SameDirection():
+            directions = (condition.direction,)
+        case SameAttitude():
+            directions = condition.frame
+        case Advance():
+            directions = AXIAL_FRAME
+    sums = condition.sums if isinstance(condition, Products) else ()
+    return {"kind": name, "directions": list(directions), "sums": [[_product(p) for p in products] for products in sums]}
+
+
+def _product(product: Product) -> Json:
+    return {"left": _factor(product.left), "right": _factor(product.right), "weight": float(product.weight)}
+
+
+def _factor(factor: Carried | Way) -> list[str]:
+    return ["way"] if isinstance(factor, Way) else [factor.end, factor.direction]
 
 
 def _force(trees: Trees, force: Force, topology: Topology, tyres: Sequence[str]) -> Json:

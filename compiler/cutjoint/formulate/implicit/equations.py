@@ -165,9 +165,9 @@ class _System:
                     yield j, k, b.neg(value)
         for body, force in self.system.joint_forces.items():
             with b.section("tangent", body, "tau by the joint's own motions", ""):
-                for j in motions.of_body[body]:
+                for j in {m.row: m for m in motions.of_body[body]}.values():
                     for k in motions.of_body[body]:
-                        yield j, k, b.neg(b.element(variations[k.row].of(force), j.index))
+                        yield j, k, b.neg(b.element(variations[k.key].of(force), j.index))
 
     def closure(self) -> dict[str, Block]:
         """Phi, Phid and Phidd."""

@@ -17,9 +17,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.recursive.joints import motion_groups
+from cutjoint.formulate.recursive.joints import elementary_motions
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves, motion_cross
-from cutjoint.model.records import GROUND, JointKind
+from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.vary import Inputs, Variation
 
@@ -38,20 +38,27 @@ class Motion:
     """An elementary motion, or one of the three directions of a ball.
 
     ``row`` is its place among all speeds, ``index`` that within its joint, ``group`` that of its motion within the joint (those of a ball
-    share one); ``s`` (6, 1) its column, ``shift`` (6, 1) the same by the unknown of a ball, ``xi`` (6, 1) the displacement, ``after``
-    (6, 1) the twist behind it, ``DV`` and ``c`` (6, 1) as above.
+    share one), ``share`` how much of its coordinate it turns; motions that share a coordinate have one row.  ``s`` (6, 1) is its column,
+    ``shift`` (6, 1) the same by the unknown of a ball, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist behind it, ``DV`` and
+    ``c`` (6, 1) as above.
     """
 
     body: str
     row: int
     index: int
     group: int
+    share: float
     s: Block
     shift: Block
     xi: Block
     after: Block
     DV: Block
     c: Block
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """What tells it from all others."""
+        return self.row, self.group
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +81,10 @@ class Motions:
             return k.group < j.group
         return k.body in self.chains[j.body]
 
-    def variations(self) -> dict[int, Variation]:
-        """How blocks change with each motion's acceleration, by its row."""
+    def variations(self) -> dict[tuple[int, int], Variation]:
+        """How blocks change with each motion's acceleration, by its key."""
         inputs = Inputs()
-        return {motion.row: self._variation(motion, inputs) for motion in self.all()}
+        return {motion.key: self._variation(motion, inputs) for motion in self.all()}
 
     def _variation(self, m: Motion, inputs: Inputs) -> Variation:
         k, b = self.k, self.k.builder
@@ -97,10 +104,11 @@ class Motions:
                 changes[frame.Z] = b.add(b.scale(self.weights.damping, m.s), motion_cross(b, m.xi, b.sub(frame.Z, m.after)))
         q = b.symbol(f"q:{chart.joint}", chart.scalars + 4 * chart.ball, BindingTime.ITERATION)
         own = b.symbol(f"v:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
-        changes[own] = _unit(b, len(chart.speed_names), m.index, self.weights.damping)
+        damping, stiffness = (b.mul(b.number(m.share), weight) for weight in (self.weights.damping, self.weights.stiffness))
+        changes[own] = _unit(b, len(chart.speed_names), m.index, damping)
         # only the scalars among a joint's coordinates: whatever depends on a quaternion does so through a rotation
         for i in range(chart.scalars):
-            changes[b.element(q, i)] = self.weights.stiffness if i == m.index else b.zero(1)
+            changes[b.element(q, i)] = stiffness if i == m.index else b.zero(1)
         return Variation(b, inputs, frozenset({f"q:{chart.joint}", f"v:{chart.joint}"}), changes, turns)
 
 
@@ -126,42 +134,53 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
     b, parent = k.builder, motion.tree_joint.parent
     assert motion.b is not None
     assert motion.chart is not None
-    chart, groups = motion.chart, motion_groups(motion.tree_joint)
-    takes_pole_along = motion.tree_joint.joint.kind is JointKind.FREE and parent == GROUND
-    columns = [b.take(motion.b, (0, 6), (i, i + 1)) for i in range(motion.b.shape[1])]
-    vdot = b.symbol(f"vdot:{chart.joint}", len(columns), BindingTime.ITERATION)
-    shifts = _shifts(k, motion, columns)
+    chart, elementary, parts = motion.chart, elementary_motions(motion.tree_joint), _columns(b, motion)
+    takes_pole_along = motion.tree_joint.joint.element.is_free and parent == GROUND
+    vdot = b.symbol(f"vdot:{chart.joint}", motion.b.shape[1], BindingTime.ITERATION)
     before, A_before = k.frames[parent].Z, Zdd[parent]
-    for n, group in enumerate(groups):
-        if n == len(groups) - 1:
+    for n, own in enumerate(elementary):
+        columns = dict(zip(own.places, parts[n], strict=True))
+        shifts = _shifts(k, motion, columns)
+        if n == len(elementary) - 1:
             after, A_after = k.frames[body].Z, Zdd[body]
         else:
-            added = b.total([b.scale(motion.rate[i], columns[i]) for i in group])
+            added = b.total([b.scale(motion.rate[i], column) for i, column in columns.items()])
             after = b.add(before, added)
-            pushed = b.total([b.scale(b.element(vdot, i), columns[i]) for i in group])
+            pushed = b.total([b.scale(b.element(vdot, i), column) for i, column in columns.items()])
             A_after = b.add(A_before, b.add(pushed, motion_cross(b, before, added)))
-        for i in group:
+        for i, column in columns.items():
             still = takes_pole_along and i < chart.scalars
             xi = b.zero(6) if still else b.scale(weights.stiffness, shifts[i])
-            DV = b.add(b.scale(weights.damping, columns[i]), motion_cross(b, after, xi))
-            c = b.add(columns[i], b.scale(weights.damping, motion_cross(b, before, columns[i])))
+            DV = b.add(b.scale(weights.damping, column), motion_cross(b, after, xi))
+            c = b.add(column, b.scale(weights.damping, motion_cross(b, before, column)))
             c = b.sub(b.sub(c, motion_cross(b, xi, A_after)), motion_cross(b, DV, after))
+            which = (chart.speed_names[i], *([] if own.share == 1 else [str(n)]))
             for block, symbol in ((xi, "xi"), (DV, "DV"), (c, "c")):
-                b.name(block, symbol, chart.joint, which=(chart.speed_names[i],))
+                b.name(block, symbol, chart.joint, which=which)
             yield Motion(
-                body=body, row=chart.v + i, index=i, group=n, s=columns[i], shift=shifts[i], xi=xi, after=after, DV=DV, c=c,
+                body=body, row=chart.v + i, index=i, group=n, share=own.share, s=column, shift=shifts[i], xi=xi, after=after, DV=DV,
+                c=c,
             )  # fmt: skip
         before, A_before = after, A_after
 
 
-def _shifts(k: Kinematics, motion: JointMotion, columns: list[Block]) -> list[Block]:
-    """Each of a joint's columns by its unknown.  A ball's unknowns are those of a rotation vector from the pose before the step: the
+def _columns(b: Builder, motion: JointMotion) -> list[list[Block]]:
+    """The columns of each elementary motion: three of a ball."""
+    columns = motion.b if motion.columns is None else motion.columns
+    assert columns is not None
+    elementary = elementary_motions(motion.tree_joint)
+    places = [own.places if motion.columns is None else (n,) for n, own in enumerate(elementary)]
+    return [[b.take(columns, (0, 6), (i, i + 1)) for i in own] for own in places]
+
+
+def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) -> Mapping[int, Block]:
+    """The columns of a motion by its unknowns.  A ball's unknowns are those of a rotation vector from the pose before the step: the
     turns that they make are T (3, 3) times as large, see runtime/include/cutjoint/retraction.hpp."""
     b, chart = k.builder, motion.chart
     assert chart is not None
-    if not chart.ball:
+    if not chart.ball or chart.scalars not in columns:
         return columns
     elements = b.symbol(f"turn:{chart.joint}", 9, BindingTime.ITERATION)
     T = b.stack([[b.element(elements, 3 * i + j) for j in range(3)] for i in range(3)])
-    ball = b.mul(b.stack([columns[chart.scalars :]]), T)
-    return [*columns[: chart.scalars], *(b.take(ball, (0, 6), (i, i + 1)) for i in range(3))]
+    ball = b.mul(b.stack([list(columns.values())]), T)
+    return {chart.scalars + i: b.take(ball, (0, 6), (i, i + 1)) for i in range(3)}

@@ -42,15 +42,15 @@ def ways(motions: Motions, wrenches: Mapping[str, Block]) -> Iterator[tuple[str,
 
 
 def wrench_tangent(
-    motions: Motions, variations: Mapping[int, Variation], wrenches: Mapping[str, Block]
+    motions: Motions, variations: Mapping[tuple[int, int], Variation], wrenches: Mapping[str, Block]
 ) -> Iterator[tuple[Motion, Motion, Block]]:
     """The entries that the change of one element's wrenches makes, to be taken from the tangent: row, column, value."""
     b = motions.k.builder
     parts = list(ways(motions, wrenches))
-    columns = {k.row: k for _, _, way in parts for k in way}
+    columns = {k.key: k for _, _, way in parts for k in way}
     for _, wrench, rows in parts:
         for k in columns.values():
-            change = variations[k.row].of(wrench)
+            change = variations[k.key].of(wrench)
             for j in rows:
                 value = b.dot(j.s, change)
                 if motions.turns(k, j) and not is_zero(k.xi):

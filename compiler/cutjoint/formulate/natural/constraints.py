@@ -13,14 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy
 
-from cutjoint.formulate.directions import tangents
+from cutjoint.elements.joint import Way
 from cutjoint.formulate.inputs import guide_rates
+from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
-from cutjoint.formulate.natural.needs import ANGLES, angle_axes
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses, total
-from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Model, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Joint, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
@@ -208,53 +207,55 @@ class ConstraintMaker:
         row.product(self._b.number(1.0), u, w)
         return row
 
-    def _along(self, way: Uses, direction: Uses) -> _Row:
-        """A component of the way between a joint's points."""
-        row = self._perpendicular(way, direction)
-        row.by_way = self._b.transpose(self._m.of(total(direction)).x)
-        return row
-
     def _joint(self, joint: Joint) -> Iterator[Constraint]:
-        """The equations of a joint that sharing nodes does not settle, of its angles, and of its guide."""
-        names, rows = self._open(joint)
-        for (element, coordinate), node in self._layout.angles.items():
-            if element == joint.name:
-                names.append(coordinate)
-                rows.append(self._measured(joint, coordinate, node))
-        names += [f"{c}_guide" for c in self._guided(joint)] if joint.guide is not None else []
-        rows += list(self._guided(joint).values()) if joint.guide is not None else []
+        """The equations of a joint that sharing nodes does not settle."""
+        rows = joint_rows(self._layout, joint)
         if rows:
-            yield self._stacked(joint.name, names, rows)
+            yield self._stacked(joint.name, [row.name for row in rows], [self._joint_row(joint, row) for row in rows])
 
-    def _open(self, joint: Joint) -> tuple[list[str], list[_Row]]:
-        match joint.kind:
-            case JointKind.UNIVERSAL if joint.name not in self._layout.idle:
-                axes = self._direction(joint.base, joint.axes[0]), self._direction(joint.follower, joint.axes[1])
-                return ["angle"], [self._perpendicular(*axes)]
-            case JointKind.PRISMATIC | JointKind.CYLINDRICAL | JointKind.POINT_ON_LINE:
-                return ["across_1", "across_2"], self._across(joint)
-            case JointKind.SCREW:
-                advance = self._along(self._way(joint), self._direction(joint.base, joint.axes[0]))
-                advance.angle(self._layout.angles[joint.name, "angle"], joint.pitch)
-                return ["across_1", "across_2", "advance"], [*self._across(joint), advance]
-            case JointKind.PLANAR:
-                return ["height"], [self._along(self._way(joint), self._direction(joint.base, joint.axes[0]))]
-            case JointKind.DISTANCE:
-                return ["length"], [self._kept_length(joint)]
-        return [], []
+    def _joint_row(self, joint: Joint, row: JointRow) -> _Row:
+        match row:
+            case SumRow():
+                return self._sum(joint, row)
+            case AngleRow(guide=None):
+                return self._measured(row, self._layout.angles[joint.name, row.coordinate])
+            case AngleRow():
+                return self._turned(row, *self._course(row.guide))
+        guided = self._row()
+        guided.angle(self._layout.angles[joint.name, row.coordinate], sympy.Integer(-1))
+        guided.known(*self._course(row.guide))
+        return guided
 
-    def _kept_length(self, joint: Joint) -> _Row:
-        row, b, rod = self._row(), self._b, self._way(joint)
-        assert joint.to is not None
-        length = (sympy.Matrix(joint.to) - sympy.Matrix(joint.at)).norm()
-        weight = self._m.translator.scalar(1 / (2 * length))
-        row.product(weight, rod, rod)
-        row.by_way = b.transpose(b.scale(b.mul(b.number(2.0), weight), self._m.of(total(rod)).x))
-        row.known(self._m.translator.scalar(length / 2), b.zero(1), b.zero(1))
-        return row
+    def _sum(self, joint: Joint, row: SumRow) -> _Row:
+        found, b = self._row(), self._b
+        for term in row.terms:
+            self._add_term(found, self._m.translator.scalar(term.weight), *self._factors(joint, term))
+        if row.constant is not None:
+            found.known(self._m.translator.scalar(row.constant), b.zero(1), b.zero(1))
+        if row.pitch is not None:
+            (angle,) = joint.element.coordinates
+            found.angle(self._layout.angles[joint.name, angle], row.pitch)
+        if row.guide is not None:
+            found.known(*self._course(row.guide))
+        return found
 
-    def _direction(self, body: str, place: Vector) -> Uses:
-        return (self._layout.use(body, self._layout.direction(body, place)),)
+    def _factors(self, joint: Joint, term: Term) -> tuple[Uses, Uses, bool]:
+        """The two factors of a term, and whether the first is the way between the joint's points; a square has one factor twice."""
+        if term.left is term.right is Way.WAY:
+            way = self._way(joint)
+            return way, way, True
+        left, right = (self._way(joint) if isinstance(factor, Way) else self._direction(factor) for factor in (term.left, term.right))
+        return left, right, term.left is Way.WAY
+
+    def _add_term(self, row: _Row, weight: Block, left: Uses, right: Uses, is_way: bool) -> None:
+        b = self._b
+        row.product(weight, left, right)
+        if is_way:
+            factor = b.mul(b.number(2.0), weight) if left is right else weight
+            row.by_way = b.transpose(b.scale(factor, self._m.of(total(right)).x))
+
+    def _direction(self, arm: Arm) -> Uses:
+        return (self._layout.use(arm.body, self._layout.direction(arm.body, arm.place)),)
 
     def _way(self, joint: Joint) -> Uses:
         """From a joint's point of the base to that of the follower."""
@@ -262,58 +263,31 @@ class ConstraintMaker:
         start = self._layout.point(joint.base, joint.at)
         return self._layout.use(joint.follower, end), self._layout.use(joint.base, start, -1)
 
-    def _across(self, joint: Joint) -> list[_Row]:
-        """The follower's point stays on the base's axis."""
-        return [self._along(self._way(joint), self._direction(joint.base, tuple(t))) for t in tangents(joint, joint.axes[0])]
-
-    def _measured(self, joint: Joint, coordinate: str, node: Node) -> _Row:
+    def _measured(self, angle: AngleRow, node: Node) -> _Row:
         """f . (b_2 cos angle - b_1 sin angle) = 0 for an angle that is a coordinate."""
         b, motion = self._b, self._m.node(node)
-        row = self._turned(joint, coordinate, motion.x, motion.v, b.zero(1))
-        first, second = self._products(joint, coordinate)
-        reach = b.add(b.mul(b.call("cos", motion.x), first), b.mul(b.call("sin", motion.x), second))
+        row = self._turned(angle, motion.x, motion.v, b.zero(1))
+        pointer, first, second = (self._m.direction(arm.body, arm.place).x for arm in (angle.pointer, angle.first, angle.second))
+        products = b.dot(pointer, first), b.dot(pointer, second)
+        reach = b.add(b.mul(b.call("cos", motion.x), products[0]), b.mul(b.call("sin", motion.x), products[1]))
         row.push((Use(-1, node.body, {node: 1}),), reach)
         return row
 
-    def _products(self, joint: Joint, coordinate: str) -> tuple[Block, Block]:
-        body, b_1, b_2, other, f = angle_axes(joint, coordinate)
-        F = self._m.direction(other, f).x
-        return self._b.dot(F, self._m.direction(body, b_1).x), self._b.dot(F, self._m.direction(body, b_2).x)
-
-    def _turned(self, joint: Joint, coordinate: str, angle: Block, rate: Block, acceleration: Block) -> _Row:
+    def _turned(self, row: AngleRow, angle: Block, rate: Block, acceleration: Block) -> _Row:
         """f . (b_2 cos angle - b_1 sin angle) with its rate and drift, without a gradient by the angle."""
-        b, (body, b_1, b_2, other, f) = self._b, angle_axes(joint, coordinate)
+        b, found, pointer = self._b, self._row(), self._direction(row.pointer)
         sin, cos = b.call("sin", angle), b.call("cos", angle)
-        row, F = self._row(), self._direction(other, f)
-        for weight, turned, axis in ((cos, b.neg(sin), b_2), (b.neg(sin), b.neg(cos), b_1)):
-            base = self._direction(body, axis)
-            u, w = self._m.of(total(F)), self._m.of(total(base))
-            row.product(weight, F, base)
+        for weight, turned, arm in ((cos, b.neg(sin), row.second), (b.neg(sin), b.neg(cos), row.first)):
+            base = self._direction(arm)
+            u, w = self._m.of(total(pointer)), self._m.of(total(base))
+            found.product(weight, pointer, base)
             product = b.dot(u.x, w.x)
             change = b.add(b.dot(u.x, w.v), b.dot(w.x, u.v))
-            row.rate = b.add(row.rate, b.mul(b.mul(turned, rate), product))
+            found.rate = b.add(found.rate, b.mul(b.mul(turned, rate), product))
             twice = b.mul(b.mul(b.number(2.0), b.mul(turned, rate)), change)
             bent = b.mul(b.sub(b.mul(turned, acceleration), b.mul(weight, b.mul(rate, rate))), product)
-            row.drift = b.add(row.drift, b.add(twice, bent))
-        return row
-
-    def _guided(self, joint: Joint) -> dict[str, _Row]:
-        """A row for each guided coordinate."""
-        rows = {}
-        assert joint.guide is not None
-        for coordinate, guide in zip(COORDINATES[joint.kind], joint.guide, strict=True):
-            course = self._course(guide)
-            if joint.kind is JointKind.SCREW:
-                row = self._row()
-                row.angle(self._layout.angles[joint.name, coordinate], sympy.Integer(-1))
-                row.known(*course)
-            elif coordinate in ANGLES.get(joint.kind, ()):
-                row = self._turned(joint, coordinate, *course)
-            else:
-                row = self._along(self._way(joint), self._direction(joint.base, slide_axis(joint, coordinate)))
-                row.known(*course)
-            rows[coordinate] = row
-        return rows
+            found.drift = b.add(found.drift, b.add(twice, bent))
+        return found
 
     def _course(self, guide: Scalar) -> tuple[Block, Block, Block]:
         """A guide's position, rate and acceleration; the latter are nought where the mechanism is held at rest."""
@@ -340,16 +314,6 @@ def kept_weight(layout: Layout, u: Form, w: Form) -> float:
     """What a product of two ways is multiplied by: one over the longer of two ways between points, half of it for a length."""
     lengths = [float(np.linalg.norm([layout.value(x) for x in _design(form)])) for form in (u, w) if len(form) == 2]
     return (0.5 if u == w else 1.0) / (max(lengths) if len(lengths) == 2 else 1.0)
-
-
-def slide_axis(joint: Joint, coordinate: str) -> Vector:
-    """The direction of the base along which a displacement is counted."""
-    if joint.kind is JointKind.FREE:
-        return GLOBAL_AXES["xyz".index(coordinate)]
-    if joint.kind is JointKind.PLANAR:
-        first, second = (tuple(t) for t in tangents(joint, joint.axes[0]))
-        return second if coordinate.endswith("2") else first
-    return joint.axes[0]
 
 
 def tangents_of(direction: Sequence[float]) -> tuple[Vector, Vector]:

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
+from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
@@ -28,14 +29,11 @@ from cutjoint.formulate.forces import (
     stretch,
 )  # fmt: skip
 from cutjoint.formulate.inputs import guide_rates
-from cutjoint.formulate.natural.constraints import slide_axis
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
-from cutjoint.formulate.natural.needs import ANGLES
 from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
-    COORDINATES,
     GROUND,
     AxialForce,
     Body,
@@ -209,7 +207,7 @@ class ForceMaker:
         return (follower, joint.at), (base, joint.at), slide_axis(joint, coordinate)
 
     def _is_angle(self, force: JointForce) -> bool:
-        return force.coordinate in ANGLES.get(self._joints[force.joint].kind, ())
+        return force.coordinate in self._joints[force.joint].element.measures
 
     def _coordinate(self, force: JointForce) -> dict[Scalar, Block]:
         """A joint's coordinate and its rate."""
@@ -235,7 +233,7 @@ class ForceMaker:
     def _guided(self, force: JointForce, joint: Joint) -> dict[Scalar, Block]:
         """The coordinate on the guide's course."""
         assert joint.guide is not None
-        guide = joint.guide[COORDINATES[joint.kind].index(force.coordinate)]
+        guide = joint.guide[joint.element.coordinates.index(force.coordinate)]
         motion = self._b.symbol("motion", 1, BindingTime.STEP)
         position, rate, _ = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model, self._scene))
         return {POSITION: position, RATE: self._b.mul(motion, rate)}

@@ -17,11 +17,12 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from cutjoint.formulate.directions import direction_of
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angles
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, is_nought
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import GROUND, Joint, JointKind, Model, Output, Reaction, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Joint, Model, Output, Reaction, Scalar, Scene, Vector
 from cutjoint.topology.records import Topology
 
 #: What a candidate must add to the span, as a share of its own length: of nodes that a joint shares, of a body's own.
@@ -50,7 +51,7 @@ class Group:
 class Layout:
     """The nodes in the order in which they were laid out, the groups, and who carries which node.
 
-    ``angles`` are nodes by joint and coordinate, ``idle`` the universal joints that need no equation, ``outwards`` inner and outer body of
+    ``angles`` are nodes by joint and coordinate, ``idle`` the joints that need no equation, ``outwards`` inner and outer body of
     each tree joint.
     """
 
@@ -133,8 +134,8 @@ class Layout:
         return Use(sign, self.group_of[body], form)
 
     def slide_ends(self, joint: Joint) -> tuple[str, str]:
-        """The bodies from and to which a displacement counts: base and follower, of a free joint inner and outer body."""
-        return self.outwards[joint.name] if joint.kind is JointKind.FREE else (joint.base, joint.follower)
+        """The bodies from and to which a displacement counts: base and follower, or inner and outer body."""
+        return self.outwards[joint.name] if joint.element.from_inner else (joint.base, joint.follower)
 
     def settled(self, nodes: Iterable[Node], group: str) -> bool:
         """Whether a group other than this one carries all nodes, so that their distances and angles are settled."""
@@ -200,8 +201,8 @@ class _Builder:
         self._model = model
         self._value = value
         order = {body: i for i, body in enumerate(_outwards(topology))}
-        self.group_of = _join(model.joints, {JointKind.FIXED}, order)
-        self._attitude_of = _join(model.joints, {JointKind.FIXED, JointKind.PRISMATIC}, order)
+        self.group_of = _join((j for j in model.joints if j.element.is_rigid), order)
+        self._attitude_of = _join((j for j in model.joints if j.element.keeps_directions), order)
         self._done: set[str] = set()
         self._first_of_attitude: dict[str, str] = {}
         self._bodies_of: dict[str, list[str]] = defaultdict(list)
@@ -220,11 +221,11 @@ class _Builder:
         collector = Collector(self._model, self.group_of.__getitem__, self._value)
         reactions = {r.name: r.joint for r in self._model.reactions if isinstance(r, Reaction)}
         first = {reactions[o.element] for o in outputs if o.element in reactions}
-        joints = sorted((j for j in self._model.joints if j.kind is not JointKind.FIXED), key=lambda j: j.name not in first)
+        joints = sorted((j for j in self._model.joints if not j.element.is_rigid), key=lambda j: j.name not in first)
         for joint, coordinate in asked_angles(self._model, scene, outputs):
             collector.angle(joint, coordinate)
         for joint in joints:
-            collector.joint(joint, idle=joint.kind is JointKind.UNIVERSAL)
+            collector.joint(joint, idle=joint.element.holds_one_turn)
         for force in self._model.force_elements:
             if is_active(force, scene):
                 collector.force(force)
@@ -232,18 +233,18 @@ class _Builder:
             collector.output(output)
         self.layout.idle = frozenset(j.name for j in joints if self._is_idle(j, collector))
         for joint in joints:
-            if joint.kind is JointKind.UNIVERSAL and joint.name not in self.layout.idle:
+            if joint.element.holds_one_turn and joint.name not in self.layout.idle:
                 collector.joint(joint, idle=False)
         self._needs = collector.needs
 
     def _is_idle(self, joint: Joint, collector: Collector) -> bool:
-        """Whether a universal joint does no more than hold a massless rod from turning about itself."""
-        if joint.kind is not JointKind.UNIVERSAL or joint.guide is not None:
+        """Whether a joint that holds one turn does no more than hold a massless rod from turning about itself."""
+        if not joint.element.holds_one_turn or joint.guide is not None:
             return False
         for body in {self.group_of[joint.base], self.group_of[joint.follower]} - {GROUND}:
             needs = collector.needs[body]
             others = [j for j in self._model.joints if j is not joint and body in (self.group_of[j.base], self.group_of[j.follower])]
-            balls = all(j.kind in (JointKind.SPHERICAL, JointKind.DISTANCE) for j in others)
+            balls = all(j.element.holds_points_alone for j in others)
             span = _span([self._column(n) for n in (*needs.shared, *needs.spanned)])
             if balls and span <= 2 and all(n.kind is NodeKind.POINT for n in (*needs.shared, *needs.spanned)):
                 return True
@@ -289,10 +290,11 @@ class _Builder:
     def _shared(self, joint: Joint) -> list[Need]:
         """What a joint's two bodies have in common."""
         shared = []
-        if joint.kind in (JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.UNIVERSAL):
+        if joint.element.shares_point:
             shared.append(Need(kind=NodeKind.POINT, place=joint.at, name=joint.name))
-        if joint.kind in (JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.SCREW, JointKind.PLANAR):
-            shared.append(Need(kind=NodeKind.VECTOR, place=joint.axes[0], name=f"{joint.name}.axis"))
+        direction = joint.element.shared_direction
+        if direction is not None:
+            shared.append(Need(kind=NodeKind.VECTOR, place=direction_of(joint, direction), name=f"{joint.name}.{direction}"))
         return shared
 
     def _choose(self, group: str, given: list[Node], needs: Needs) -> tuple[list[Node], list[Node]]:
@@ -349,13 +351,12 @@ class _Builder:
         return columns.inv() if columns.is_square else (columns.T * columns).inv() * columns.T
 
 
-def _join(joints: Sequence[Joint], kinds: set[JointKind], order: dict[str, int]) -> dict[str, str]:
-    """Each body's group of bodies that joints of some kinds connect, named after its first body."""
+def _join(joints: Iterable[Joint], order: dict[str, int]) -> dict[str, str]:
+    """Each body's group of bodies that these joints connect, named after its first body."""
     group = {body: body for body in order}
     for joint in joints:
-        if joint.kind in kinds:
-            a, b = sorted((group[joint.base], group[joint.follower]), key=order.__getitem__)
-            group = {body: a if g == b else g for body, g in group.items()}
+        a, b = sorted((group[joint.base], group[joint.follower]), key=order.__getitem__)
+        group = {body: a if g == b else g for body, g in group.items()}
     return group
 
 

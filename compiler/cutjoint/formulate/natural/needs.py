@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy
 
-from cutjoint.formulate.directions import tangents
+from cutjoint.elements.joint import Condition, Direction, Products, SameAttitude, SameDirection
+from cutjoint.formulate.directions import direction_of
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.model.errors import ModelError, Problem
@@ -22,7 +23,6 @@ from cutjoint.model.records import (
     Force,
     Joint,
     JointForce,
-    JointKind,
     Marker,
     Model,
     Output,
@@ -73,41 +73,24 @@ class Needs:
         self.span(NodeKind.VECTOR, GLOBAL_AXES, body)
 
 
-#: The scalar coordinates that are angles, by joint kind, in the order of COORDINATES.
-ANGLES = {
-    JointKind.REVOLUTE: ("angle",), JointKind.CYLINDRICAL: ("angle",), JointKind.SCREW: ("angle",),
-    JointKind.PLANAR: ("angle",), JointKind.UNIVERSAL: ("angle_1", "angle_2"),
-}  # fmt: skip
-
-
-def angle_axes(joint: Joint, coordinate: str) -> tuple[str, Vector, Vector, str, Vector]:
-    """How an angle is measured: from b_1 towards b_2, both carried by the first body, to the direction f of the second.
-
-    A universal joint's first angle turns the follower's axis about the base's, its second the other way round.
-    """
-    if joint.kind is JointKind.UNIVERSAL:
-        base, follower = (sympy.Matrix(axis) for axis in joint.axes)
-        if coordinate == "angle_1":
-            return joint.base, tuple(follower), tuple(base.cross(follower)), joint.follower, tuple(follower)
-        return joint.follower, tuple(base), tuple(-follower.cross(base)), joint.base, tuple(base)
-    first, second = (tuple(t) for t in tangents(joint, joint.axes[0]))
-    return joint.base, first, second, joint.follower, first
-
-
 def require_told(model: Model, scene: Scene, outputs: Sequence[Output]) -> None:
-    """A rod of a distance joint has no attitude in natural coordinates, and so no angles.
+    """Natural coordinates do not have all angles: a rod of a distance joint has no attitude.
 
     Raises:
-        ModelError: an output or a force asks for them.
+        ModelError: an output, a force or a guide asks for one that they do not have.
     """
-    rods = {j.name for j in model.joints if j.kind is JointKind.DISTANCE}
-    asked = [(o.span, f"output '{o.column}'") for o in outputs if o.element in rods]
+    kinds = {j.name: j.kind for j in model.joints if not j.element.is_measured}
+    asked = [(kinds[o.element], o.span, f"output '{o.column}'") for o in outputs if o.element in kinds]
     forces = [f for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)]
-    asked += [(f.span, f"force '{f.name}'") for f in forces if f.joint in rods]
+    asked += [(kinds[f.joint], f.span, f"force '{f.name}'") for f in forces if f.joint in kinds]
+    asked += [(j.kind, j.span, f"joint '{j.name}'") for j in model.joints if j.guide is not None and j.name in kinds]
     if asked:
-        message = "natural coordinates do not have the attitude of a distance joint's rod"
         raise ModelError([
-            Problem(span=span, element=element, message=message, hint="use --method recursive") for span, element in asked
+            Problem(
+                span=span, element=element, message=f"natural coordinates do not have the coordinates of a {kind} joint",
+                hint="use --method recursive",
+            )
+            for kind, span, element in asked
         ])  # fmt: skip
 
 
@@ -116,10 +99,10 @@ def asked_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[
     joints = {j.name: j for j in model.joints}
     wanted = {(o.element, o.quantity.removesuffix("_rate")) for o in outputs if o.element in joints}
     wanted |= {(f.joint, f.coordinate) for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)}
-    wanted |= {(j.name, "angle") for j in model.joints if j.kind is JointKind.SCREW}
+    wanted |= {(j.name, name) for j in model.joints if j.element.advances for name in j.element.measures}
     return [
-        (joint, name) for joint in model.joints for name in ANGLES.get(joint.kind, ())
-        if (joint.name, name) in wanted and not (joint.guide is not None and joint.kind is not JointKind.SCREW)
+        (joint, name) for joint in model.joints for name in joint.element.measures
+        if (joint.name, name) in wanted and (joint.guide is None or joint.element.advances)
     ]  # fmt: skip
 
 
@@ -149,32 +132,44 @@ class Collector:
         needs.span(NodeKind.VECTOR, [tuple(sympy.Float(x) for x in axis) for axis in extents], body.name)
 
     def joint(self, joint: Joint, idle: bool) -> None:
-        """A joint's points and directions; ``idle`` leaves out the axes of a universal joint that steers a body without mass."""
+        """A joint's points and directions; ``idle`` leaves out the directions of one that steers a body without mass."""
         base, follower, name = self.of(joint.base), self.of(joint.follower), joint.name
-        if joint.kind is JointKind.FREE:
+        if not joint.element.closes:
             return
         base.point(joint.at, name)
         follower.point(joint.to or joint.at, f"{name}.to" if joint.to else name)
-        match joint.kind:
-            case JointKind.REVOLUTE | JointKind.CYLINDRICAL | JointKind.SCREW | JointKind.PLANAR:
-                base.direction(joint.axes[0], f"{name}.axis")
-                follower.direction(joint.axes[0], f"{name}.axis")
-            case JointKind.UNIVERSAL if not idle:
-                base.direction(joint.axes[0], f"{name}.axis_1")
-                follower.direction(joint.axes[1], f"{name}.axis_2")
-            case JointKind.PRISMATIC:
+        for condition in joint.element.conditions:
+            self._condition(joint, condition, idle)
+        if joint.guide is not None:
+            base.attitude(joint.base)
+            if joint.element.angles:
+                follower.attitude(joint.follower)
+
+    def _condition(self, joint: Joint, condition: Condition, idle: bool) -> None:
+        base, follower = self.of(joint.base), self.of(joint.follower)
+        match condition:
+            case SameDirection():
+                for needs in (base, follower):
+                    self._direction(needs, joint, condition.direction)
+            case SameAttitude():
                 base.attitude(joint.base)
                 follower.attitude(joint.follower)
-        if joint.kind in (JointKind.CYLINDRICAL, JointKind.SCREW, JointKind.POINT_ON_LINE) or joint.guide is not None:
-            base.attitude(joint.base)
-        if joint.guide is not None and ANGLES.get(joint.kind):
-            follower.attitude(joint.follower)
+            case Products() if condition.joins_points:
+                if len(condition.base) > 1:  # a direction alone is one that the joint has in common
+                    base.attitude(joint.base)
+            case Products() if not idle:
+                for needs, directions in ((base, condition.base), (follower, condition.follower)):
+                    for direction in directions:
+                        self._direction(needs, joint, direction)
+
+    def _direction(self, needs: Needs, joint: Joint, direction: Direction) -> None:
+        label = "axis_1" if direction is Direction.AXIS and len(joint.axes) > 1 else direction
+        needs.direction(direction_of(joint, direction), f"{joint.name}.{label}")
 
     def angle(self, joint: Joint, coordinate: str) -> None:
         """The directions that an angle is measured by."""
-        first, _, _, second, _ = angle_axes(joint, coordinate)
-        self.of(first).attitude(first)
-        self.of(second).attitude(second)
+        for body in (joint.base, joint.follower):
+            self.of(body).attitude(body)
 
     def force(self, force: Force) -> None:
         """A force's points and directions."""
@@ -197,7 +192,7 @@ class Collector:
                 self.of(force.body).attitude(force.body)
             case JointForce():
                 joint = next(j for j in self._model.joints if j.name == force.joint)
-                if force.coordinate not in ANGLES.get(joint.kind, ()):
+                if force.coordinate not in joint.element.measures:
                     self.slide(joint)
 
     def _load(self, load: BodyLoad) -> None:
@@ -243,7 +238,7 @@ class Collector:
         if quantity in ("wx", "wy", "wz"):
             self.of(joint.base).attitude(joint.base)
             self.of(joint.follower).attitude(joint.follower)
-        elif quantity.removesuffix("_rate") not in ANGLES.get(joint.kind, ()):
+        elif quantity.removesuffix("_rate") not in joint.element.measures:
             self.slide(joint)
 
 

@@ -6,14 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutjoint.formulate.attitude import ATTITUDE, attitude
+from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.inputs import guide_rates
-from cutjoint.formulate.natural.constraints import Constraint, multipliers, slide_axis
+from cutjoint.formulate.natural.constraints import Constraint, multipliers
 from cutjoint.formulate.natural.forces import Element
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.natural.reactions import ReactionMaker
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import COORDINATES, SPEEDS, Joint, Model, Output, Reaction, RodForce, Scene, Vector
+from cutjoint.model.records import Joint, Model, Output, Reaction, RodForce, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block
 
 
@@ -79,9 +80,9 @@ class NaturalReporter:
         """A joint's coordinate or speed."""
         if quantity in ("wx", "wy", "wz"):
             return self._relative_spin(joint, "xyz".index(quantity[-1]))
-        is_rate = quantity not in COORDINATES[joint.kind]
-        names = SPEEDS if is_rate else COORDINATES
-        coordinate = COORDINATES[joint.kind][names[joint.kind].index(quantity)]
+        is_rate = quantity not in joint.element.coordinates
+        names = joint.element.speeds if is_rate else joint.element.coordinates
+        coordinate = joint.element.coordinates[names.index(quantity)]
         if joint.guide is not None:
             return self._guided(joint, coordinate, is_rate)
         if (joint.name, coordinate) in self.motions.layout.angles:
@@ -92,7 +93,7 @@ class NaturalReporter:
 
     def _guided(self, joint: Joint, coordinate: str, is_rate: bool) -> Block:
         assert joint.guide is not None
-        guide = joint.guide[COORDINATES[joint.kind].index(coordinate)]
+        guide = joint.guide[joint.element.coordinates.index(coordinate)]
         place, rate, _ = (self.motions.translator.scalar(e) for e in guide_rates(guide, self.model, self.scene))
         return self.motions.builder.mul(self.motions.builder.symbol("motion", 1, BindingTime.STEP), rate) if is_rate else place
 

@@ -11,10 +11,7 @@ from dataclasses import dataclass
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Uses
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.records import Joint, JointKind, Model, Reaction, Scalar
-
-#: The joints whose bodies have a point in common.
-_SHARING = (JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.UNIVERSAL)
+from cutjoint.model.records import Joint, Model, Reaction, Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +33,7 @@ def find_bearer(layout: Layout, model: Model, reaction: Reaction, joint: Joint) 
     Raises:
         ModelError: no body does: it is fixed, or another joint shares the point, or a further point of both bodies.
     """
-    for body, sign in ((joint.follower, 1), (joint.base, -1)) if joint.kind in _SHARING else ():
+    for body, sign in ((joint.follower, 1), (joint.base, -1)) if joint.element.shares_point else ():
         group, node = layout.groups.get(layout.group_of[body]), layout.find(body, NodeKind.POINT, joint.at)
         if group is None or node is None:
             continue
@@ -54,7 +51,7 @@ def find_bearer(layout: Layout, model: Model, reaction: Reaction, joint: Joint) 
 
 def _meets_alone(layout: Layout, model: Model, joint: Joint, node: Node, group: str) -> bool:
     """Whether no other joint shares the node with the group."""
-    others = (j for j in model.joints if j is not joint and j.kind in _SHARING)
+    others = (j for j in model.joints if j is not joint and j.element.shares_point)
     bodies = (body for j in others for body in (j.base, j.follower) if layout.find(body, NodeKind.POINT, j.at) is node)
     return all(layout.group_of[body] != group for body in bodies)
 

@@ -8,15 +8,29 @@ Residuals are frame-invariant scalars, or vectors resolved in common axes whose 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.formulate.directions import tangents
-from cutjoint.model.records import Joint, JointKind, Scalar, Vector
+from cutjoint.elements.joint import (
+    AXIAL_FRAME,
+    Advance,
+    Carried,
+    Condition,
+    Direction,
+    End,
+    Products,
+    SameAttitude,
+    SameDirection,
+    SameDistance,
+    SamePoint,
+    Way,
+)
+from cutjoint.formulate.directions import direction_of, rod_of
+from cutjoint.model.records import Joint, Scalar, Vector
 
 Matrix: TypeAlias = Any
 
@@ -49,7 +63,10 @@ class ClosureKernel:
 
 def derive_closure(joint: Joint) -> ClosureKernel:
     """The kernel of a cut joint."""
-    names, base, follower, residual = _residual(joint)
+    names, residual = _residual(joint)
+    base, follower = (
+        tuple(direction_of(joint, d) for d in used) for used in (joint.element.base_directions, joint.element.follower_directions)
+    )
     jacobian, drift = _jacobian_and_drift(sympy.ImmutableMatrix(residual))
     return ClosureKernel(
         names=names, base_directions=base, follower_directions=follower, residual=residual, jacobian=jacobian, drift=drift
@@ -76,56 +93,45 @@ def _along(expressions: Matrix, rates: dict[Scalar, Scalar]) -> Matrix:
     return sum((expressions.diff(x) * dx for x, dx in rates.items()), sympy.zeros(*expressions.shape))
 
 
-_XYZ = ("x", "y", "z")
-_AXIS = ("axis_x", "axis_y", "axis_z")
-_TURN = ("turn_x", "turn_y", "turn_z")
+def _residual(joint: Joint) -> tuple[tuple[str, ...], Matrix]:
+    """The names of a cut joint's equations, and their residual over the symbols of points and directions."""
+    element = joint.element
+    if not element.closes:
+        raise ValueError(f"{joint.span}: joint '{joint.name}': a {joint.kind} joint cannot be a cut joint")
+    names = tuple(name for condition in element.conditions for name in condition.names)
+    return names, _column(*(row for condition in element.conditions for row in _rows(joint, condition)))
 
 
-def _residual(joint: Joint) -> tuple[tuple[str, ...], tuple[Vector, ...], tuple[Vector, ...], Matrix]:
-    gap, aligned = P - P0, F[0] - B[0]
-    axes = joint.axes
-    match joint.kind:
-        case JointKind.SPHERICAL:
-            return _XYZ, (), (), gap
-        case JointKind.REVOLUTE:
-            return (*_XYZ, *_AXIS), axes, axes, _column(gap, aligned)
-        case JointKind.UNIVERSAL:
-            return (*_XYZ, "angle"), (axes[0],), (axes[1],), _column(gap, F[0].dot(B[0]))
-        case JointKind.FIXED:
-            frame = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-            return (*_XYZ, *_TURN), frame, frame, _column(gap, _turn())
-        case JointKind.DISTANCE:
-            length = (sympy.Matrix(joint.to) - sympy.Matrix(joint.at)).norm()
-            return ("length",), (), (), sympy.Matrix([(gap.dot(gap) - length**2) / (2 * length)])
-    return _along_an_axis(joint, gap)
+def _rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Scalar]:
+    gap = P - P0
+    b = dict(zip(joint.element.base_directions, B, strict=False))
+    f = dict(zip(joint.element.follower_directions, F, strict=False))
+    match condition:
+        case SamePoint():
+            yield gap
+        case SameDirection():
+            yield f[condition.direction] - b[condition.direction]
+        case SameAttitude():
+            # half the sum of b_k x f_k: the sine of a small relative rotation, as a vector
+            yield sum((b[d].cross(f[d]) for d in condition.frame), sympy.zeros(3, 1)) / 2
+        case Products():
+            for products in condition.sums:
+                terms = (sympy.sympify(p.weight) * _factor(p.left, gap, b, f).dot(_factor(p.right, gap, b, f)) for p in products)
+                yield sum(terms, sympy.Integer(0))
+        case SameDistance():
+            length = sympy.Matrix(rod_of(joint)).norm()
+            yield (gap.dot(gap) - length**2) / (2 * length)
+        case Advance():
+            axis, first, second = (b[d] for d in AXIAL_FRAME)
+            angle = axis.dot(gap) / joint.pitch
+            yield f[Direction.ACROSS_1].dot(second * sympy.cos(angle) - first * sympy.sin(angle))
 
 
-def _along_an_axis(joint: Joint, gap: Matrix) -> tuple[tuple[str, ...], tuple[Vector, ...], tuple[Vector, ...], Matrix]:
-    """The kinds that slide or turn about one axis; the directions are that axis and two across it."""
-    axis = joint.axes[0]
-    frame = (axis, *(tuple(t) for t in tangents(joint, axis)))
-    aligned = F[0] - B[0]
-    across = [B[1].dot(gap), B[2].dot(gap)]
-    names = ("across_1", "across_2")
-    match joint.kind:
-        case JointKind.POINT_ON_LINE:
-            return names, frame, (), _column(*across)
-        case JointKind.CYLINDRICAL:
-            return (*names, *_AXIS), frame, frame[:1], _column(*across, aligned)
-        case JointKind.PRISMATIC:
-            return (*names, *_TURN), frame, frame, _column(*across, _turn())
-        case JointKind.PLANAR:
-            return ("height", *_AXIS), frame[:1], frame[:1], _column(B[0].dot(gap), aligned)
-        case JointKind.SCREW:
-            angle = B[0].dot(gap) / joint.pitch
-            advance = F[1].dot(B[2] * sympy.cos(angle) - B[1] * sympy.sin(angle))
-            return (*names, *_AXIS, "advance"), frame, frame[:2], _column(*across, aligned, advance)
-    raise ValueError(f"{joint.span}: joint '{joint.name}': a {joint.kind} joint cannot be a cut joint")
-
-
-def _turn() -> Matrix:
-    """Half the sum of b_k x f_k: the sine of a small relative rotation, as a vector."""
-    return sum((b.cross(f) for b, f in zip(B, F, strict=True)), sympy.zeros(3, 1)) / 2
+def _factor(factor: Carried | Way, gap: Matrix, b: Mapping[Direction, Matrix], f: Mapping[Direction, Matrix]) -> Matrix:
+    """The symbols of a factor of a product."""
+    if isinstance(factor, Way):
+        return gap
+    return (b if factor.end is End.BASE else f)[factor.direction]
 
 
 def _column(*parts: Sequence[Scalar] | Scalar) -> Matrix:

@@ -7,15 +7,30 @@ c = dS/dt u, all in the inner body's axes (Featherstone 2008, section 3.5; Cuadr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.formulate.directions import tangents
-from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Scalar
+from cutjoint.elements.joint import (
+    DESIGN_FRAME,
+    SPIN,
+    Ball,
+    Direction,
+    JointElement,
+    Motion,
+    Offset,
+    Slide,
+    Turn,
+    rate_name,
+)
+from cutjoint.elements.joints import JOINTS
+from cutjoint.elements.kinds import JointKind
+from cutjoint.formulate.directions import direction_of
+from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.records import Scalar
 from cutjoint.topology.records import TreeJoint
 
 Matrix: TypeAlias = Any
@@ -29,6 +44,7 @@ class JointKernel:
 
     ``q`` are its scalar coordinates, ``has_ball`` tells of a quaternion behind them, ``u`` its speeds: the rates of q, then the ball's
     angular velocity in the inner body's axes.  ``rotation`` (3, 3), ``displacement`` (3, 1), ``subspace`` (6, nu), ``drift`` (6, 1).
+    ``columns`` (6, n) are those of the elementary motions in the chain's order, whose sums by speeds are the subspace.
     """
 
     q: tuple[Scalar, ...]
@@ -38,34 +54,7 @@ class JointKernel:
     displacement: Matrix
     subspace: Matrix
     drift: Matrix
-
-
-@dataclass(frozen=True)
-class _Slide:
-    axis: Matrix
-
-
-@dataclass(frozen=True)
-class _Turn:
-    axis: Matrix
-    pitch: Scalar = 0
-
-
-@dataclass(frozen=True)
-class _Ball:
-    pass
-
-
-@dataclass(frozen=True)
-class _Offset:
-    vector: Matrix
-
-
-_Motion: TypeAlias = _Slide | _Turn | _Ball | _Offset
-
-
-#: Kinds whose motions a reversed joint undoes in the opposite order.
-_UNDONE = frozenset({JointKind.UNIVERSAL, JointKind.PLANAR, JointKind.POINT_ON_LINE})
+    columns: Matrix
 
 
 def derive_joint(tree_joint: TreeJoint) -> JointKernel:
@@ -80,134 +69,133 @@ def derive_joint(tree_joint: TreeJoint) -> JointKernel:
     general, known = _derive_kind(joint.kind, tree_joint.reversed), _given(tree_joint)
     return replace(
         general, rotation=general.rotation.xreplace(known), displacement=general.displacement.xreplace(known),
-        subspace=general.subspace.xreplace(known), drift=general.drift.xreplace(known),
+        subspace=general.subspace.xreplace(known), drift=general.drift.xreplace(known), columns=general.columns.xreplace(known),
     )  # fmt: skip
 
 
-def motion_groups(tree_joint: TreeJoint) -> tuple[tuple[int, ...], ...]:
-    """The places among a joint's speeds of its elementary motions, those next to the inner body first; a ball is one motion."""
-    kind, is_reversed = tree_joint.joint.kind, tree_joint.reversed
-    scalars = list(range(len(COORDINATES[kind])))
-    if is_reversed and kind in _UNDONE:
-        scalars.reverse()
-    ball = tuple(range(len(scalars), len(SPEEDS[kind])))
-    moving = [m for m in _motions(kind, is_reversed) if not isinstance(m, _Offset)]
-    return tuple(ball if isinstance(m, _Ball) else (scalars.pop(0),) for m in moving)
+@dataclass(frozen=True)
+class ElementaryMotion:
+    """A motion of a chain: the places of its speeds among the joint's, three of a ball, and its share of the coordinate."""
+
+    places: tuple[int, ...]
+    share: float
+
+
+def elementary_motions(tree_joint: TreeJoint) -> tuple[ElementaryMotion, ...]:
+    """A joint's elementary motions, those next to the inner body first."""
+    element = tree_joint.joint.element
+    return tuple(_elementary(element, m) for m in element.chain_seen(tree_joint.reversed) if not isinstance(m, Offset))
+
+
+def _elementary(element: JointElement, motion: Slide | Turn | Ball) -> ElementaryMotion:
+    if isinstance(motion, Ball):
+        return ElementaryMotion(tuple(range(len(element.coordinates), len(element.speeds))), 1.0)
+    share = float(motion.share) if isinstance(motion, Turn) else 1.0
+    return ElementaryMotion((element.coordinates.index(motion.coordinate),), share)
 
 
 @cache
 def _derive_kind(kind: JointKind, is_reversed: bool) -> JointKernel:
     """The kernel of any joint of a kind, over the symbols of its directions and its pitch."""
-    chain = _motions(kind, is_reversed)
-    q = tuple(sympy.Symbol(f"q_{name}", real=True) for name in COORDINATES[kind])
-    u = tuple(sympy.Symbol(f"u_{name}", real=True) for name in SPEEDS[kind])
-    in_chain = q[::-1] if is_reversed and kind in _UNDONE else q
-    rotation, displacement, columns = _compose(chain, in_chain)
-    subspace = sympy.Matrix.hstack(*columns) if columns else sympy.zeros(6, 0)
-    scalar = u[: len(q)][::-1] if in_chain != q else u[: len(q)]
+    element = JOINTS[kind]
+    chain = element.chain_seen(is_reversed)
+    q = {name: sympy.Symbol(f"q_{name}", real=True) for name in element.coordinates}
+    u = {name: sympy.Symbol(f"u_{name}", real=True) for name in element.speeds}
+    rotation, displacement, columns = _compose(chain, q)
     return JointKernel(
-        q=q, u=u, has_ball=any(isinstance(m, _Ball) for m in chain), rotation=rotation, displacement=displacement,
-        subspace=_speed_order(subspace, chain, in_chain, q), drift=_drift(chain, columns, scalar, u[len(q) :]),
+        q=tuple(q.values()), u=tuple(u.values()), has_ball=element.has_ball, rotation=rotation, displacement=displacement,
+        subspace=_subspace(element, chain, columns), drift=_drift(chain, columns, u),
+        columns=sympy.Matrix.hstack(*columns) if columns else sympy.zeros(6, 0),
     )  # fmt: skip
 
 
-#: The directions of a chain of motions, of which each kind needs up to three, and a screw's pitch.
-_DIRECTIONS = tuple(sympy.Matrix(sympy.symbols(f"{name}_x {name}_y {name}_z", real=True)) for name in "abc")
+#: The directions of a chain of motions by their symbols, which no kind uses for two of them, and a joint's pitch.
+_A, _B, _C = (sympy.Matrix(sympy.symbols(f"{name}_x {name}_y {name}_z", real=True)) for name in "abc")
+_SYMBOLS = {
+    Direction.AXIS: _A, Direction.ROD: _A, Direction.AXIS_2: _B, Direction.ACROSS_1: _B, Direction.ACROSS_2: _C,
+    **{d: sympy.Matrix(axis) for d, axis in zip(DESIGN_FRAME, GLOBAL_AXES, strict=True)},
+}  # fmt: skip
 _PITCH = sympy.Symbol("pitch", real=True)
 
 
-def _motions(kind: JointKind, is_reversed: bool) -> list[_Motion]:
-    a, b, c = _DIRECTIONS
-    x, y, z = (sympy.Matrix(row) for row in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
-    chains: dict[JointKind, list[_Motion]] = {
-        JointKind.FIXED: [],
-        JointKind.REVOLUTE: [_Turn(a)],
-        JointKind.PRISMATIC: [_Slide(a)],
-        JointKind.CYLINDRICAL: [_Slide(a), _Turn(a)],
-        JointKind.SCREW: [_Turn(a, _PITCH)],
-        JointKind.UNIVERSAL: [_Turn(a), _Turn(b)],
-        JointKind.PLANAR: [_Slide(b), _Slide(c), _Turn(a)],
-        JointKind.SPHERICAL: [_Ball()],
-        JointKind.POINT_ON_LINE: [_Slide(a), _Ball()],
-        # a ball at the inner end of the rod, a universal joint across it at the outer end
-        JointKind.DISTANCE: [_Ball(), _Offset(a), _Turn(b), _Turn(c)],
-        JointKind.FREE: [_Slide(x), _Slide(y), _Slide(z), _Ball()],
-    }
-    # seen from the other end; a reversed motion keeps the number of its coordinate
-    return chains[kind][::-1] if is_reversed and kind in _UNDONE else chains[kind]
-
-
 def _given(tree_joint: TreeJoint) -> dict[Scalar, Scalar]:
-    """The numbers of one joint for the symbols of its kind; those that are seen from its inner body are turned about if it is reversed."""
+    """The numbers of one joint for the symbols of its kind, as seen from its inner body."""
     joint = tree_joint.joint
-    sign = -1 if tree_joint.reversed else 1
-    directions = [sign * sympy.Matrix(axis) for axis in joint.axes]
-    if joint.kind is JointKind.PLANAR:
-        directions += [sign * tangent for tangent in tangents(joint, joint.axes[0])]
-    if joint.kind is JointKind.DISTANCE:
-        rod = sign * (sympy.Matrix(joint.to) - sympy.Matrix(joint.at))
-        directions = [rod, *tangents(joint, tuple(rod))]
-    pairs = zip(_DIRECTIONS, directions, strict=False)
-    given = {symbol: value for symbols, values in pairs for symbol, value in zip(symbols, values, strict=True)}
+    used = dict.fromkeys(m.direction for m in joint.element.chain if not isinstance(m, Ball) and m.direction not in DESIGN_FRAME)
+    given = {x: value for d in used for x, value in zip(_SYMBOLS[d], _seen_direction(tree_joint, d), strict=True)}
     return {**given, _PITCH: joint.pitch} if joint.pitch is not None else given
 
 
-def _compose(chain: Sequence[_Motion], q: tuple[Scalar, ...]) -> tuple[Matrix, Matrix, list[Matrix]]:
-    """Rotation, displacement and the columns of the subspace in the chain's order."""
+def _seen_direction(tree_joint: TreeJoint, direction: Direction) -> Matrix:
+    """A direction as the inner body of a joint sees it: turned about if the joint is reversed."""
+    joint = tree_joint.joint
+    if not tree_joint.reversed:
+        return sympy.Matrix(direction_of(joint, direction))
+    if joint.element.from_inner:
+        return sympy.Matrix(direction_of(replace(joint, at=joint.to or joint.at, to=joint.at), direction))
+    return -sympy.Matrix(direction_of(joint, direction))
+
+
+def _compose(chain: Sequence[Motion], q: Mapping[str, Scalar]) -> tuple[Matrix, Matrix, list[Matrix]]:
+    """Rotation, displacement and the columns of the motions by their speeds in the chain's order, three of a ball."""
     rotation, displacement = sympy.eye(3), sympy.zeros(3, 1)
     columns: list[Matrix] = []
-    coordinates = iter(q)
     for motion in chain:
-        if isinstance(motion, _Slide):
-            direction = rotation * motion.axis
-            displacement = displacement + direction * next(coordinates)
+        if isinstance(motion, Slide):
+            direction = rotation * _SYMBOLS[motion.direction]
+            displacement = displacement + direction * q[motion.coordinate]
             columns.append(sympy.Matrix.vstack(direction, sympy.zeros(3, 1)))
-        elif isinstance(motion, _Turn):
-            angle, direction = next(coordinates), rotation * motion.axis
-            columns.append(sympy.Matrix.vstack(displacement.cross(direction) + motion.pitch * direction, direction))
-            displacement = displacement + motion.pitch * direction * angle
-            rotation = rotation * rotation_about(motion.axis, angle)
-        elif isinstance(motion, _Ball):
+        elif isinstance(motion, Turn):
+            share = sympy.sympify(motion.share)
+            angle, pitch = share * q[motion.coordinate], _PITCH if motion.advances else sympy.Integer(0)
+            direction = rotation * _SYMBOLS[motion.direction]
+            columns.append(share * sympy.Matrix.vstack(displacement.cross(direction) + pitch * direction, direction))
+            displacement = displacement + pitch * direction * angle
+            rotation = rotation * rotation_about(_SYMBOLS[motion.direction], angle)
+        elif isinstance(motion, Ball):
             columns.extend(
                 sympy.Matrix.vstack(displacement.cross(sympy.eye(3)[:, i]), sympy.eye(3)[:, i]) for i in range(3)
             )
             rotation = rotation * rotation_of(QUATERNION)
         else:
-            displacement = displacement + rotation * motion.vector
+            displacement = displacement + rotation * _SYMBOLS[motion.direction]
     return rotation, displacement, columns
 
 
-def _speed_order(subspace: Matrix, chain: Sequence[_Motion], in_chain: tuple[Scalar, ...], q: tuple[Scalar, ...]) -> Matrix:
-    """Columns of scalar motions first, in the coordinates' order, the ball's behind."""
-    ball: list[int] = []
-    scalar: list[int] = []
-    column = 0
+def _names(chain: Sequence[Motion]) -> list[str]:
+    """The speed of each column of a chain."""
+    names: list[str] = []
     for motion in chain:
-        if isinstance(motion, _Ball):
-            ball += [column, column + 1, column + 2]
-            column += 3
-        elif not isinstance(motion, _Offset):
-            scalar.append(column)
-            column += 1
-    placed = [scalar[in_chain.index(x)] for x in q]
-    return subspace[:, placed + ball] if column else subspace
+        if isinstance(motion, Ball):
+            names += SPIN
+        elif not isinstance(motion, Offset):
+            names.append(rate_name(motion.coordinate))
+    return names
 
 
-def _drift(chain: Sequence[_Motion], columns: Sequence[Matrix], scalar: Sequence[Scalar], ball: Sequence[Scalar]) -> Matrix:
+def _subspace(element: JointElement, chain: Sequence[Motion], columns: Sequence[Matrix]) -> Matrix:
+    """The columns in the order of the speeds; those of motions that share a coordinate add up."""
+    by_name: dict[str, Matrix] = {}
+    for name, column in zip(_names(chain), columns, strict=True):
+        by_name[name] = by_name[name] + column if name in by_name else column
+    return sympy.Matrix.hstack(*(by_name[name] for name in element.speeds)) if columns else sympy.zeros(6, 0)
+
+
+def _drift(chain: Sequence[Motion], columns: Sequence[Matrix], u: Mapping[str, Scalar]) -> Matrix:
     """dS/dt u of a chain with columns in its order: what the motions before it carry along turns and moves a column.
 
-    ``scalar`` are the speeds of slides and turns in the chain's order, ``ball`` those of the ball, whose axes are the inner body's and
-    before which nothing turns.
+    A ball's axes are the inner body's; nothing turns before it.
     """
     drift, twist = sympy.zeros(6, 1), sympy.zeros(6, 1)
-    remaining, speeds = iter(columns), iter(scalar)
+    remaining = iter(columns)
     for motion in chain:
         v, w = twist[:3, :], twist[3:, :]
-        if isinstance(motion, _Ball):
-            drift += sympy.Matrix.vstack(v.cross(sympy.Matrix(ball)), sympy.zeros(3, 1))
-            twist += sum((next(remaining) * speed for speed in ball), sympy.zeros(6, 1))
-        elif not isinstance(motion, _Offset):
-            added = next(remaining) * next(speeds)
+        if isinstance(motion, Ball):
+            spin = [u[name] for name in SPIN]
+            drift += sympy.Matrix.vstack(v.cross(sympy.Matrix(spin)), sympy.zeros(3, 1))
+            twist += sum((next(remaining) * speed for speed in spin), sympy.zeros(6, 1))
+        elif not isinstance(motion, Offset):
+            added = next(remaining) * u[rate_name(motion.coordinate)]
             drift += sympy.Matrix.vstack(w.cross(added[:3, :]) + v.cross(added[3:, :]), w.cross(added[3:, :]))
             twist += added
     return drift

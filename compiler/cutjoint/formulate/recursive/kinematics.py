@@ -16,7 +16,7 @@ from cutjoint.formulate.inputs import guide_rates, inner_point, reference_point
 from cutjoint.formulate.records import Chart
 from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, derive_joint
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import GROUND, JointKind, Model, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint
 
@@ -42,6 +42,7 @@ class JointMotion:
     """What a joint adds: ``b`` (6, k) motion subspace, ``d`` (6, 1) so that Zdd_i = Zdd_p + b zdd + d, ``chart`` of its k unknowns.
 
     ``centre`` is the pole-to-centre vector of a spherical joint, which is eliminated in global axes about that point.
+    ``columns`` (6, n) are those of the elementary motions in the chain's order, where several share a speed; else they are b's.
     ``position``, ``rate`` hold the coordinates and speeds, ``acceleration`` the guide's if the joint is guided.
     """
 
@@ -50,6 +51,7 @@ class JointMotion:
     d: Block
     chart: Chart | None
     centre: Block | None
+    columns: Block | None
     position: tuple[Block, ...]
     rate: tuple[Block, ...]
     acceleration: tuple[Block, ...]
@@ -160,6 +162,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, scene: Scene, chart: C
     k.frames[t.child] = frame
     k.motions[t.child] = JointMotion(
         tree_joint=t, b=subspace if chart else None, d=drift, chart=chart, centre=centre if chart else None,
+        columns=_columns(k, t, kernel, local) if t.joint.element.shares_coordinates and chart else None,
         position=position, rate=rate, acceleration=acceleration,
     )  # fmt: skip
 
@@ -204,7 +207,7 @@ def _add_root(
     b = k.builder
     inner = k.vector(inner_point(t.joint, t.reversed))
     origin = reference_point(t.joint, t.reversed)
-    if t.joint.kind is JointKind.FREE:
+    if t.joint.element.is_free:
         Z = b.column(rate)
         v, w = halves(b, Z)
         frame = Frame(R=turn, r=b.zero(3), origin=origin, Z=Z, pole=b.add(inner, shift), root=t.child)
@@ -212,7 +215,7 @@ def _add_root(
     subspace = local.matrix(kernel.subspace) if kernel.u else None
     Z = b.mul(subspace, b.column(rate)) if subspace is not None else b.zero(6)
     frame = Frame(R=turn, r=shift, origin=origin, Z=Z, pole=inner, root=t.child)
-    centre = b.zero(3) if t.joint.kind is JointKind.SPHERICAL else None
+    centre = b.zero(3) if t.joint.element.is_ball else None
     return frame, (subspace, local.matrix(kernel.drift), centre)
 
 
@@ -232,7 +235,15 @@ def _add_branch(
     b.name(added, "bv", t.joint.name)
     drift = b.add(motion_cross(b, parent.Z, added), _to_pole(k, parent.R, at, local.matrix(kernel.drift)))
     frame = Frame(R=R, r=r, origin=origin, Z=b.add(parent.Z, added), pole=parent.pole, root=parent.root)
-    return frame, (subspace, drift, at if t.joint.kind is JointKind.SPHERICAL else None)
+    return frame, (subspace, drift, at if t.joint.element.is_ball else None)
+
+
+def _columns(k: Kinematics, t: TreeJoint, kernel: JointKernel, local: Translator) -> Block:
+    """The columns of the elementary motions in global axes at the pole."""
+    columns = local.matrix(kernel.columns)
+    if t.parent == GROUND:
+        return columns
+    return _to_pole(k, k.frames[t.parent].R, k.point(t.parent, inner_point(t.joint, t.reversed)), columns)
 
 
 def _to_pole(k: Kinematics, R: Block, at: Block, motion: Block) -> Block:

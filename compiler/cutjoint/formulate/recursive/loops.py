@@ -13,12 +13,14 @@ from dataclasses import dataclass
 
 import sympy
 
+from cutjoint.elements.joint import SameDistance
+from cutjoint.formulate.directions import rod_of
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive import closures
 from cutjoint.formulate.recursive.closures import ClosureKernel, derive_closure
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves, motion_cross
 from cutjoint.formulate.recursive.recursion import BodySystem
-from cutjoint.model.records import GROUND, Joint, JointKind
+from cutjoint.model.records import GROUND, Joint
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
@@ -41,7 +43,7 @@ def derive_loops(k: Kinematics, cuts: tuple[Joint, ...], numbers: Numbers) -> tu
     for joint in cuts:
         with k.builder.section("closure", joint.name, "Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi", joint.span.place):
             kernel = derive_closure(joint)
-            terms = _distance(k, joint) if joint.kind is JointKind.DISTANCE else _of_kernel(k, joint, kernel)
+            terms = _distance(k, joint) if joint.element.conditions == (SameDistance(),) else _of_kernel(k, joint, kernel)
             loops.append(_derive(k.builder, joint, kernel, terms, numbers))
     return tuple(loops)
 
@@ -76,7 +78,7 @@ def _distance(k: Kinematics, joint: Joint) -> _Terms:
     b, name = k.builder, joint.name
     assert joint.to is not None
     point, start = k.point(joint.follower, joint.to), k.point(joint.base, joint.at)
-    length = k.translator.scalar((sympy.Matrix(joint.to) - sympy.Matrix(joint.at)).norm())
+    length = k.translator.scalar(sympy.Matrix(rod_of(joint)).norm())
     share = b.call("div", b.number(1.0), length)
     way = b.name(k.between(joint.follower, point, joint.base, start), "way", name)
     n = b.name(b.scale(share, way), "n", name)

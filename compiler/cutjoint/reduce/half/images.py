@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
+from cutjoint.elements.joint import Direction, JointElement
 from cutjoint.model.mirror import coordinate_signs, turned_law
 from cutjoint.model.records import (
-    COORDINATES,
-    SPEEDS,
     Body,
     Force,
     Joint,
     JointForce,
-    JointKind,
     PointSpring,
 )  # fmt: skip
 from cutjoint.reduce.half.pairs import Pairs
@@ -70,21 +68,19 @@ def _turned(pairs: Pairs, joint: Joint, image: Joint) -> Mapping[str, int]:
     """How coordinates and speeds count in the image."""
     flips = pairs.signs(joint, image)
     assert flips is not None
-    by_axes = _flips(joint.kind, flips)
+    by_axes = _flips(joint.element, flips)
     mirrored = coordinate_signs(pairs.plane.mirror, joint)
-    signs = {name: mirrored[name] * by_axes.get(name, 1) for name in COORDINATES[joint.kind]}
-    spin = {name: pairs.plane.sign(name) for name in SPEEDS[joint.kind] if name.startswith("w")}
-    return {**signs, **dict(zip(SPEEDS[joint.kind], signs.values(), strict=False)), **spin}
+    signs = {name: mirrored[name] * by_axes.get(name, 1) for name in joint.element.coordinates}
+    spin = {name: pairs.plane.sign(name) for name in joint.element.speeds if name.startswith("w")}
+    return {**signs, **dict(zip(joint.element.speeds, signs.values(), strict=False)), **spin}
 
 
-def _flips(kind: JointKind, signs: Sequence[int]) -> Mapping[str, int]:
-    """The signs of coordinates when axes are turned about; a planar joint's second tangent is a product with two of them."""
-    match kind:
-        case JointKind.UNIVERSAL:
-            return dict(zip(("angle_1", "angle_2"), signs, strict=True))
-        case JointKind.PLANAR:
-            return {"displacement_1": signs[0], "angle": signs[0]}
-    return dict.fromkeys(COORDINATES[kind], signs[0]) if signs else {}
+def _flips(element: JointElement, signs: Sequence[int]) -> Mapping[str, int]:
+    """The signs of coordinates when axes are turned about; the second direction across one is a product with two of them."""
+    turned = dict(zip((Direction.AXIS, Direction.AXIS_2), signs, strict=False))
+    if signs:
+        turned[Direction.ACROSS_1] = signs[0]
+    return {m.coordinate: turned.get(m.direction, 1) for m in element.scalar_motions}
 
 
 def _require_joint(joint: Joint, image: Joint, turned: Mapping[str, int], plane: Plane) -> None:
@@ -93,7 +89,7 @@ def _require_joint(joint: Joint, image: Joint, turned: Mapping[str, int], plane:
         raise AsymmetryError(joint.name, f"is not cut as '{image.name}' is, its image in the plane {plane}", joint.span)
     if (joint.guide is None) is not (image.guide is None):
         raise AsymmetryError(joint.name, f"is not guided as '{image.name}' is, its image in the plane {plane}", joint.span)
-    guides = zip(COORDINATES[joint.kind], joint.guide or (), image.guide or (), strict=False)
+    guides = zip(joint.element.coordinates, joint.guide or (), image.guide or (), strict=False)
     for coordinate, guide, other in guides:
         if not is_same(turned[coordinate] * guide, other):
             own = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"

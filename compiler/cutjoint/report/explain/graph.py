@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.model.records import GROUND, SPEEDS, Binding, Joint, JointKind, Model
+from cutjoint.model.records import GROUND, Binding, Joint, Model
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
@@ -109,7 +109,7 @@ def tree_lines(topology: Topology) -> tuple[str, ...]:
 
 def unknowns_of(t: TreeJoint) -> str:
     """How many speeds a joint leaves unknown."""
-    return "guided" if t.joint.guide is not None else plural(len(SPEEDS[t.joint.kind]), "unknown")
+    return "guided" if t.joint.guide is not None else plural(len(t.joint.element.speeds), "unknown")
 
 
 def cut_table(equations: RecursiveEquations) -> Table:
@@ -174,5 +174,5 @@ def _branch_row(topology: Topology, branch: Branch, operations: dict[tuple[str, 
 def _speeds(t: TreeJoint) -> str:
     if t.joint.guide is not None:
         return "none: guided"
-    about = " about its centre" if t.joint.kind is JointKind.SPHERICAL else ""
-    return (code(SPEEDS[t.joint.kind]) or "none: fixed") + about
+    about = " about its centre" if t.joint.element.is_ball else ""
+    return (code(t.joint.element.speeds) or "none: fixed") + about

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import sympy
 
+from cutjoint.elements.joint import JointElement
 from cutjoint.formulate.inputs import TIME, guide_rates
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
-from cutjoint.model.records import COORDINATES, SPEEDS, Joint, JointKind, Model, Scalar
+from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.report.explain.graph import unknowns_of
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import equations as print_equations
@@ -34,12 +35,6 @@ _NOTES = (
     r"carries it: $(v, \omega) \times (v', \omega') = (\omega \times v' + v \times \omega', \omega \times \omega')$.",
 )
 
-_KINDS: Mapping[JointKind, str] = {
-    JointKind.SPHERICAL: "It is eliminated about its centre in global axes, where it passes on a force only.",
-    JointKind.FREE: "A free body next to the ground carries its pole along: there "
-                    r"$b = \mathbf{1}$ and $d = (v \times \omega, 0)$ take the place of $X S$ and $X c$.",
-}  # fmt: skip
-
 _BALL = rotation_of(QUATERNION)
 
 #: A unit quaternion without symmetry.
@@ -54,11 +49,11 @@ def coordinate_symbol(name: str) -> str:
     return _SYMBOLS[word] + (f"_{{{digit}}}" if digit else "")
 
 
-def joint_symbols(kind: JointKind) -> dict[Scalar, str]:
+def joint_symbols(element: JointElement) -> dict[Scalar, str]:
     """The LaTeX of a kernel's symbols."""
-    coordinates = {sympy.Symbol(f"q_{n}", real=True): coordinate_symbol(n) for n in COORDINATES[kind]}
-    rates = [rf"\dot {coordinate_symbol(n)}" for n in COORDINATES[kind]] + [rf"\omega_{{{axis}}}" for axis in "xyz"]
-    speeds = {sympy.Symbol(f"u_{n}", real=True): rate for n, rate in zip(SPEEDS[kind], rates, strict=False)}
+    coordinates = {sympy.Symbol(f"q_{n}", real=True): coordinate_symbol(n) for n in element.coordinates}
+    rates = [rf"\dot {coordinate_symbol(n)}" for n in element.coordinates] + [rf"\omega_{{{axis}}}" for axis in "xyz"]
+    speeds = {sympy.Symbol(f"u_{n}", real=True): rate for n, rate in zip(element.speeds, rates, strict=False)}
     return {**coordinates, **speeds, **{e: f"e_{{{i}}}" for i, e in enumerate(QUATERNION)}}
 
 
@@ -78,10 +73,10 @@ def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], 
     kind = first.joint.kind
     title = f"{kind.value.capitalize().replace('_', ' ')}: {with_others([t.joint.name for t in joints])}"
     others = [t.joint.name for t in joints if kernels[t.joint.name] != kernels[first.joint.name]]
-    notes = [_coordinates(kind)]
+    notes = [_coordinates(first.joint.element)]
     if others:
         notes.append(f"Kernel of {code(first.joint.name)}; the same with their own axes: {code(others)}.")
-    notes += [_KINDS[kind]] if kind in _KINDS else []
+    notes += [first.joint.element.note] if first.joint.element.note else []
     guides = variants([t.joint.name for t in joints], [explain_guide(t.joint, equations) for t in joints])
     if guides:
         notes.append("Guided, so that the motion is known and $d$ takes in $b$ times the guide's acceleration:")
@@ -91,10 +86,10 @@ def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], 
     )  # fmt: skip
 
 
-def _coordinates(kind: JointKind) -> str:
+def _coordinates(element: JointElement) -> str:
     """What the kernel's symbols are called in the model file."""
-    names = [f"${coordinate_symbol(n)}$ = `{n}`" for n in COORDINATES[kind]]
-    if any(n.startswith("w") for n in SPEEDS[kind]):
+    names = [f"${coordinate_symbol(n)}$ = `{n}`" for n in element.coordinates]
+    if element.has_ball:
         names.append(r"quaternion $e$ with angular velocity $\omega$ = `wx`, `wy`, `wz`")
     return f"Coordinates: {', '.join(names) or 'none'}."
 
@@ -117,7 +112,7 @@ def explain_guide(joint: Joint, equations: Equations) -> tuple[str, ...]:
     marks = ("", r"\dot ", r"\ddot ")
     return tuple(
         f"{mark}{coordinate_symbol(name)} = {latex(rate, symbols)}"
-        for name, guide in zip(COORDINATES[joint.kind], joint.guide, strict=True)
+        for name, guide in zip(joint.element.coordinates, joint.guide, strict=True)
         for mark, rate in zip(marks, guide_rates(guide, model, equations.scene), strict=True)
     )
 
@@ -126,7 +121,7 @@ def _formulas(t: TreeJoint, model: Model) -> tuple[str, ...]:
     kernel = derive_joint(t)
     if not kernel.u:
         return (r"R(q) = 1, \quad p(q) = 0",)
-    symbols = {**parameter_symbols(model), **joint_symbols(t.joint.kind)}
+    symbols = {**parameter_symbols(model), **joint_symbols(t.joint.element)}
     rotation, *others = _matrices(kernel)
     if kernel.rotation == _BALL:
         return ("R(q) = R(e)", *print_equations(others, symbols))

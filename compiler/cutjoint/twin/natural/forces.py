@@ -16,13 +16,11 @@ from typing import Any
 
 import sympy
 
+from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import PLACE, is_active
-from cutjoint.formulate.natural.constraints import slide_axis
-from cutjoint.formulate.natural.needs import ANGLES
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
-    COORDINATES,
     GROUND,
     AxialForce,
     BodyLoad,
@@ -85,9 +83,9 @@ class _Forces:
     def joint_force(self, force: JointForce) -> tuple[str, Json, tuple[Uses, ...]]:
         joint, layout, law = self._joints[force.joint], self._table.layout, self._trees.law(force.law, "position")
         if joint.guide is not None:
-            guide = joint.guide[COORDINATES[joint.kind].index(force.coordinate)]
+            guide = joint.guide[joint.element.coordinates.index(force.coordinate)]
             return "course", {"law": law, "course": self._trees.guide(guide)}, ()
-        if force.coordinate in ANGLES.get(joint.kind, ()):
+        if force.coordinate in joint.element.measures:
             return "angle", {"law": law, "angle": layout.nodes.index(layout.angles[joint.name, force.coordinate])}, ()
         base, follower = layout.slide_ends(joint)
         way = self._table.way((follower, joint.at), (base, joint.at))

@@ -9,13 +9,13 @@ from typing import Any
 import sympy
 
 from cutjoint.formulate.attitude import ATTITUDE
+from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.natural.constraints import slide_axis
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
 from cutjoint.formulate.natural.parting import Bearer, find_bearer, share
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reported_element, unit_of
-from cutjoint.model.records import COORDINATES, SPEEDS, Body, Joint, Marker, Output, Reaction, Scalar, Vector
+from cutjoint.model.records import Body, Joint, Marker, Output, Reaction, Scalar, Vector
 from cutjoint.twin.natural.forces import ForceElement
 from cutjoint.twin.natural.forms import FormTable, is_ground
 from cutjoint.twin.natural.masses import masses_of
@@ -73,12 +73,12 @@ class Reports:
             direction = self.table.direction(inner, GLOBAL_AXES["xyz".index(quantity[-1])])
             axes = {"inner": self._axes(inner), "outer": self._axes(outer)}
             return {"kind": "relative_spin", **axes, "direction": self.table.number(direction)}
-        is_rate = quantity not in COORDINATES[joint.kind]
-        index = (SPEEDS if is_rate else COORDINATES)[joint.kind].index(quantity)
+        is_rate = quantity not in joint.element.coordinates
+        index = (joint.element.speeds if is_rate else joint.element.coordinates).index(quantity)
         return {**self._coordinate(joint, index), "rate": is_rate}
 
     def _coordinate(self, joint: Joint, index: int) -> Json:
-        layout, coordinate = self.table.layout, COORDINATES[joint.kind][index]
+        layout, coordinate = self.table.layout, joint.element.coordinates[index]
         if joint.guide is not None:
             return {"kind": "course", "course": self.trees.guide(joint.guide[index])}
         if (joint.name, coordinate) in layout.angles:

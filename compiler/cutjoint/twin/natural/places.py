@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.formulate.natural.records import LagrangianEquations
-from cutjoint.model.records import COORDINATES, Joint, JointKind, Scalar
+from cutjoint.model.records import Joint, Scalar
 from cutjoint.twin.trees import Json, Trees
 
 
@@ -21,14 +21,14 @@ class Marks:
         self._angles = {node: key for key, node in equations.layout.angles.items()}
 
     def place(self, node: Node) -> Json:
-        """Where a coordinate stands: a mark, the coordinate of the joint that carries a body, or a screw's angle by its advance."""
+        """Where a coordinate stands: a mark, the coordinate of the joint that carries a body, or an angle that advances, by the way."""
         if node.kind is not NodeKind.ANGLE:
             return {"mark": self._mark(node.kind, node.body, node.place)}
         name, coordinate = self._angles[node]
         joint = self._joints[name]
-        if joint.kind is JointKind.SCREW:
+        if joint.element.advances:
             return self._advance(joint)
-        return {"body": self._tree[name], "index": COORDINATES[joint.kind].index(coordinate)}
+        return {"body": self._tree[name], "index": joint.element.coordinates.index(coordinate)}
 
     def _advance(self, joint: Joint) -> Json:
         return {

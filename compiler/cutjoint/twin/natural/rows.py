@@ -1,6 +1,6 @@
 """The constraint equations of a description: what each is a product, turn or component of.
 
-- ``product``: weight (u . w) - value - course - factor angle,
+- ``product``: sum of weight (u . w) over one or two pairs of forms - value - course - factor angle,
 - ``turned``: f . (b_2 cos angle - b_1 sin angle), the angle a node or a course,
 - ``component``: an element of a form,
 - ``angle``: an angle less its course.
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import sympy
 
-from cutjoint.formulate.directions import tangents
-from cutjoint.formulate.natural.constraints import held_across, kept_weight, slide_axis
+from cutjoint.elements.joint import Way
+from cutjoint.formulate.natural.constraints import held_across, kept_weight
+from cutjoint.formulate.natural.joint_rows import AngleRow, JointRow, SumRow, joint_rows
 from cutjoint.formulate.natural.layout import Group, combination
-from cutjoint.formulate.natural.needs import ANGLES, angle_axes
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses
 from cutjoint.formulate.natural.records import LagrangianEquations
-from cutjoint.model.records import COORDINATES, Joint, JointKind, Scalar
+from cutjoint.model.records import Joint, Scalar
 from cutjoint.twin.natural.forms import FormTable
 from cutjoint.twin.trees import Json, Trees
 
@@ -53,10 +53,7 @@ class _Rows:
         for group in self._layout.groups.values():
             yield from self._body(group)
         for joint in self._joints:
-            yield from self._open(joint)
-            yield from self._measured(joint)
-            if joint.guide is not None:
-                yield from self._guided(joint, joint.guide)
+            yield from (self._joint(joint, row) for row in joint_rows(self._layout, joint))
 
     # Bodies
 
@@ -71,7 +68,7 @@ class _Rows:
         """A product that keeps its design value; of two ways between points over the longer one's length."""
         p, q = (_place(form) for form in (u, w))
         weight = kept_weight(self._layout, u, w)
-        details = {"kind": "product", "weight": weight, "value": self._trees.one(weight * p.dot(q))}
+        details = {"kind": "product", "weights": [weight], "value": self._trees.one(weight * p.dot(q))}
         return Row(element=group.name, name=name, details=details, forms=((Use(1, group.name, u),), (Use(1, group.name, w),)))
 
     def _held(self, group: Group, node: Node) -> Iterator[Row]:
@@ -87,62 +84,40 @@ class _Rows:
             for i, axis in enumerate("xyz"):
                 yield Row(element=group.name, name=f"{node.name}.{axis}", details={"kind": "component", "axis": i}, forms=(gap,))
 
-    def _product(self, element: str, name: str, u: Uses, w: Uses, *, pulls: bool = False, **more: object) -> Row:
-        return Row(element=element, name=name, details={"kind": "product", "weight": 1.0, **more}, forms=(u, w), pulls=pulls)
+    def _product(self, element: str, name: str, u: Uses, w: Uses) -> Row:
+        return Row(element=element, name=name, details={"kind": "product", "weights": [1.0]}, forms=(u, w))
 
     # Joints
 
-    def _way(self, joint: Joint) -> Uses:
-        return self._table.way((joint.follower, joint.to or joint.at), (joint.base, joint.at))
+    def _joint(self, joint: Joint, row: JointRow) -> Row:
+        match row:
+            case SumRow():
+                return self._sum(joint, row)
+            case AngleRow():
+                forms = tuple(self._table.direction(arm.body, arm.place) for arm in (row.pointer, row.first, row.second))
+                turn = self._angle(joint, row.coordinate) if row.guide is None else self._course(row.guide)
+                return Row(element=joint.name, name=row.name, details={"kind": "turned", **turn}, forms=forms)
+        details = {"kind": "angle", **self._angle(joint, row.coordinate), **self._course(row.guide)}
+        return Row(element=joint.name, name=row.name, details=details)
 
-    def _across(self, joint: Joint, name: str, axis: tuple[Scalar, ...], **more: object) -> Row:
-        """A displacement along a direction of the base."""
-        x, y, z = axis
-        return self._product(joint.name, name, self._way(joint), self._table.direction(joint.base, (x, y, z)), pulls=True, **more)
+    def _sum(self, joint: Joint, row: SumRow) -> Row:
+        details: Json = {"kind": "product", "weights": [self._trees.one(term.weight) for term in row.terms]}
+        if row.constant is not None:
+            details["value"] = self._trees.one(row.constant)
+        if row.pitch is not None:
+            details |= {**self._angle(joint, *joint.element.coordinates), "factor": self._trees.one(row.pitch)}
+        if row.guide is not None:
+            details |= self._course(row.guide)
+        way = self._table.way((joint.follower, joint.to or joint.at), (joint.base, joint.at))
+        factors = [factor for term in row.terms for factor in (term.left, term.right)]
+        forms = tuple(way if isinstance(f, Way) else self._table.direction(f.body, f.place) for f in factors)
+        return Row(element=joint.name, name=row.name, details=details, forms=forms, pulls=factors[0] is Way.WAY)
 
-    def _open(self, joint: Joint) -> Iterator[Row]:
-        match joint.kind:
-            case JointKind.UNIVERSAL:
-                axes = self._table.direction(joint.base, joint.axes[0]), self._table.direction(joint.follower, joint.axes[1])
-                yield self._product(joint.name, "angle", *axes)
-            case JointKind.PRISMATIC | JointKind.CYLINDRICAL | JointKind.POINT_ON_LINE | JointKind.SCREW:
-                for i, tangent in enumerate(tangents(joint, joint.axes[0]), start=1):
-                    yield self._across(joint, f"across_{i}", tuple(tangent))
-            case JointKind.PLANAR:
-                yield self._across(joint, "height", joint.axes[0])
-            case JointKind.DISTANCE:
-                assert joint.to is not None
-                length = (sympy.Matrix(joint.to) - sympy.Matrix(joint.at)).norm()
-                details = {"kind": "product", "weight": self._trees.one(1 / (2 * length)), "value": self._trees.one(length / 2)}
-                yield Row(element=joint.name, name="length", details=details, forms=(self._way(joint),) * 2, pulls=True)
-        if joint.kind is JointKind.SCREW:
-            turn = {"angle": self._angle(joint, "angle"), "factor": self._trees.one(joint.pitch)}
-            yield self._across(joint, "advance", joint.axes[0], **turn)
+    def _angle(self, joint: Joint, coordinate: str) -> Json:
+        return {"angle": self._layout.nodes.index(self._layout.angles[joint.name, coordinate])}
 
-    def _angle(self, joint: Joint, coordinate: str) -> int:
-        return self._layout.nodes.index(self._layout.angles[joint.name, coordinate])
-
-    def _turned(self, joint: Joint, name: str, coordinate: str, turn: Json) -> Row:
-        body, b_1, b_2, other, f = angle_axes(joint, coordinate)
-        forms = (self._table.direction(other, f), self._table.direction(body, b_1), self._table.direction(body, b_2))
-        return Row(element=joint.name, name=name, details={"kind": "turned", **turn}, forms=forms)
-
-    def _measured(self, joint: Joint) -> Iterator[Row]:
-        """What the angles that are coordinates measure."""
-        for element, coordinate in self._layout.angles:
-            if element == joint.name:
-                yield self._turned(joint, coordinate, coordinate, {"angle": self._angle(joint, coordinate)})
-
-    def _guided(self, joint: Joint, guides: tuple[Scalar, ...]) -> Iterator[Row]:
-        for coordinate, guide in zip(COORDINATES[joint.kind], guides, strict=True):
-            name, course = f"{coordinate}_guide", {"course": self._trees.guide(guide)}
-            if joint.kind is JointKind.SCREW:
-                details = {"kind": "angle", "angle": self._angle(joint, coordinate), **course}
-                yield Row(element=joint.name, name=name, details=details)
-            elif coordinate in ANGLES.get(joint.kind, ()):
-                yield self._turned(joint, name, coordinate, course)
-            else:
-                yield self._across(joint, name, slide_axis(joint, coordinate), **course)
+    def _course(self, guide: Scalar) -> Json:
+        return {"course": self._trees.guide(guide)}
 
 
 def _place(form: Form) -> sympy.Matrix:

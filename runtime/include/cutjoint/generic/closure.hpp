@@ -26,6 +26,14 @@ struct Equations {
     ++size;
   }
 
+  /// What a further term adds to the last equation.
+  void add(Real residual, const Vector3<Real>& by_v, const Vector3<Real>& by_w, Real curvature) {
+    phi[size - 1] += residual;
+    At.col(size - 1).template head<3>() += by_v;
+    At.col(size - 1).template tail<3>() += by_w;
+    drift[size - 1] += curvature;
+  }
+
   /// Three equations; the Jacobians' transposes.
   void append(const Vector3<Real>& residual, const Matrix3<Real>& by_v, const Matrix3<Real>& by_w, const Vector3<Real>& curvature) {
     phi.template segment<3>(size) = residual;
@@ -42,9 +50,9 @@ struct Encounter {
   Vector3<Real> gap, p, P, W;
 };
 
-/// The directions of a cut joint, fixed in its bodies; set when parameters are loaded.
+/// Directions of a condition as base and follower carry them, in global axes.
 template <class Real>
-struct Directions {
+struct Carried {
   std::array<Vector3<Real>, 3> base, follower;
 };
 
@@ -77,22 +85,16 @@ class Closures {
   Real penalty() const { return stabilisation_.penalty; }
 
  private:
-  Directions<Real> directions_of(const Joint& joint) const {
-    const auto axis = [&](std::size_t i) { return model_.vectors[joint.axes.at(i)]; };
-    switch (joint.kind) {
-      case JointKind::universal: return {{axis(0)}, {axis(1)}};
-      case JointKind::fixed: {
-        const std::array<Vector3<Real>, 3> frame{Vector3<Real>::UnitX(), Vector3<Real>::UnitY(), Vector3<Real>::UnitZ()};
-        return {frame, frame};
-      }
-      case JointKind::spherical:
-      case JointKind::distance: return {};
-      default: {
-        const auto [first, second] = tangents<Real>(axis(0));
-        const std::array<Vector3<Real>, 3> frame{axis(0), first, second};
-        return {frame, frame};
-      }
+  /// All that the conditions name, in their order.
+  std::vector<Vector3<Real>> directions_of(const Joint& joint) const {
+    std::vector<Vector3<Real>> found;
+    const auto add = [&](Direction d) { found.push_back(model_.direction_of(joint, d)); };
+    for (const Condition& condition : joint.conditions) {
+      for (const Direction d : condition.directions) add(d);
+      for (const auto& sum : condition.sums)
+        for (const Product& p : sum) add(p.left.direction), add(p.right.direction);
     }
+    return found;
   }
 
   void update(std::size_t i) {
@@ -109,7 +111,7 @@ class Closures {
     e.W = Z.template tail<3>();
     e.P = Z.template head<3>() + e.W.cross(e.p);
     c.equations.size = 0;
-    write(cut.joint, e, turned(directions_[i], base, follower), c.equations);
+    write(i, e, c.equations);
     stabilise(c, Z, carried);
   }
 
@@ -124,36 +126,45 @@ class Closures {
     }
   }
 
-  /// The directions in global axes.
-  Directions<Real> turned(const Directions<Real>& fixed, int base, int follower) const {
-    Directions<Real> d;
-    for (std::size_t n = 0; n < 3; ++n) {
-      d.base[n] = k_.frame(base).R * fixed.base[n];
-      d.follower[n] = k_.frame(follower).R * fixed.follower[n];
+  void write(std::size_t i, const Encounter<Real>& e, Equations<Real>& out) const {
+    const Cut& cut = model_.cuts[i];
+    const Matrix3<Real>&base = k_.frame(cut.base.body).R, &follower = k_.frame(cut.follower.body).R;
+    const Vector3<Real>* direction = directions_[i].data();
+    for (const Condition& condition : cut.joint.conditions) {
+      Carried<Real> d;
+      for (std::size_t n = 0; n < condition.directions.size(); ++n, ++direction)
+        d.base[n] = base * *direction, d.follower[n] = follower * *direction;
+      switch (condition.kind) {
+        case ConditionKind::same_point: close_gap(e, out); break;
+        case ConditionKind::same_direction: align(e, d, out); break;
+        case ConditionKind::same_attitude: hold_attitude(e, d, out); break;
+        case ConditionKind::same_distance:
+          keep_length(e, (model_.vectors[cut.joint.to] - model_.vectors[cut.joint.at]).norm(), out);
+          break;
+        case ConditionKind::advance: advance(e, d, model_.expressions[cut.joint.pitch], out); break;
+        case ConditionKind::products: break;
+      }
+      for (const auto& sum : condition.sums) {
+        out.append(Real(0), Vector3<Real>::Zero(), Vector3<Real>::Zero(), Real(0));
+        for (const Product& p : sum) {
+          const Vector3<Real> left = (p.left.kind == Factor::Kind::base ? base : follower) * *direction++;
+          const Vector3<Real> right = (p.right.kind == Factor::Kind::base ? base : follower) * *direction++;
+          if (p.left.kind == Factor::Kind::way) along(e, Real(p.weight) * right, out);
+          else if (p.left.kind == Factor::Kind::follower) cross(e, left, Real(p.weight) * right, out);
+          else cross(e, right, Real(p.weight) * left, out);
+        }
+      }
     }
-    return d;
   }
 
-  void write(const Joint& joint, const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) const {
-    const auto across = [&] { along(e, d.base[1], out), along(e, d.base[2], out); };
-    switch (joint.kind) {
-      case JointKind::spherical: return close_gap(e, out);
-      case JointKind::revolute: return close_gap(e, out), align(e, d, out);
-      case JointKind::universal: return close_gap(e, out), cross_axes(e, d, out);
-      case JointKind::fixed: return close_gap(e, out), hold_attitude(e, d, out);
-      case JointKind::distance: return keep_length(e, (model_.vectors[joint.to] - model_.vectors[joint.at]).norm(), out);
-      case JointKind::point_on_line: return across();
-      case JointKind::cylindrical: return across(), align(e, d, out);
-      case JointKind::prismatic: return across(), hold_attitude(e, d, out);
-      case JointKind::planar: return along(e, d.base[0], out), align(e, d, out);
-      case JointKind::screw: return across(), align(e, d, out), advance(e, d, model_.expressions[joint.pitch], out);
-      case JointKind::free: throw std::runtime_error("a free joint cannot be a cut joint");
-    }
-  }
-
-  /// Phi = b . gap
+  /// Phi += b . gap
   static void along(const Encounter<Real>& e, const Vector3<Real>& b, Equations<Real>& out) {
-    out.append(b.dot(e.gap), b, e.p.cross(b), b.dot(e.W.cross(e.P)));
+    out.add(b.dot(e.gap), b, e.p.cross(b), b.dot(e.W.cross(e.P)));
+  }
+
+  /// Phi += f . b, f of the follower and b of the base.
+  static void cross(const Encounter<Real>& e, const Vector3<Real>& f, const Vector3<Real>& b, Equations<Real>& out) {
+    out.add(f.dot(b), Vector3<Real>::Zero(), f.cross(b), b.dot(e.W.cross(e.W.cross(f))));
   }
 
   /// Phi = gap
@@ -162,19 +173,13 @@ class Closures {
   }
 
   /// Phi = f - b
-  static void align(const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) {
+  static void align(const Encounter<Real>& e, const Carried<Real>& d, Equations<Real>& out) {
     const Vector3<Real>& f = d.follower[0];
     out.append(f - d.base[0], Matrix3<Real>::Zero(), skew<Real>(f), e.W.cross(e.W.cross(f)));
   }
 
-  /// Phi = f . b
-  static void cross_axes(const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) {
-    const Vector3<Real>&f = d.follower[0], &b = d.base[0];
-    out.append(f.dot(b), Vector3<Real>::Zero(), f.cross(b), b.dot(e.W.cross(e.W.cross(f))));
-  }
-
   /// Phi = sum b_k x f_k / 2: the sine of a small relative rotation.
-  static void hold_attitude(const Encounter<Real>& e, const Directions<Real>& d, Equations<Real>& out) {
+  static void hold_attitude(const Encounter<Real>& e, const Carried<Real>& d, Equations<Real>& out) {
     Vector3<Real> phi = Vector3<Real>::Zero(), curvature = Vector3<Real>::Zero();
     Matrix3<Real> by_w = Matrix3<Real>::Zero();
     for (std::size_t k = 0; k < 3; ++k) {
@@ -192,8 +197,8 @@ class Closures {
     out.append((e.gap.squaredNorm() - length * length) / (2 * length), n, e.p.cross(n), e.P.squaredNorm() / length + n.dot(e.W.cross(e.P)));
   }
 
-  /// Phi = f_1 . c, where c = b_2 cos(angle) - b_1 sin(angle), angle = b_0 . gap / h; c' = o angle', o' = -c angle'.
-  static void advance(const Encounter<Real>& e, const Directions<Real>& d, Real pitch, Equations<Real>& out) {
+  /// Over the axis and two directions across it: Phi = f_1 . c, where c = b_2 cos(angle) - b_1 sin(angle), angle = b_0 . gap / h; c' = o angle', o' = -c angle'.
+  static void advance(const Encounter<Real>& e, const Carried<Real>& d, Real pitch, Equations<Real>& out) {
     using std::cos, std::sin;
     const Vector3<Real>&f = d.follower[1], axis = d.base[0] / pitch;
     const Real angle = axis.dot(e.gap), rate = axis.dot(e.P);
@@ -208,7 +213,7 @@ class Closures {
   const Model<Real>& model_;
   const Kinematics<Real>& k_;
   Stabilisation<Real> stabilisation_;
-  std::vector<Directions<Real>> directions_;
+  std::vector<std::vector<Vector3<Real>>> directions_;
   std::vector<Closure<Real>> closures_;
 };
 

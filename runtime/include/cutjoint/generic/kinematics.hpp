@@ -130,15 +130,14 @@ class Kinematics {
     frame.r = motion.point;
     frame.Z = parent.Z;
     motion.d.setZero();
-    const Chain<Real>& chain = chains_[i];
-    for (std::size_t n = 0; n < chain.size; ++n) step(chain.steps[n], parent, q, v, frame, motion);
+    for (const ChainStep<Real>& s : chains_[i]) step(s, parent, q, v, frame, motion);
   }
 
   static void step(const ChainStep<Real>& s, const Frame<Real>& parent, const Real* q, const Real* v, Frame<Real>& frame,
                    JointMotion<Real>& motion) {
     switch (s.kind) {
       case StepKind::slide: return slide(s, q[s.column], v[s.column], frame, motion);
-      case StepKind::turn: return turn(s, q[s.column], v[s.column], frame, motion);
+      case StepKind::turn: return turn(s, s.share * q[s.column], s.share * v[s.column], frame, motion);
       case StepKind::ball: return ball(s, parent, q + s.column, v + s.column, frame, motion);
       case StepKind::offset: frame.r += frame.R * s.vector; return;
     }
@@ -158,7 +157,8 @@ class Kinematics {
     const Vector3<Real> e = frame.R * s.vector;
     Vector6<Real> b;
     b << frame.r.cross(e) + s.pitch * e, e;
-    motion.b.col(s.column) = b;
+    if (s.adds) motion.b.col(s.column) += s.share * b;
+    else motion.b.col(s.column) = s.share * b;
     const Vector6<Real> added = u * b;
     motion.d += motion_cross<Real>(frame.Z, added);
     frame.Z += added;

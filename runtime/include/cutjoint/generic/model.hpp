@@ -1,8 +1,10 @@
 // The records of a model that is interpreted at run time: indices of bodies, of registers and of design vectors.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <map>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -14,7 +16,41 @@ namespace cutjoint::generic {
 /// The ground's index; the bodies of the tree follow it, parents first.
 constexpr int ground = 0;
 
-enum class JointKind { fixed, revolute, prismatic, cylindrical, screw, universal, planar, spherical, point_on_line, distance, free };
+/// A direction of a joint by its meaning: its axes, across both of them, from the base's point to the follower's, across the axis or that
+/// way, the axes of the design position.
+enum class Direction { axis, axis_2, normal, rod, across_1, across_2, x, y, z };
+
+enum class StepKind { slide, turn, ball, offset };
+
+/// An elementary motion of a joint's chain by a share of a coordinate; one that `advances` turns and slides.
+struct Motion {
+  StepKind kind = StepKind::offset;
+  Direction direction = Direction::axis;
+  int coordinate = 0;
+  double share = 1.0;
+  bool advances = false;
+};
+
+/// The way between a joint's points, or a direction that its base or its follower carries.
+struct Factor {
+  enum class Kind { way, base, follower };
+  Kind kind = Kind::way;
+  Direction direction = Direction::axis;
+};
+
+struct Product {
+  Factor left, right;
+  double weight = 1.0;
+};
+
+/// What a cut joint holds: points, a direction, a frame, sums of products, a distance, an advance.
+enum class ConditionKind { same_point, same_direction, same_attitude, products, same_distance, advance };
+
+struct Condition {
+  ConditionKind kind = ConditionKind::same_point;
+  std::vector<Direction> directions;
+  std::vector<std::vector<Product>> sums;
+};
 
 /// A point or a direction fixed in a body: `vector` is its index among the design vectors.
 struct Fixed {
@@ -28,10 +64,27 @@ struct Guide {
 };
 
 /// What joins two bodies.  `axes`, `at` and `to` are design vectors, the points from the world's origin; `pitch` is a register.
+///
+/// `chain` moves the follower beside the base, or with `from_inner` the outer body beside the inner one; `conditions` are those of a cut
+/// joint.
 struct Joint {
-  JointKind kind = JointKind::fixed;
   std::vector<int> axes;
   int at = -1, to = -1, pitch = -1;
+  std::vector<Motion> chain;
+  bool from_inner = false;
+  std::vector<Condition> conditions;
+
+  int scalars() const {
+    int last = -1;
+    for (const Motion& m : chain)
+      if (m.kind == StepKind::slide || m.kind == StepKind::turn) last = std::max(last, m.coordinate);
+    return last + 1;
+  }
+  bool has_ball() const {
+    return std::any_of(chain.begin(), chain.end(), [](const Motion& m) { return m.kind == StepKind::ball; });
+  }
+  bool is_ball() const { return chain.size() == 1 && has_ball(); }
+  bool is_free() const { return has_ball() && scalars() == 3; }
 };
 
 /// A body and the tree joint that carries it, passed from the joint's follower to its base when `reversed`.
@@ -48,7 +101,7 @@ struct Body {
   Fixed centre, inner;  ///< centre of mass; the joint's point of the parent
   std::array<int, 6> inertia{};
 
-  bool free_root() const { return joint.kind == JointKind::free && parent == ground; }
+  bool free_root() const { return joint.is_free() && parent == ground; }
 };
 
 /// A cut joint with its equations from `first` on.
@@ -198,6 +251,24 @@ struct Model {
   std::vector<Output> outputs;
   std::vector<Mark> marks;  ///< points and directions that others ask for
   int quantities = 0;  ///< how many all forces report
+
+  /// A direction of a joint in the design position.
+  Vector3<Real> direction_of(const Joint& joint, Direction direction) const {
+    const auto axis = [&](std::size_t i) { return vectors[joint.axes.at(i)]; };
+    const Vector3<Real> rod = vectors[joint.to] - vectors[joint.at];
+    switch (direction) {
+      case Direction::axis: return axis(0);
+      case Direction::axis_2: return axis(1);
+      case Direction::normal: return axis(0).cross(axis(1));
+      case Direction::rod: return rod;
+      case Direction::across_1: return tangents<Real>(joint.axes.empty() ? rod : axis(0)).first;
+      case Direction::across_2: return tangents<Real>(joint.axes.empty() ? rod : axis(0)).second;
+      case Direction::x: return Vector3<Real>::UnitX();
+      case Direction::y: return Vector3<Real>::UnitY();
+      case Direction::z: return Vector3<Real>::UnitZ();
+    }
+    throw std::logic_error("a direction without a meaning");
+  }
 
   bool same_branch(int a, int b) const { return body(a).root == body(b).root; }
   const Body& body(int i) const { return bodies[static_cast<std::size_t>(i)]; }

@@ -57,7 +57,7 @@ class Planner {
  private:
   static Pivot pivot_of(const Body& body) {
     if (body.speeds == 0) return Pivot::none;
-    if (body.joint.kind == JointKind::spherical) return Pivot::ball;
+    if (body.joint.is_ball()) return Pivot::ball;
     return body.free_root() ? Pivot::free_root : Pivot::scalars;
   }
 

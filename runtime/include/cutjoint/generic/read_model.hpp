@@ -10,13 +10,43 @@
 
 namespace cutjoint::generic {
 
-inline JointKind joint_kind_of(const std::string& name) {
-  static const std::map<std::string, JointKind> kinds = {
-      {"fixed", JointKind::fixed}, {"revolute", JointKind::revolute}, {"prismatic", JointKind::prismatic},
-      {"cylindrical", JointKind::cylindrical}, {"screw", JointKind::screw}, {"universal", JointKind::universal},
-      {"planar", JointKind::planar}, {"spherical", JointKind::spherical}, {"point_on_line", JointKind::point_on_line},
-      {"distance", JointKind::distance}, {"free", JointKind::free}};
-  return kinds.at(name);
+inline Direction direction_named(const std::string& name) {
+  static const std::map<std::string, Direction> directions = {
+      {"axis", Direction::axis}, {"axis_2", Direction::axis_2}, {"normal", Direction::normal}, {"rod", Direction::rod},
+      {"across_1", Direction::across_1}, {"across_2", Direction::across_2}, {"x", Direction::x}, {"y", Direction::y}, {"z", Direction::z}};
+  return directions.at(name);
+}
+
+inline Motion read_motion_of_chain(const Json& json) {
+  static const std::map<std::string, StepKind> kinds = {
+      {"slide", StepKind::slide}, {"turn", StepKind::turn}, {"ball", StepKind::ball}, {"offset", StepKind::offset}};
+  Motion m{.kind = kinds.at(json.at("kind"))};
+  if (json.contains("direction")) m.direction = direction_named(json.at("direction"));
+  m.coordinate = json.value("coordinate", 0);
+  m.share = json.value("share", 1.0);
+  m.advances = json.value("advances", false);
+  return m;
+}
+
+/// ["way"], or the end that carries a direction, and the direction.
+inline Factor read_factor(const Json& json) {
+  const std::string end = json.at(0);
+  if (end == "way") return {};
+  return {end == "base" ? Factor::Kind::base : Factor::Kind::follower, direction_named(json.at(1))};
+}
+
+inline Condition read_condition(const Json& json) {
+  static const std::map<std::string, ConditionKind> kinds = {
+      {"same_point", ConditionKind::same_point}, {"same_direction", ConditionKind::same_direction},
+      {"same_attitude", ConditionKind::same_attitude}, {"products", ConditionKind::products},
+      {"same_distance", ConditionKind::same_distance}, {"advance", ConditionKind::advance}};
+  Condition condition{.kind = kinds.at(json.at("kind"))};
+  for (const std::string name : json.at("directions")) condition.directions.push_back(direction_named(name));
+  for (const Json& sum : json.at("sums")) {
+    auto& products = condition.sums.emplace_back();
+    for (const Json& p : sum) products.push_back({read_factor(p.at("left")), read_factor(p.at("right")), p.at("weight")});
+  }
+  return condition;
 }
 
 /// A law over a named position and its rate.
@@ -103,7 +133,9 @@ class ModelReader {
 
   Joint read_joint(const Json& json) {
     Joint joint;
-    joint.kind = joint_kind_of(json.at("kind"));
+    for (const Json& motion : json.at("chain")) joint.chain.push_back(read_motion_of_chain(motion));
+    for (const Json& condition : json.at("conditions")) joint.conditions.push_back(read_condition(condition));
+    joint.from_inner = json.at("from_inner");
     joint.at = model_.vectors.add(triple(json.at("at")));
     joint.to = json.at("to").is_null() ? joint.at : model_.vectors.add(triple(json.at("to")));
     for (const Json& axis : json.at("axes")) joint.axes.push_back(model_.vectors.add(triple(axis)));

@@ -41,7 +41,7 @@ class Reporter {
   /// b zdd, with the b that kinematics does not form.
   void add_own(Vector6<Real>& Zdd, int i, const Body& body, const Real* vdot) const {
     if (body.free_root()) Zdd += Eigen::Map<const Vector6<Real>>(vdot);
-    else if (body.joint.kind == JointKind::spherical) {
+    else if (body.joint.is_ball()) {
       const Vector3<Real> wd = k_.frame(body.parent).R * Eigen::Map<const Vector3<Real>>(vdot);
       Zdd.template head<3>() += k_.motion(i).point.cross(wd);
       Zdd.template tail<3>() += wd;

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from cutjoint.formulate.directions import tangents
+import sympy
+
+from cutjoint.elements.joint import Direction, End, Way
+from cutjoint.formulate.directions import direction_of
+from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Layout
-from cutjoint.formulate.natural.needs import ANGLES, angle_axes
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import COORDINATES, Joint, JointKind, Vector
+from cutjoint.model.records import Joint, Vector
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.joints import coordinate_symbol, explain_guide
 from cutjoint.report.explain.latex import matrix, text, variants
@@ -26,6 +29,8 @@ _NOTES = (
 )
 
 _DISTANCE_NOTE = "$l$ is the length of $d$ in the design position."
+
+_MARK_NOTE = "Directions with a mark are those of the follower."
 
 _ANGLE_NOTE = (
     "An angle is measured from $b_1$ towards $b_2$, two directions of one body, to the direction $f$ of the other; the residual is the "
@@ -44,62 +49,55 @@ class Equation:
 
 def joint_equations(layout: Layout, joint: Joint) -> tuple[Equation, ...]:
     """The equations of a joint in their order: open ones, measured angles, guides."""
-    measured = [name for element, name in layout.angles if element == joint.name]
-    guided = COORDINATES[joint.kind] if joint.guide is not None else ()
-    return (
-        *(_open(joint) if joint.name not in layout.idle else ()),
-        *(_angle(joint, name, name) for name in measured),
-        *(_guided(joint, name) for name in guided),
-    )
+    return tuple(_equation(joint, row) for row in joint_rows(layout, joint))
 
 
-def _open(joint: Joint) -> Iterator[Equation]:
-    match joint.kind:
-        case JointKind.UNIVERSAL:
-            axes = (("a_b", joint.axes[0]), ("a_f", joint.axes[1]))
-            yield Equation(name="angle", residual=r"a_b \cdot a_f", directions=axes)
-        case JointKind.PRISMATIC | JointKind.CYLINDRICAL | JointKind.POINT_ON_LINE:
-            yield from _across(joint)
-        case JointKind.SCREW:
-            yield from _across(joint)
-            yield Equation(name="advance", residual=r"d \cdot a - h \varphi", directions=(("a", joint.axes[0]),))
-        case JointKind.PLANAR:
-            yield Equation(name="height", residual=r"d \cdot a", directions=(("a", joint.axes[0]),))
-        case JointKind.DISTANCE:
-            yield Equation(name="length", residual=r"\frac{d \cdot d - l^2}{2 l}", directions=())
+def _equation(joint: Joint, row: JointRow) -> Equation:
+    match row:
+        case SumRow():
+            return _sum(joint, row)
+        case AngleRow():
+            return _angle(row)
+    symbol = coordinate_symbol(row.coordinate)
+    return Equation(name=row.name, residual=rf"{symbol} - {symbol}(t)", directions=())
 
 
-def _tangents(joint: Joint) -> tuple[tuple[str, Vector], tuple[str, Vector]]:
-    first, second = (tuple(t) for t in tangents(joint, joint.axes[0]))
-    return ("t_1", first), ("t_2", second)
+def _sum(joint: Joint, row: SumRow) -> Equation:
+    if row.constant is not None:
+        return Equation(name=row.name, residual=r"\frac{d \cdot d - l^2}{2 l}", directions=())
+    arms = dict.fromkeys(f for term in row.terms for f in (term.left, term.right) if isinstance(f, Arm))
+    residual = " + ".join(_term(joint, term) for term in row.terms).replace("+ -", "- ")
+    if row.pitch is not None:
+        residual += rf" - h {coordinate_symbol(*joint.element.coordinates)}"
+    if row.guide is not None:
+        residual += f" - {coordinate_symbol(row.name.removesuffix('_guide'))}"
+    return Equation(name=row.name, residual=residual, directions=tuple((_symbol(joint, arm), arm.place) for arm in arms))
 
 
-def _across(joint: Joint) -> Iterator[Equation]:
-    for i, (symbol, direction) in enumerate(_tangents(joint), 1):
-        yield Equation(name=f"across_{i}", residual=rf"d \cdot {symbol}", directions=((symbol, direction),))
+def _term(joint: Joint, term: Term) -> str:
+    weight = "" if term.weight == 1 else f"{sympy.latex(term.weight)} "
+    return rf"{weight}{_symbol(joint, term.left)} \cdot {_symbol(joint, term.right)}"
 
 
-def _angle(joint: Joint, name: str, coordinate: str) -> Equation:
+def _symbol(joint: Joint, factor: Arm | Way) -> str:
+    """The LaTeX of a factor: the way, the axis, a direction across it."""
+    if isinstance(factor, Way):
+        return "d"
+    direction = factor.carried.direction
+    if direction in (Direction.ACROSS_1, Direction.ACROSS_2):
+        mark = "'" if factor.carried.end is End.FOLLOWER else ""
+        return f"t_{1 + (direction is Direction.ACROSS_2)}{mark}"
+    return "a" if len(joint.axes) == 1 else f"a_{factor.carried.end[0]}"
+
+
+def _angle(row: AngleRow) -> Equation:
     """The equation of an angle, a coordinate or a guide; the directions of angle_1 are marked with 1."""
-    mark = coordinate.partition("_")[2]
+    mark = row.coordinate.partition("_")[2]
     b_1, b_2, f = (f"b_{{{mark}1}}", f"b_{{{mark}2}}", f"f_{{{mark}}}") if mark else ("b_1", "b_2", "f")
-    angle = coordinate_symbol(coordinate)
-    _, first, second, _, other = angle_axes(joint, coordinate)
+    angle = coordinate_symbol(row.coordinate)
     residual = rf"{f} \cdot ({b_2} \cos {angle} - {b_1} \sin {angle})"
-    return Equation(name=name, residual=residual, directions=((b_1, first), (b_2, second), (f, other)))
-
-
-def _guided(joint: Joint, coordinate: str) -> Equation:
-    name, symbol = f"{coordinate}_guide", coordinate_symbol(coordinate)
-    if joint.kind is JointKind.SCREW:
-        return Equation(name=name, residual=rf"{symbol} - {symbol}(t)", directions=())
-    if coordinate in ANGLES.get(joint.kind, ()):
-        return _angle(joint, name, coordinate)
-    if joint.kind is JointKind.PLANAR:
-        along = _tangents(joint)[coordinate.endswith("2")]
-    else:
-        along = ("a", GLOBAL_AXES["xyz".index(coordinate)] if joint.kind is JointKind.FREE else joint.axes[0])
-    return Equation(name=name, residual=rf"d \cdot {along[0]} - {symbol}", directions=(along,))
+    arms = ((b_1, row.first), (b_2, row.second), (f, row.pointer))
+    return Equation(name=row.name, residual=residual, directions=tuple((symbol, arm.place) for symbol, arm in arms))
 
 
 def explain_joint_constraints(d: Derivation, counterparts: Sequence[Counterparts]) -> Chapter:
@@ -132,7 +130,7 @@ def _peculiarities(d: Derivation) -> Iterator[str]:
     guided = [j.name for j in joints if j.guide is not None]
     if guided:
         yield f"Guided, so that equations hold them to functions of time: {code(guided)}."
-    distances = [j.name for j in joints if j.kind is JointKind.DISTANCE]
+    distances = [j.name for j in joints if j.to is not None]
     if distances:
         yield f"The rods of these distance joints are an equation each, and have no coordinates: {code(distances)}."
 
@@ -146,11 +144,12 @@ def _what(layout: Layout, joint: Joint) -> str:
 def shared_nodes(layout: Layout, joint: Joint) -> tuple[Node, ...]:
     """The nodes at the joint's point and along its directions that both bodies carry."""
     places: list[tuple[NodeKind, Vector]] = []
-    if joint.kind in (JointKind.SPHERICAL, JointKind.UNIVERSAL, JointKind.REVOLUTE):
+    element = joint.element
+    if element.shares_point:
         places.append((NodeKind.POINT, joint.at))
-    if joint.kind in (JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.SCREW, JointKind.PLANAR):
-        places.append((NodeKind.VECTOR, joint.axes[0]))
-    if joint.kind is JointKind.PRISMATIC:
+    if element.shared_direction is not None:
+        places.append((NodeKind.VECTOR, direction_of(joint, element.shared_direction)))
+    if element.keeps_directions:
         places += [(NodeKind.VECTOR, axis) for axis in GLOBAL_AXES]
     pairs = [[layout.find(body, kind, place) for body in (joint.base, joint.follower)] for kind, place in places]
     return tuple(base for base, follower in pairs if base is not None and base is follower)
@@ -159,12 +158,13 @@ def shared_nodes(layout: Layout, joint: Joint) -> tuple[Node, ...]:
 def _entry(d: Derivation, joints: Sequence[Joint], equations: Sequence[Sequence[Equation]]) -> Entry:
     first, names = joints[0], [e.name for e in equations[0]]
     notes = [f"Equations: {code(names)}.", *left_out_note(d, [f"{j.name}.{name}" for j in joints for name in names])]
-    notes += [_DISTANCE_NOTE] if first.kind is JointKind.DISTANCE else []
+    notes += [_DISTANCE_NOTE] if first.to is not None else []
+    notes += [_MARK_NOTE] if any("'" in e.residual for e in equations[0]) else []
     notes += [_ANGLE_NOTE] if any("cos" in e.residual for e in equations[0]) else []
     residual = rf"\Phi = {matrix([e.residual] for e in equations[0])}"
     guides = variants([j.name for j in joints], [explain_guide(j, d.full) for j in joints])
     directions = [dict(pair for e in own for pair in e.directions) for own in equations]
-    pitch = ["pitch $h$"] if first.kind is JointKind.SCREW else []
+    pitch = ["pitch $h$"] if first.pitch is not None else []
     headings = ("joint", "line", "base", "follower", "point", *pitch, *(f"${symbol}$" for symbol in directions[0]))
     rows = [
         (code(j.name), j.span.place, code(j.base), code(j.follower), _ends(j, d), *([text(j.pitch, d.model)] if pitch else []),

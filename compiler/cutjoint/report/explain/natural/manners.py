@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from cutjoint.formulate.natural.needs import ANGLES
 from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, JointForce, Model, PointSpring, Tyre
 from cutjoint.report.explain import tyre
 from cutjoint.report.explain.manners import Manner, describe
@@ -63,7 +62,7 @@ def _joint(force: JointForce, model: Model, manner: Manner) -> _Acts:
     joint = next(j for j in model.joints if j.name == force.joint)
     if joint.guide is not None:
         return ("A guided joint moves as it is told; $F$ is reported and does nothing.",), ()
-    if force.coordinate in ANGLES.get(joint.kind, ()):
+    if force.coordinate in joint.element.measures:
         return ("The angle $z$ is a coordinate of its own, on which $F$ works.",), (_gets("z", "+", "F"),)
     note = (
         "$F$ works on the displacement $z$ of the joint's point $p_f$ of the follower (of a free joint the outer body) from the "

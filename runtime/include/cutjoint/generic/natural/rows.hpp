@@ -14,7 +14,7 @@
 namespace cutjoint::generic::natural {
 
 enum class RowKind {
-  product,    ///< weight (u . w) - value - course - factor angle
+  product,    ///< the sum of weight (u . w) over one or two pairs of forms, - value - course - factor angle
   turned,     ///< f . (b_2 cos angle - b_1 sin angle), the angle a coordinate or a course
   component,  ///< an element of a form
   angle       ///< an angle less its course
@@ -35,7 +35,7 @@ class Rows {
 
   void load(const Expressions<Real>& e) {
     for (Row& row : rows_) {
-      row.weight_value = e[row.weight];
+      for (std::size_t pair = 0; pair < 2; ++pair) row.weight_values[pair] = e[row.weights[pair]];
       row.constant = e[row.value];
       row.factor_value = e[row.factor];
       for (std::size_t i = row.share; i < row.share + row.shares; ++i) shares_[i].coefficients.fill(Real(0));
@@ -122,14 +122,16 @@ class Rows {
  private:
   struct Row {
     RowKind kind;
-    std::array<int, 3> forms{-1, -1, -1};
-    int slots = 0, weight = -1, value = -1, factor = -1, angle = -1, axis = 0;
+    std::array<int, 4> forms{-1, -1, -1, -1};
+    std::array<int, 2> weights{-1, -1};
+    int slots = 0, value = -1, factor = -1, angle = -1, axis = 0;
     bool is_guided = false;
     std::array<int, 3> course{};
     std::size_t first = 0, last = 0;    ///< of its columns
     std::size_t share = 0, shares = 0;  ///< of its coordinates
     std::size_t angle_column = 0;
-    Real weight_value{0}, constant{0}, factor_value{0};
+    std::array<Real, 2> weight_values{};
+    Real constant{0}, factor_value{0};
     std::array<Real, 3> course_value{};
   };
 
@@ -137,11 +139,11 @@ class Rows {
   struct Share {
     int at;
     std::size_t column;
-    std::array<Real, 3> coefficients{};
+    std::array<Real, 4> coefficients{};
   };
 
   struct State {
-    std::array<Vector3<Real>, 3> by_form{Vector3<Real>::Zero(), Vector3<Real>::Zero(), Vector3<Real>::Zero()};
+    std::array<Vector3<Real>, 4> by_form{Vector3<Real>::Zero(), Vector3<Real>::Zero(), Vector3<Real>::Zero(), Vector3<Real>::Zero()};
     Real sin{0}, cos{0};
   };
 
@@ -159,7 +161,10 @@ class Rows {
     Row row{.kind = kind_of(json.at("kind"))};
     for (const Json& form : json.at("forms")) row.forms.at(static_cast<std::size_t>(row.slots++)) = form;
     const auto number = [&](const char* key) { return e.read(json.contains(key) ? json.at(key) : Json(0.0)); };
-    row.weight = number("weight");
+    for (std::size_t pair = 0; pair < 2; ++pair) {
+      const bool is_given = json.contains("weights") && pair < json.at("weights").size();
+      row.weights[pair] = e.read(is_given ? json.at("weights").at(pair) : Json(0.0));
+    }
     row.value = number("value");
     row.factor = number("factor");
     row.axis = json.value("axis", 0);
@@ -200,10 +205,14 @@ class Rows {
     State& state = state_[i];
     switch (row.kind) {
       case RowKind::product: {
-        const Vector3<Real>&u = x(row, 0), &w = x(row, 1);
-        state.by_form[0] = row.weight_value * w;
-        state.by_form[1] = row.weight_value * u;
-        phi_[i] = row.weight_value * u.dot(w) - row.constant - row.course_value[0];
+        phi_[i] = -row.constant - row.course_value[0];
+        for (std::size_t slot = 0; slot < static_cast<std::size_t>(row.slots); slot += 2) {
+          const Vector3<Real>&u = x(row, slot), &w = x(row, slot + 1);
+          const Real weight = row.weight_values[slot / 2];
+          state.by_form[slot] = weight * w;
+          state.by_form[slot + 1] = weight * u;
+          phi_[i] += weight * u.dot(w);
+        }
         if (row.angle >= 0) phi_[i] -= row.factor_value * q[row.angle], gradient_[row.angle_column] = -row.factor_value;
         break;
       }
@@ -230,7 +239,7 @@ class Rows {
       const Share& share = shares_[k];
       Eigen::Map<Vector3<Real>> g(&gradient_[share.column]);
       g = share.coefficients[0] * state.by_form[0] + share.coefficients[1] * state.by_form[1];
-      if (row.slots == 3) g += share.coefficients[2] * state.by_form[2];
+      for (std::size_t slot = 2; slot < static_cast<std::size_t>(row.slots); ++slot) g += share.coefficients[slot] * state.by_form[slot];
     }
   }
 
@@ -254,7 +263,12 @@ class Rows {
   /// (d/dt Phi_q) v + (d/dt Phi_t).
   Real drift(const Row& row, const State& state, const Real* speed) const {
     switch (row.kind) {
-      case RowKind::product: return 2 * row.weight_value * v(row, 0).dot(v(row, 1)) - row.course_value[2];
+      case RowKind::product: {
+        Real bend = -row.course_value[2];
+        for (std::size_t slot = 0; slot < static_cast<std::size_t>(row.slots); slot += 2)
+          bend += 2 * row.weight_values[slot / 2] * v(row, slot).dot(v(row, slot + 1));
+        return bend;
+      }
       case RowKind::turned: return turned_drift(row, state, speed);
       case RowKind::component: return Real(0);
       case RowKind::angle: return -row.course_value[2];

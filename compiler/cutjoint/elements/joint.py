@@ -1,0 +1,414 @@
+"""What a joint kind is: its fields in the file, its chain of elementary motions as a tree joint, its conditions as a cut joint.
+
+A record has no formula of any method.  Coordinates, speeds, units, mirror images and the order in which a reversed joint undoes its
+motions follow from the chain; residuals, shared points and equations of natural coordinates follow from the conditions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from fractions import Fraction
+from functools import cached_property
+from typing import TypeAlias
+
+from cutjoint.elements.kinds import JointKind
+
+# Directions
+
+
+class Direction(StrEnum):
+    """A direction of a joint in the design position, by its meaning."""
+
+    AXIS = "axis"  #: the joint's axis, of a universal joint that of the base
+    AXIS_2 = "axis_2"  #: a universal joint's axis of the follower
+    NORMAL = "normal"  #: across both axes of a universal joint, axis x axis_2
+    ROD = "rod"  #: from the base's point to the follower's, not of unit length
+    ACROSS_1 = "across_1"  #: the first of two unit vectors across the axis or the rod
+    ACROSS_2 = "across_2"  #: the second: axis, across_1 and across_2 are right-handed
+    X = "x"  #: the axes of the design frame
+    Y = "y"
+    Z = "z"
+
+
+#: A joint's axis with two directions across it, and the design frame.
+AXIAL_FRAME = (Direction.AXIS, Direction.ACROSS_1, Direction.ACROSS_2)
+DESIGN_FRAME = (Direction.X, Direction.Y, Direction.Z)
+
+# Elementary motions
+
+
+@dataclass(frozen=True)
+class Slide:
+    """A displacement along a direction."""
+
+    coordinate: str
+    direction: Direction
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn about a direction by a share of a coordinate; with ``advances`` it moves along it too, by the joint's pitch in m a radian.
+
+    The shares of a coordinate in several turns of a chain add up to one.
+    """
+
+    coordinate: str
+    direction: Direction
+    advances: bool = False
+    share: Fraction = Fraction(1)
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A turn of any kind: a quaternion, and three components of the angular velocity in the axes of the body before it."""
+
+
+@dataclass(frozen=True)
+class Offset:
+    """A rigid step along a direction, as long as it."""
+
+    direction: Direction
+
+
+Motion: TypeAlias = Slide | Turn | Ball | Offset
+
+# Conditions
+
+
+class End(StrEnum):
+    """Which body of a joint carries something."""
+
+    BASE = "base"
+    FOLLOWER = "follower"
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A direction that one of the joint's bodies carries."""
+
+    end: End
+    direction: Direction
+
+
+class Way(StrEnum):
+    """The way from the base's point of a joint to the follower's."""
+
+    WAY = "way"
+
+
+@dataclass(frozen=True)
+class Product:
+    """A weight times the scalar product of two vectors."""
+
+    left: Carried | Way
+    right: Carried
+    weight: Fraction = Fraction(1)
+
+
+@dataclass(frozen=True)
+class SamePoint:
+    """The joint's points of both bodies coincide: three equations."""
+
+    names: tuple[str, ...] = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class SameDirection:
+    """Both bodies carry the same direction: three equations, two of them independent."""
+
+    direction: Direction
+    names: tuple[str, ...] = ("axis_x", "axis_y", "axis_z")
+
+
+@dataclass(frozen=True)
+class SameAttitude:
+    """Both bodies carry the same frame: half the sum of the vector products of its axes."""
+
+    frame: tuple[Direction, Direction, Direction]
+    names: tuple[str, ...] = ("turn_x", "turn_y", "turn_z")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Products:
+    """Sums of products are zero, a sum for each name; ``base`` and ``follower`` are the directions that these carry for that."""
+
+    names: tuple[str, ...]
+    sums: tuple[tuple[Product, ...], ...]
+    base: tuple[Direction, ...] = ()
+    follower: tuple[Direction, ...] = ()
+
+    @property
+    def joins_points(self) -> bool:
+        """Whether the way between the joint's points is in the products, and not directions alone."""
+        return any(p.left is Way.WAY for products in self.sums for p in products)
+
+
+@dataclass(frozen=True)
+class SameDistance:
+    """The joint's points keep the distance that they have in the design position."""
+
+    names: tuple[str, ...] = ("length",)
+
+
+@dataclass(frozen=True)
+class Advance:
+    """The way along the axis is the pitch times the angle about it."""
+
+    names: tuple[str, ...] = ("advance",)
+
+
+Condition: TypeAlias = SamePoint | SameDirection | SameAttitude | Products | SameDistance | Advance
+
+
+def _on_base(direction: Direction) -> Carried:
+    return Carried(End.BASE, direction)
+
+
+#: The follower's point stays on the base's axis.
+ON_LINE = Products(
+    names=("across_1", "across_2"), base=AXIAL_FRAME,
+    sums=tuple((Product(Way.WAY, _on_base(d)),) for d in (Direction.ACROSS_1, Direction.ACROSS_2)),
+)  # fmt: skip
+
+#: The follower's point stays in the plane across the base's axis.
+IN_PLANE = Products(names=("height",), base=(Direction.AXIS,), sums=((Product(Way.WAY, _on_base(Direction.AXIS)),),))
+
+#: The base's axis and the follower's second one stay perpendicular.
+PERPENDICULAR = Products(
+    names=("angle",), base=(Direction.AXIS,), follower=(Direction.AXIS_2,),
+    sums=((Product(_on_base(Direction.AXIS), Carried(End.FOLLOWER, Direction.AXIS_2)),),),
+)  # fmt: skip
+
+#: The follower does not turn about the axis: it carries two directions across it, and each leans towards the base's other one alike.
+NO_TWIST = Products(
+    names=("twist",), base=(Direction.ACROSS_1, Direction.ACROSS_2), follower=(Direction.ACROSS_1, Direction.ACROSS_2),
+    sums=((
+        Product(Carried(End.FOLLOWER, Direction.ACROSS_1), _on_base(Direction.ACROSS_2), Fraction(1, 2)),
+        Product(Carried(End.FOLLOWER, Direction.ACROSS_2), _on_base(Direction.ACROSS_1), Fraction(-1, 2)),
+    ),),
+)  # fmt: skip
+
+# Angles
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """How an angle is read: from ``first`` towards ``second``, both carried by the body ``carrier``, to ``pointer`` of the other body."""
+
+    carrier: End
+    first: Direction
+    second: Direction
+    pointer: Direction
+
+
+#: An angle about the axis that both bodies share.
+ABOUT_AXIS = Measure(carrier=End.BASE, first=Direction.ACROSS_1, second=Direction.ACROSS_2, pointer=Direction.ACROSS_1)
+
+# The record
+
+
+@dataclass(frozen=True)
+class JointField:
+    """A field of the kind in a model file beside those that all joints have, with ``words`` for the documentation."""
+
+    name: str
+    words: str = ""
+    optional: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Operations:
+    """Predicted operations, the means counted in the programs of random mechanisms.
+
+    ``placing``: pose, velocity and motion subspace of the outer body of a tree joint, next to the ground and on a body that moves.
+    ``closing``: residual, Jacobian, penalty mass and force and correction of the multipliers of a cut joint: to the ground, in one
+    branch, between two branches.
+    """
+
+    placing: tuple[int, int]
+    closing: tuple[int, int, int] = (0, 0, 0)
+
+
+#: The speeds of a ball.
+SPIN = ("wx", "wy", "wz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointElement:
+    """A kind of joint.
+
+    ``text`` says what it leaves free.  ``chain`` moves the follower beside the base; a reversed joint moves the base by the opposite
+    motions, unless ``from_inner`` says that its motions count from the body nearer to the ground, whichever that is.  With
+    ``axis_is_bisector`` its axis is the bisector of the two axes in the file.  ``conditions`` are the equations of the cut joint, none for
+    a joint that closes nothing.  ``measures`` says how natural coordinates read its angles; angles without one they do not have.
+    ``note`` is what `explain` says of a tree joint of the kind.
+    """
+
+    kind: JointKind
+    text: str
+    chain: tuple[Motion, ...]
+    conditions: tuple[Condition, ...]
+    operations: Operations
+    fields: tuple[JointField, ...] = ()
+    from_inner: bool = False
+    axis_is_bisector: bool = False
+    measures: Mapping[str, Measure] = field(default_factory=dict)
+    note: str = ""
+
+    # What follows from the chain
+
+    @property
+    def scalar_motions(self) -> Iterator[Slide | Turn]:
+        """The slides and turns of the chain."""
+        return (m for m in self.chain if isinstance(m, Slide | Turn))
+
+    @cached_property
+    def coordinates(self) -> tuple[str, ...]:
+        """The scalar coordinates.  The attitude of a ball is a quaternion and has none."""
+        return tuple(dict.fromkeys(m.coordinate for m in self.scalar_motions))
+
+    @cached_property
+    def speeds(self) -> tuple[str, ...]:
+        """The rates of the coordinates, then the angular velocity of a ball."""
+        return (*map(rate_name, self.coordinates), *(SPIN if self.has_ball else ()))
+
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """The units of coordinates and speeds."""
+        own = {m.coordinate: "m" if isinstance(m, Slide) else "rad" for m in self.scalar_motions}
+        rates = {rate_name(name): f"{unit}/s" for name, unit in own.items()}
+        return {**own, **rates, **(dict.fromkeys(SPIN, "rad/s") if self.has_ball else {})}
+
+    @cached_property
+    def angles(self) -> tuple[str, ...]:
+        """The coordinates that are angles."""
+        return tuple(name for name in self.coordinates if self.units[name] == "rad")
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether natural coordinates can have all of its angles."""
+        return self.angles == tuple(self.measures)
+
+    @cached_property
+    def has_ball(self) -> bool:
+        """Whether a ball is among its motions."""
+        return any(isinstance(m, Ball) for m in self.chain)
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether it is a ball and nothing else."""
+        return self.chain == (Ball(),)
+
+    @property
+    def shares_coordinates(self) -> bool:
+        """Whether several motions of its chain have a coordinate in common."""
+        return len(self.coordinates) < len(list(self.scalar_motions))
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it leaves everything free."""
+        return len(self.speeds) == 6
+
+    @property
+    def keeps_attitude(self) -> bool:
+        """Whether its follower never turns beside its base."""
+        return not any(isinstance(m, Turn | Ball) for m in self.chain)
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether it leaves nothing free."""
+        return not self.chain
+
+    @property
+    def can_be_guided(self) -> bool:
+        """Whether functions of time can prescribe all of its motion."""
+        return bool(self.coordinates) and not self.has_ball
+
+    @property
+    def is_undone_backwards(self) -> bool:
+        """Whether a reversed joint has its motions in the opposite order: those about one direction may stand in any."""
+        directions = {getattr(m, "direction", None) for m in self.chain}
+        return not self.from_inner and len(directions) > 1
+
+    def chain_seen(self, is_reversed: bool) -> tuple[Motion, ...]:
+        """The chain of motions from the inner body on."""
+        return self.chain[::-1] if is_reversed and self.is_undone_backwards else self.chain
+
+    def slide_direction(self, coordinate: str) -> Direction:
+        """The direction along which a displacement counts."""
+        return next(m.direction for m in self.scalar_motions if m.coordinate == coordinate)
+
+    # What follows from the conditions
+
+    @property
+    def closes(self) -> bool:
+        """Whether it can be a cut joint."""
+        return bool(self.conditions)
+
+    @property
+    def shares_point(self) -> bool:
+        """Whether its bodies have a point in common that natural coordinates share; rigidly joined bodies are one instead."""
+        return any(isinstance(c, SamePoint) for c in self.conditions) and not self.is_rigid
+
+    @property
+    def shared_direction(self) -> Direction | None:
+        """The direction that both bodies carry, if there is one."""
+        return next((c.direction for c in self.conditions if isinstance(c, SameDirection)), None)
+
+    @property
+    def keeps_directions(self) -> bool:
+        """Whether its bodies carry all directions in common."""
+        return any(isinstance(c, SameAttitude) for c in self.conditions)
+
+    @property
+    def holds_points_alone(self) -> bool:
+        """Whether it holds points and no direction."""
+        return self.closes and all(isinstance(c, SamePoint | SameDistance) for c in self.conditions)
+
+    @property
+    def holds_one_turn(self) -> bool:
+        """Whether it holds a point and, by products of directions, one turn."""
+        return self.shares_point and any(isinstance(c, Products) and not c.joins_points for c in self.conditions)
+
+    @property
+    def advances(self) -> bool:
+        """Whether its displacement follows from its angle."""
+        return any(isinstance(c, Advance) for c in self.conditions)
+
+    @property
+    def base_directions(self) -> tuple[Direction, ...]:
+        """The directions that the base carries in the equations of the cut joint."""
+        return tuple(dict.fromkeys(d for c in self.conditions for d in _carried(c)[0]))
+
+    @property
+    def follower_directions(self) -> tuple[Direction, ...]:
+        """The directions that the follower carries in the equations of the cut joint."""
+        return tuple(dict.fromkeys(d for c in self.conditions for d in _carried(c)[1]))
+
+    # What follows from the directions
+
+    @property
+    def axis_mirrors_as_rotation(self) -> bool:
+        """Whether the axis of the mirror image is the image of an axis of rotation, so that positive angles stay positive."""
+        return any(isinstance(m, Turn) and m.direction in (Direction.AXIS, Direction.AXIS_2) for m in self.chain)
+
+
+def rate_name(coordinate: str) -> str:
+    """The name of a coordinate's rate."""
+    return f"v{coordinate}" if coordinate in DESIGN_FRAME else f"{coordinate}_rate"
+
+
+def _carried(condition: Condition) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
+    """The directions that base and follower carry for a condition."""
+    match condition:
+        case SameDirection():
+            return (condition.direction,), (condition.direction,)
+        case SameAttitude():
+            return condition.frame, condition.frame
+        case Products():
+            return condition.base, condition.follower
+        case Advance():
+            return AXIAL_FRAME, (Direction.AXIS, Direction.ACROSS_1)
+    return (), ()

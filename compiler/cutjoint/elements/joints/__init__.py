@@ -1,0 +1,30 @@
+"""The joint kinds, each in a file of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cutjoint.elements.joint import JointElement
+from cutjoint.elements.joints import (
+    constant_velocity,
+    cylindrical,
+    distance,
+    fixed,
+    free,
+    planar,
+    point_on_line,
+    prismatic,
+    revolute,
+    screw,
+    spherical,
+    universal,
+)
+from cutjoint.elements.kinds import JointKind
+
+#: Each kind's record, in the order of the documentation.
+JOINTS: Mapping[JointKind, JointElement] = {
+    module.ELEMENT.kind: module.ELEMENT
+    for module in (
+        fixed, revolute, prismatic, screw, cylindrical, universal, constant_velocity, planar, spherical, point_on_line, distance, free,
+    )
+}  # fmt: skip

@@ -1,0 +1,25 @@
+"""A homokinetic joint with a fixed centre: both shafts turn about their own axes at one rate, at any angle between them.
+
+So the follower turns beside the base about axes across the shafts' bisector and never about the bisector (Hunt 1973, "Constant-velocity
+shaft couplings: a general theory", ASME J. Eng. Ind. 95).  Two universal joints in series that share the bend equally do that: half a
+turn about a first direction, a turn about a second one, the other half about the first, all across the bisector of the design position.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from cutjoint.elements.joint import NO_TWIST, Direction, JointElement, JointField, Operations, SamePoint, Turn
+from cutjoint.elements.kinds import JointKind
+
+_HALF = Turn("angle_1", Direction.ACROSS_1, share=Fraction(1, 2))
+
+ELEMENT = JointElement(
+    kind=JointKind.CONSTANT_VELOCITY,
+    text="bends of two shafts that turn about their axes at one rate",
+    fields=(JointField("axis", " of the base's shaft"), JointField("axis_2", " of the follower's, `axis` if left out", optional=True)),
+    axis_is_bisector=True,
+    chain=(_HALF, Turn("angle_2", Direction.ACROSS_2), _HALF),
+    conditions=(SamePoint(), NO_TWIST),
+    operations=Operations(placing=(135, 330), closing=(300, 385, 475)),
+)
