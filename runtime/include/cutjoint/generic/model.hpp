@@ -48,8 +48,8 @@ enum class ConditionKind { same_point, same_direction, same_attitude, products, 
 
 struct Condition {
   ConditionKind kind = ConditionKind::same_point;
-  std::vector<Direction> directions;
-  std::vector<std::vector<Product>> sums;
+  std::vector<Direction> directions{};
+  std::vector<std::vector<Product>> sums{};
 };
 
 /// A point or a direction fixed in a body: `vector` is its index among the design vectors.
