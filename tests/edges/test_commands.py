@@ -3,9 +3,10 @@ soon, and nothing of the user's is lost."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -13,10 +14,15 @@ import pytest
 from tests.conftest import needs_cpp
 
 from .calling import call, compile_first, faults, set_up
-from .commands import call_with, commands, is_path, options, reads_model
+from .commands import LONG, call_with, commands, is_path, options, reads_model
 from .values import FOLDER, MODEL, TABLE, bad_values
 
 pytestmark = needs_cpp
+
+
+def cases(found: Iterable[tuple[Any, ...]]) -> list[Any]:
+    """Parameters of a test; what is not refused starts minutes of work in some commands, whose cases are for `make heavy`."""
+    return [pytest.param(*case, marks=pytest.mark.heavy) if case[0] in LONG else case for case in found]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -24,7 +30,7 @@ def _compiled() -> None:
     compile_first()
 
 
-@pytest.mark.parametrize(("name", "option"), list(options()), ids=lambda x: x if isinstance(x, str) else x.name)
+@pytest.mark.parametrize(("name", "option"), cases(options()), ids=lambda x: x if isinstance(x, str) else x.name)
 def test_bad_values(name: str, option: click.Parameter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     found = []
@@ -44,7 +50,7 @@ def pairs() -> Iterator[tuple[str, click.Parameter, click.Parameter]]:
         yield from ((name, one, other) for one in read for other in written)
 
 
-@pytest.mark.parametrize(("name", "one", "other"), list(pairs()), ids=lambda x: x if isinstance(x, str) else x.name)
+@pytest.mark.parametrize(("name", "one", "other"), cases(pairs()), ids=lambda x: x if isinstance(x, str) else x.name)
 def test_two_paths_are_not_one(
     name: str, one: click.Parameter, other: click.Parameter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -407,5 +407,5 @@ def test_a_rod_has_no_angles() -> None:
     model = random_models.tree_with(K.DISTANCE, False, 1)
     rod = next(j for j in model.joints if j.kind is K.DISTANCE)
     output = Output(element=rod.name, quantity="angle_1", span=NOWHERE)
-    with pytest.raises(ModelError, match="do not have the attitude of a distance joint's rod"):
+    with pytest.raises(ModelError, match="do not have the coordinates of a distance joint"):
         make_pair(without_rod_forces(model), SCENE, (output,))

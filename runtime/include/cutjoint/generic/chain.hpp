@@ -33,13 +33,13 @@ inline Joint seen_from_inner(Joint joint, bool is_reversed) {
   return joint;
 }
 
-/// The chain of a body's joint.  A reversed joint moves its base: its motions are undone in the opposite order, so that a coordinate keeps
-/// its sign and meaning, but for those that count from the inner body.
+/// Fill the chain of a body's joint, `joint` as its inner body sees it.  A reversed joint moves its base: its motions are undone in the
+/// opposite order, so that a coordinate keeps its sign and meaning, but for those that count from the inner body.  Nothing is allocated where
+/// the chain has room for all motions.
 template <class Real>
-Chain<Real> make_chain(const Model<Real>& model, const Body& body) {
-  const Joint joint = seen_from_inner(body.joint, body.reversed);
-  const Real sign(body.reversed && !joint.from_inner ? -1 : 1);
-  Chain<Real> chain;
+void fill_chain(const Model<Real>& model, const Joint& joint, bool is_reversed, Chain<Real>& chain) {
+  const Real sign(is_reversed && !joint.from_inner ? -1 : 1);
+  chain.clear();
   for (const Motion& m : joint.chain) {
     ChainStep<Real> step{.kind = m.kind};
     if (m.kind == StepKind::ball) step.column = joint.scalars();
@@ -52,7 +52,6 @@ Chain<Real> make_chain(const Model<Real>& model, const Body& body) {
     });
     chain.push_back(step);
   }
-  return chain;
 }
 
 }  // namespace cutjoint::generic

@@ -34,11 +34,17 @@ template <class Real>
 class Kinematics {
  public:
   explicit Kinematics(const Model<Real>& model)
-      : model_(model), chains_(model.bodies.size()), frames_(model.bodies.size()), motions_(model.bodies.size()),
-        guides_(model.bodies.size()) {}
+      : model_(model), joints_(model.bodies.size()), chains_(model.bodies.size()), frames_(model.bodies.size()),
+        motions_(model.bodies.size()), guides_(model.bodies.size()) {
+    for (std::size_t i = 1; i < chains_.size(); ++i) {
+      joints_[i] = seen_from_inner(model.bodies[i].joint, model.bodies[i].reversed);
+      chains_[i].reserve(joints_[i].chain.size());
+    }
+  }
 
+  /// Take over the parameters; nothing is allocated.
   void load() {
-    for (std::size_t i = 1; i < chains_.size(); ++i) chains_[i] = make_chain<Real>(model_, model_.bodies[i]);
+    for (std::size_t i = 1; i < chains_.size(); ++i) fill_chain(model_, joints_[i], model_.bodies[i].reversed, chains_[i]);
   }
 
   /// Guided coordinates.
@@ -185,6 +191,7 @@ class Kinematics {
   }
 
   const Model<Real>& model_;
+  std::vector<Joint> joints_;  ///< as their inner bodies see them
   std::vector<Chain<Real>> chains_;
   std::vector<Frame<Real>> frames_;
   std::vector<JointMotion<Real>> motions_;
