@@ -189,16 +189,24 @@ def any_text(rng: random.Random) -> str:
 
 #: How far the numbers of a text and what its functions give are moved, relative and absolute, to see whether a value hangs on last digits.
 _NEAR, _TINY = 1e-9, 1e-12
+#: Numbers whose squares, which SymPy makes of the cosine of an arc's tangent, are still numbers.
+_LARGEST = 1e150
 
 
 def _moved(function: Callable[..., float], shift: float) -> Callable[..., float]:
     return lambda *x: float(function(*x)) * (1 + shift)
 
 
+def _angle(y: float, x: float) -> float:
+    """`atan2` off its cut, where its value would hang on the sign of a zero."""
+    return math.nan if y == 0 and x < 0 else math.atan2(y, x)
+
+
 def _python(shift: float) -> Mapping[str, Any]:
     """What names mean in Python, but that functions are off by a share ``shift``."""
     return {
-        **{name: _moved(getattr(math, name), shift) for name in (*SMOOTH, "atan2")},
+        **{name: _moved(getattr(math, name), shift) for name in SMOOTH},
+        "atan2": _moved(_angle, shift),
         "min": lambda *x: min(x),
         "max": lambda *x: max(x),
         "abs": lambda x: abs(float(x)),
@@ -221,6 +229,7 @@ class _Prepared(ast.NodeTransformer):
     def __init__(self, shift: float) -> None:
         self.shift = shift
         self.share = 0.0
+        self.is_extreme = False
 
     def visit_Call(self, node: ast.Call) -> ast.Call:
         self.generic_visit(node)
@@ -237,6 +246,7 @@ class _Prepared(ast.NodeTransformer):
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
         if self.shift and type(node.value) in (int, float):
+            self.is_extreme |= node.value != 0 and not 1 / _LARGEST < abs(node.value) < _LARGEST
             self.share = (self.share + 0.618) % 2  # the golden section spreads them
             moved = self.shift * (self.share - 1)
             return ast.Constant(value=float(node.value) * (1 + moved) + math.copysign(_TINY, moved))
@@ -248,9 +258,12 @@ def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, floa
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            tree = _Prepared(shift).visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
+            prepared = _Prepared(shift)
+            tree = prepared.visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
             code = compile(ast.fix_missing_locations(tree), "text", "eval")
     except (SyntaxError, OverflowError):  # a number with a unit; a number beyond the floats
+        return lambda values: math.nan
+    if prepared.is_extreme and any(name in text for name in ("asin", "acos", "atan")):
         return lambda values: math.nan
 
     def function(values: Mapping[str, float]) -> float:
