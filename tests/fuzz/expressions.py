@@ -245,12 +245,16 @@ class _Prepared(ast.NodeTransformer):
         return node
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        if self.shift and type(node.value) in (int, float):
-            self.is_extreme |= node.value != 0 and not 1 / _LARGEST < abs(node.value) < _LARGEST
-            self.share = (self.share + 0.618) % 2  # the golden section spreads them
-            moved = self.shift * (self.share - 1)
-            return ast.Constant(value=float(node.value) * (1 + moved) + math.copysign(_TINY, moved))
-        return node
+        """Numbers that are no exponents are floats: whole ones grow without bound."""
+        if type(node.value) not in (int, float):
+            return node
+        number = float(node.value)
+        self.is_extreme |= number != 0 and not 1 / _LARGEST < abs(number) < _LARGEST
+        if not self.shift:
+            return ast.Constant(value=number)
+        self.share = (self.share + 0.618) % 2  # the golden section spreads them
+        moved = self.shift * (self.share - 1)
+        return ast.Constant(value=number * (1 + moved) + math.copysign(_TINY, moved))
 
 
 def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, float]], float]:
