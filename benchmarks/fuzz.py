@@ -8,18 +8,21 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
+from itertools import islice
 from multiprocessing import get_context
 
 import click
 from tests.fuzz.kinds import KINDS
 from tests.fuzz.tally import Tally
 
-#: Inputs of one kind that a process tries at once, for each of `Kind.share`.
+#: Model files that a process tries at once; of other kinds by their `Kind.share` more or less.
 CHUNK = 10
-#: Chunks that a process tries before a fresh one takes its place, since SymPy's caches grow.
+#: Chunks for each process, before fresh ones take their place, since SymPy's caches grow.
 CHUNKS = 500
+#: Seconds between reports.
+REPORT = 600.0
 
 
 @dataclass
@@ -59,22 +62,35 @@ def try_chunk(name: str, seeds: range) -> tuple[str, Tally]:
 
 
 def fuzz(progress: Progress, *, seconds: float, jobs: int) -> None:
-    """Try inputs until the time is over or all counts are reached."""
-    end, report = time.monotonic() + seconds, time.monotonic() + 600
+    """Try inputs until the time is over or all counts are reached.
+
+    Raises:
+        click.ClickException: a process died, which no input may bring about.
+    """
+    end, report = time.monotonic() + seconds, time.monotonic() + REPORT
     chunks = progress.chunks()
-    running: set[Future[tuple[str, Tally]]] = set()
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=CHUNKS) as pool:
-        while True:
-            while time.monotonic() < end and len(running) < 2 * jobs and (chunk := next(chunks, None)):
-                running.add(pool.submit(try_chunk, *chunk))
-            if not running:
-                return
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                progress.add(*future.result())
-            if time.monotonic() > report:
-                report += 600
-                progress.print()
+    while time.monotonic() < end and (first := list(islice(chunks, jobs * CHUNKS))):
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            waiting, running = iter(first), dict[Future[tuple[str, Tally]], tuple[str, range]]()
+            while True:
+                while time.monotonic() < end and len(running) < 2 * jobs and (chunk := next(waiting, None)):
+                    running[pool.submit(try_chunk, *chunk)] = chunk
+                if not running:
+                    break
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    _take(progress, future, running)
+                if time.monotonic() > report:
+                    report += REPORT
+                    progress.print()
+
+
+def _take(progress: Progress, future: Future[tuple[str, Tally]], running: dict[Future[tuple[str, Tally]], tuple[str, range]]) -> None:
+    try:
+        progress.add(*future.result())
+    except BrokenExecutor:
+        tried = ", ".join(f"{name} {seeds.start}..{seeds.stop - 1}" for name, seeds in running.values())
+        raise click.ClickException(f"a process died with one of these seeds: {tried}") from None
+    del running[future]
 
 
 def _counts(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> dict[str, float]:
@@ -97,8 +113,10 @@ def main(seconds: float, seed: int, jobs: int, kinds: tuple[str, ...], counts: d
     """Fuzz for so many SECONDS, from the first SEED on (the clock's otherwise); status 1 when something failed."""
     progress = Progress(first=seed, counts={name: counts.get(name, float("inf")) for name in kinds or KINDS})
     print(f"seeds from {seed} on", flush=True)
-    fuzz(progress, seconds=seconds, jobs=jobs)
-    progress.print()
+    try:
+        fuzz(progress, seconds=seconds, jobs=jobs)
+    finally:
+        progress.print()
     sys.exit(1 if any(tally.failed for tally in progress.tallies.values()) else 0)
 
 

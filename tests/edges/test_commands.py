@@ -38,6 +38,8 @@ def test_bad_values(name: str, option: click.Parameter, tmp_path: Path, monkeypa
         before = set_up(tmp_path / str(i))
         ended = call(call_with(name, [(option, value)]))
         found += [f"{value[:40]!r}: {fault}" for fault in faults(ended, before if reads_model(name) else {}, refused=refused)]
+        if ended.status is None:
+            break  # the next one would take as long
     assert not found, "\n".join(found)
 
 

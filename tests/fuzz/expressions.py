@@ -189,16 +189,24 @@ def any_text(rng: random.Random) -> str:
 
 #: How far the numbers of a text and what its functions give are moved, relative and absolute, to see whether a value hangs on last digits.
 _NEAR, _TINY = 1e-9, 1e-12
+#: Numbers whose squares, which SymPy makes of the cosine of an arc's tangent, are still numbers.
+_LARGEST = 1e150
 
 
 def _moved(function: Callable[..., float], shift: float) -> Callable[..., float]:
     return lambda *x: float(function(*x)) * (1 + shift)
 
 
+def _angle(y: float, x: float) -> float:
+    """`atan2` off its cut, where its value would hang on the sign of a zero."""
+    return math.nan if y == 0 and x < 0 else math.atan2(y, x)
+
+
 def _python(shift: float) -> Mapping[str, Any]:
     """What names mean in Python, but that functions are off by a share ``shift``."""
     return {
-        **{name: _moved(getattr(math, name), shift) for name in (*SMOOTH, "atan2")},
+        **{name: _moved(getattr(math, name), shift) for name in SMOOTH},
+        "atan2": _moved(_angle, shift),
         "min": lambda *x: min(x),
         "max": lambda *x: max(x),
         "abs": lambda x: abs(float(x)),
@@ -221,6 +229,7 @@ class _Prepared(ast.NodeTransformer):
     def __init__(self, shift: float) -> None:
         self.shift = shift
         self.share = 0.0
+        self.is_extreme = False
 
     def visit_Call(self, node: ast.Call) -> ast.Call:
         self.generic_visit(node)
@@ -236,11 +245,16 @@ class _Prepared(ast.NodeTransformer):
         return node
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        if self.shift and type(node.value) in (int, float):
-            self.share = (self.share + 0.618) % 2  # the golden section spreads them
-            moved = self.shift * (self.share - 1)
-            return ast.Constant(value=float(node.value) * (1 + moved) + math.copysign(_TINY, moved))
-        return node
+        """Numbers that are no exponents are floats: whole ones grow without bound."""
+        if type(node.value) not in (int, float):
+            return node
+        number = float(node.value)
+        self.is_extreme |= number != 0 and not 1 / _LARGEST < abs(number) < _LARGEST
+        if not self.shift:
+            return ast.Constant(value=number)
+        self.share = (self.share + 0.618) % 2  # the golden section spreads them
+        moved = self.shift * (self.share - 1)
+        return ast.Constant(value=number * (1 + moved) + math.copysign(_TINY, moved))
 
 
 def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, float]], float]:
@@ -248,9 +262,12 @@ def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, floa
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            tree = _Prepared(shift).visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
+            prepared = _Prepared(shift)
+            tree = prepared.visit(ast.parse(text.replace("\n", " ").strip(), mode="eval"))
             code = compile(ast.fix_missing_locations(tree), "text", "eval")
     except (SyntaxError, OverflowError):  # a number with a unit; a number beyond the floats
+        return lambda values: math.nan
+    if prepared.is_extreme and any(name in text for name in ("asin", "acos", "atan")):
         return lambda values: math.nan
 
     def function(values: Mapping[str, float]) -> float:

@@ -25,8 +25,14 @@ def _require_means(kind: Kind) -> None:
         pytest.skip("a small disk is mounted, which this user may not")
 
 
+def _marks(name: str) -> tuple[pytest.MarkDecorator, ...]:
+    """A private cache is compiled for minutes."""
+    return (pytest.mark.heavy,) if name == "caches" else ()
+
+
 @pytest.mark.parametrize(
-    ("kind", "path"), [(KINDS[name], path) for name in SEEDS for path in KINDS[name].corpus()], ids=lambda x: getattr(x, "stem", "")
+    ("kind", "path"),
+    [pytest.param(KINDS[name], path, marks=_marks(name), id=path.stem) for name in SEEDS for path in KINDS[name].corpus()],
 )
 def test_corpus(kind: Kind, path: Path) -> None:
     """What failed once."""
@@ -35,7 +41,7 @@ def test_corpus(kind: Kind, path: Path) -> None:
     kind.try_one(path.read_bytes().decode("utf-8", "surrogateescape"))
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.heavy if name == "caches" else ()) for name in SEEDS])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=_marks(name)) for name in SEEDS])
 def test_some_seeds(name: str) -> None:
     _require_means(KINDS[name])
     for seed in range(SEEDS[name]):

@@ -200,7 +200,7 @@ def smooth(name: str, terms: list[Term]) -> Term:
 
 
 def _atan2(y: Scalar, x: Scalar) -> Scalar:
-    if y.free_symbols or x.free_symbols:
+    if any(part.free_symbols or part.has(sympy.Piecewise) for part in (y, x)):
         return sympy.atan2(y, x, evaluate=False)
     return sympy.Float(math.atan2(float(y), float(x)))
 
