@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -26,8 +28,8 @@ class _Commands(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """The arguments; names of files stand in tables, run files and messages, which are UTF-8."""
         for text in args:
-            if not _is_utf_8(text):
-                ctx.fail(f"the argument {text!a} is not UTF-8; rename the file, or write another name")
+            if fault := _fault_of_argument(text):
+                ctx.fail(fault)
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -68,6 +70,26 @@ def _plain_errors() -> Iterator[None]:
     except click.ClickException as error:
         error.message = escaped_lines(error.message)  # type: ignore[misc]
         raise
+
+
+def _fault_of_argument(text: str) -> str:
+    """What is wrong with an argument whatever the command; "" where nothing is."""
+    option, _, value = text.partition("=") if text.startswith("--") else ("", "", text)
+    if not _is_utf_8(text):
+        return f"the argument {text!a} is not UTF-8; rename the file, or write another name"
+    if not value and (not option or text.endswith("=")):
+        return f"the argument {text!a} is empty; write a value, or leave the option away"
+    return f"{value}: a link that leads to itself; remove it, or write another name" if _leads_to_itself(value) else ""
+
+
+def _leads_to_itself(path: str) -> bool:
+    try:
+        os.stat(path)
+    except OSError as error:
+        return error.errno == errno.ELOOP
+    except ValueError:
+        return False
+    return False
 
 
 def _is_utf_8(text: str) -> bool:

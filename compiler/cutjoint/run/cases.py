@@ -27,6 +27,8 @@ def read_cases(path: Path, model: Model) -> list[dict[str, float]]:
     Raises:
         RunError: a name or a number is none, with the line where it stands.
     """
+    if path.is_char_device():
+        raise RunError(f"{path}: a device, which has no end; name a file")
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, skipinitialspace=True)
