@@ -28,11 +28,12 @@ scenes:
 """
 
 
-@pytest.mark.parametrize(("method", "worst"), [("recursive", "slide.displacement_rate"), ("augmented", "slide.x")])
-def test_no_number_beside_others_that_are(method: str, worst: str) -> None:
+@pytest.mark.parametrize("method", ["recursive", "augmented"])
+def test_no_number_beside_others_that_are(method: str) -> None:
     model = read_model_text(MODEL, "apart.yaml")
     run = simulate(compile_scene(model, find_scene(model, None), method=method))
     assert run.failure is not None
-    assert run.failure.element == worst
+    assert run.failure.element == "push"
+    assert "sqrt" in str(run.failure)
     assert 0.4 < run.t[-1] < 1.0
     assert abs(run.columns["first.x"][-1]) <= 1.0

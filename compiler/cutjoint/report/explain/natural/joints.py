@@ -66,7 +66,7 @@ def _sum(joint: Joint, row: SumRow) -> Equation:
     if row.constant is not None:
         return Equation(name=row.name, residual=r"\frac{d \cdot d - l^2}{2 l}", directions=())
     arms = dict.fromkeys(f for term in row.terms for f in (term.left, term.right) if isinstance(f, Arm))
-    residual = " + ".join(_term(joint, term) for term in row.terms).replace("+ -", "- ")
+    residual = " + ".join(_term(joint, term) for term in row.terms).replace("+ - ", "- ").replace("+ -", "- ")
     if row.pitch is not None:
         residual += rf" - h {coordinate_symbol(*joint.element.coordinates)}"
     if row.guide is not None:
