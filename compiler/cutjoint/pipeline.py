@@ -23,7 +23,7 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, RodForce, Scene
 from cutjoint.prepared import Compilation
 from cutjoint.program.records import Program
-from cutjoint.run.outputs import require_apart
+from cutjoint.run.compiled_files import require_no_model, write_compiled
 from cutjoint.run.ready import ReadyRun, start
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError, make_run_file, require_figures
@@ -177,7 +177,7 @@ def compile_scene(
         RunError: there is no such method or precision, or the method does not take the model.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side failed.
-        OutputError: a file of ``out`` is the model.
+        OutputError: a file of ``out`` is the model, or cannot be written.
     """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
@@ -189,12 +189,13 @@ def compile_scene(
     equations, program, source = generate_for(model, scene, wanted, method=method, lanes=lanes, precision=precision)
     generated = perf_counter()
     if out is not None:
-        files = (*source.files, "simulator")
-        require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {out}: file", out / name) for name in files])
+        require_no_model(source.files, out, Path(model.span.file))
     # Source -> Binary
     kind = Kind(comparison=comparison, precision=precision)
     flags = flags if precision in _SIDE_BY_SIDE else (*flags, *_SCALAR_FLAGS)
-    binary = build(source, flags=flags, folder=out, kind=kind)
+    binary = build(source, flags=flags, kind=kind)
+    if out is not None:
+        write_compiled(source.files, binary.path, out)
     return Artifact(
         topology=equations.topology, scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
         implementation="generated", precision=precision, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,

@@ -9,12 +9,13 @@ from pathlib import Path
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output
+from cutjoint.run.run_file import RunError, make_run_file
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.steps import exact
 from cutjoint_bench.records import Case
 
-#: Rows of a comparison, at most.
-MOST_ROWS = 2000
+#: Rows of a comparison, at most; of one whose rows are given.
+MOST_ROWS, MOST_GIVEN_ROWS = 2000, 1_000_000
 
 QUANTITIES = ("x", "y", "z", "vx", "vy", "vz")
 
@@ -28,13 +29,16 @@ def make_case(
     Rows are as far apart as the scene's output, or a multiple of that so that there are at most ``MOST_ROWS``.
 
     Raises:
-        ModelError, RunError: the file is wrong, or has no such scene.
+        ModelError, RunError: the file is wrong, or has no such scene or parameter; no run is that long, or has such rows.
     """
     model = with_link_masses(read_model(path), link_masses or {})
     chosen = find_scene(model, scene)
     until = chosen.end if end is None else end
     apart = make_rows(chosen.output_step, until) if row is None else row
+    if row is not None and not apart <= until <= apart * MOST_GIVEN_ROWS:
+        raise RunError(f"rows {apart:g} s apart do not suit a run of {until:g} s: one at least, {MOST_GIVEN_ROWS} at most")
     scene_to_run = replace(chosen, end=until, output_step=apart)
+    make_run_file(model, scene_to_run, parameters or {}, task="simulate")
     return Case(model=model, scene=scene_to_run, outputs=_outputs(model), parameters=dict(parameters or {}))
 
 

@@ -13,7 +13,7 @@ from cutjoint.commands import options
 from cutjoint.model.numbers import read_number
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
-from cutjoint.run.outputs import require_apart
+from cutjoint.run.outputs import require_apart, require_folder
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.run_file import RunError
 from cutjoint_bench.cases import make_case
@@ -24,6 +24,9 @@ from cutjoint_bench.records import Case
 from cutjoint_bench.reference import TOLERANCES
 from cutjoint_bench.store import Store
 from cutjoint_bench.study import Plan, perform
+
+#: More timed runs of a point tell nothing more.
+MOST_REPETITIONS = 1000
 
 
 def run_bench(
@@ -38,6 +41,8 @@ def run_bench(
     """
     from cutjoint_bench.report.page import render_page
 
+    if vary and not atlas:
+        raise RunError("--vary names what an atlas varies: add --atlas")
     plan = Plan(
         cases=list(_cases(models, scenes, end=end, row=row, parameters=parameters, link_masses=link_masses)),
         contenders=choose(methods), repetitions=repetitions, steps=steps, reference=reference, limits=limits,
@@ -48,6 +53,7 @@ def run_bench(
         {f"the model {path}": path for path in models},
         documents=[(f"--out {out}: file", path) for path in (measurements, data_file, page_file)],
     )
+    require_folder(out)
     with progress_bar() as say:
         make_ready([plan], measurements, say)
         data = perform(plan, Store(measurements), say)
@@ -68,13 +74,17 @@ def _cases(models: Sequence[Path], scenes: Sequence[str], **how: Any) -> Iterato
 
 
 def _listed(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",") if part.strip()]
+    """The parts of a list with commas; none of a list that is not given."""
+    parts = [part.strip() for part in text.split(",")] if text else []
+    if not all(parts):
+        raise click.BadParameter(f"'{text}': write names with one comma between, such as A,B")
+    return parts
 
 
 def _seconds(text: str) -> list[float]:
     try:
         steps = [read_number(part) for part in _listed(text)]
-    except ValueError:
+    except (ValueError, click.BadParameter):
         raise click.BadParameter(f"'{text}': write seconds with commas between, such as 0.01,0.005") from None
     if faults := [fault for step in steps if (fault := fault_of_setting("dt", step))]:
         raise click.BadParameter(f"'{text}': {faults[0]}")
@@ -89,7 +99,8 @@ def _seconds(text: str) -> list[float]:
 @click.option("--end", type=options.Setting("end", positive=True), help="End time in s; the scenes' otherwise.")
 @click.option("--row", type=options.Setting("output_step"), help="Seconds between rows that are compared.")
 @click.option("--steps", default="", callback=lambda *x: _seconds(x[2]), metavar="S,S", help="Steps in s to try.")
-@click.option("--repetitions", type=options.WholeRange(min=1), default=5, show_default=True, help="Timed runs of each point.")
+@click.option("--repetitions", type=options.WholeRange(min=1, max=MOST_REPETITIONS), default=5, show_default=True,
+              help="Timed runs of each point.")
 @click.option("--reference", type=click.Choice([*TOLERANCES, "none"]), default="quad", show_default=True,
               help="Number type in which references are integrated; extended is faster, and enough where roads have kinks.")
 @click.option("--limits/--no-limits", default=True, help="Look for the largest step of each method.")

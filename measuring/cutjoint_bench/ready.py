@@ -13,8 +13,9 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
+from threading import Thread
 
 from cutjoint.model.errors import ModelError
 from cutjoint.run.run_file import RunError
@@ -36,7 +37,7 @@ def make_ready(plans: Sequence[Plan], measurements: Path, say: Say = silently) -
         RunError: an atlas is to vary a parameter that the model does not have.
     """
     stages = {"references and simulators": list(_first_tasks(plans)), "outcomes": list(_second_tasks(plans, measurements))}
-    pool = ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn"), initializer=end_with_parent)
     try:
         for words, tasks in stages.items():
             _do_all(pool, tasks, words, say)
@@ -48,6 +49,18 @@ def make_ready(plans: Sequence[Plan], measurements: Path, say: Say = silently) -
         raise
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def end_with_parent() -> None:
+    """Let this process of a pool end when the process that made it has, by whatever means; simulators that it runs end then too."""
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
 
 
 def _do_all(pool: ProcessPoolExecutor, tasks: Sequence[Task], words: str, say: Say) -> None:

@@ -99,6 +99,18 @@ def test_no_file_of_a_folder_is_the_model(command: tuple[str, ...], folder: Path
     assert (folder / "driven.yaml").read_text(encoding="utf-8") == DRIVEN
 
 
+def test_compiled_files_replace_earlier_ones_as_a_whole(folder: Path) -> None:
+    assert call("compile", "driven.yaml", "--out", "made").exit_code == 0
+    before = {path: path.read_bytes() for path in sorted(Path("made").iterdir())}
+    for path in before:
+        path.write_bytes(b"an earlier one")
+        os.link(path, folder / path.name)
+    assert call("compile", "driven.yaml", "--out", "made").exit_code == 0
+    assert {path: path.read_bytes() for path in sorted(Path("made").iterdir())} == before
+    assert all((folder / path.name).read_bytes() == b"an earlier one" for path in before)
+    assert os.access("made/simulator", os.X_OK)
+
+
 # Two outputs
 
 

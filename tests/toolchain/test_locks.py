@@ -65,11 +65,11 @@ class Site:
     def open_gate(self) -> None:
         (self.folder / "gate").touch()
 
-    def build(self, stem: str, flags: tuple[str, ...] = (), folder: Path | None = None) -> Binary:
+    def build(self, stem: str, flags: tuple[str, ...] = ()) -> Binary:
         project = PROJECT.format(log=self.folder / "log", gate=self.folder / "gate", stem=stem)
         main = f'#include <cstdio>\nint part();\nint main() {{ std::puts("{stem}"); return part() - 1; }}\n'
         files = {"CMakeLists.txt": project, "main.cpp": main, "part.cpp": "int part() { return 1; }\n"}
-        return build(Source(stem=stem, files=files, digest=stem, driver="recursive"), flags=flags, folder=folder)
+        return build(Source(stem=stem, files=files, digest=stem, driver="recursive"), flags=flags)
 
     def ask(self, stem: str) -> subprocess.Popen[str]:
         """A process that is about to build."""

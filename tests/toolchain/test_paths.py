@@ -44,12 +44,9 @@ def test_any_name_of_the_cache_and_of_folders(name: str, site: Site, monkeypatch
         (site.folder / folder / name).mkdir(parents=True)
         monkeypatch.setenv(variable, str(site.folder / folder / name))
     assert output(site.build("one")) == "one\n"
-    out = site.folder / "out" / name
-    out.mkdir(parents=True)
-    assert output(site.build("other", folder=out)) == "other\n"
-    assert subprocess.run([out / "simulator"], capture_output=True, text=True, check=True).stdout == "other\n"
+    assert output(site.build("other")) == "other\n"
     assert site.log == ["simulator one", "parts", "simulator other"]
-    assert {p.name for p in site.folder.iterdir()} == {"caches", "temporary", "out", "log", "gate"}
+    assert {p.name for p in site.folder.iterdir()} == {"caches", "temporary", "log", "gate"}
     assert [p.name for p in (site.folder / "caches").iterdir()] == [name]
     assert not Path("elsewhere").exists()
 

@@ -93,6 +93,20 @@ def require_apart(
         raise OutputError("\n".join(problems))
 
 
+def require_folder(path: Path) -> None:
+    """Make a folder for results, if it is not there.
+
+    Raises:
+        OutputError: there is something else, or it cannot be made or written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {path}: {error.strerror or error}") from None
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise OutputError(f"cannot write into the folder {path}: Permission denied")
+
+
 def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
     """The files of each table, itself first."""
     for option, path in tables.items():

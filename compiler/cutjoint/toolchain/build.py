@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -61,11 +60,10 @@ def write_source(source: Source, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None = None, kind: Kind = _PLAIN) -> Binary:
+def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> Binary:
     """Build the simulator of a source, or find it in the cache.
 
-    The cache key covers the generated files, the runtime headers, compiler and flags, with "native" the processor too.  ``folder`` keeps
-    source and binary there as well.
+    The cache key covers the generated files, the runtime headers, compiler and flags, with "native" the processor too.
     A ``kind`` for comparison has the solvers of SuiteSparse, some of which are under the GPL: such a simulator is not for handing on.
 
     Raises:
@@ -75,9 +73,6 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, folder: Path | None =
     key = _digest([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.definitions])
     cached = cache_folder() / key / "simulator"
     fresh = find_or_make(cached, lambda place: _build_in(place, source, compiler, flags, kind))
-    if folder is not None:
-        write_source(source, folder)
-        shutil.copy2(cached, folder / "simulator")
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
 
 
