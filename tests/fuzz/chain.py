@@ -1,4 +1,4 @@
-"""An expression through the whole chain: read, differentiate twice, translate, lower, interpret."""
+"""An expression through the whole chain: read, differentiate, translate, lower, interpret."""
 
 from __future__ import annotations
 
@@ -50,13 +50,16 @@ def run_chain(text: str) -> str:
 
 
 def _lower(expression: Scalar) -> tuple[Lowering, list]:
-    """An expression and its first two derivatives by a variable, as blocks and lowered."""
-    x = variable("length")
-    slope = sympy.diff(expression, x)
+    """An expression and the derivatives that the compiler takes, as blocks and lowered: of a law the first, of a guide the first two."""
+    guided = not expression.free_symbols - {variable("t")}
+    x = variable("t" if guided else "length")
+    derivatives = [slope := sympy.diff(expression, x)]
+    if guided:
+        derivatives.append(sympy.diff(slope, x))
     builder = Builder()
     column = builder.symbol("x", len(VARIABLES), BindingTime.ITERATION)
     translator = Translator(builder, {variable(name): builder.element(column, i) for i, name in enumerate(VARIABLES)})
-    blocks = [translator.scalar(e) for e in (expression, slope, sympy.diff(slope, x))]
+    blocks = [translator.scalar(e) for e in (expression, *derivatives)]
     lowering = Lowering()
     lowering.lower(blocks)
     return lowering, blocks

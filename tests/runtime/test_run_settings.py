@@ -73,6 +73,7 @@ def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
         ("positions", {"pin.angle": "0"}, 'is "0" and not a number'),
         ("integrator", "euler", 'is "euler" and not one of trapezoidal, '),
         ("integrator", 1, "is 1 and not one of trapezoidal, "),
+        ("task", "\x1b[31m\x9b", "is '\\x1b[31m\\x9b' and not one of simulate"),
         ("task", "simulat", "is 'simulat' and not one of simulate, realtime, equilibrium, evaluate"),
     ],
 )  # fmt: skip

@@ -1,16 +1,34 @@
 // A program around a run: one argument, the run file; errors as text; the exit status.
 #pragma once
 
+#include <cstddef>
 #include <exception>
 #include <iostream>
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint {
+
+/// A message on one line: control characters, which a run file or the name of a file may have, are escaped.
+inline std::string printable(std::string_view text) {
+  constexpr char digits[] = "0123456789abcdef";
+  std::string printed;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const bool wide = byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0;
+    const unsigned char shown = wide ? static_cast<unsigned char>(text[++i]) : byte;
+    if (wide || byte < 0x20 || byte == 0x7f)
+      printed.append("\\x").append({digits[shown / 16], digits[shown % 16]});
+    else
+      printed.push_back(text[i]);
+  }
+  return printed;
+}
 
 /// Calls `perform` with the content of the run file and prints the summary that it returns.
 /// Exit status 0 when done, 1 when the run failed numerically or was interrupted, 2 when it could not begin or a file could not be written.
@@ -27,7 +45,7 @@ int run_program(int argc, char** argv, const char* name, Perform perform) {
     std::cerr << "error: the run needs more memory than there is; write an earlier end, or a larger dt or output_step" << std::endl;
     return 2;
   } catch (const std::exception& error) {
-    std::cerr << "error: " << error.what() << std::endl;
+    std::cerr << "error: " << printable(error.what()) << std::endl;
     return 2;
   }
 }
