@@ -1,32 +1,130 @@
-"""Names that stand in two places are the same names."""
+"""The catalogue of methods, integrators, closures, solvers and number types, and what follows from it."""
 
 from __future__ import annotations
 
-from typing import Any, get_args, get_type_hints
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+from typing import Any
 
-from cutjoint.methods import CLOSURES, COMPARISON_SOLVERS, EVENTS, EXPLICIT, IMPLICIT, METHODS, SOLVERS, SYMMETRIC_SOLVERS
-from cutjoint.model.document import Numerics, Scene
+import pytest
+
+from cutjoint.methods import (
+    AUTO,
+    CLOSURES,
+    DEFAULT_CLOSURE,
+    DEFAULT_INTEGRATOR,
+    DEFAULT_METHOD,
+    DEFAULT_PRECISION,
+    DEFAULT_SOLVER,
+    INTEGRATORS,
+    METHODS,
+    PRECISIONS,
+    SOLVERS,
+    Events,
+    Implementation,
+)
+from cutjoint.model.document import json_schema
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Scene
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
+from cutjoint.run.run_file import make_run_file
+from tests.run.test_failing_starts import PENDULUM
+
+MODEL = read_model_text(PENDULUM, "pendulum.yaml")
 
 
-def literals(annotation: Any) -> set[str]:
-    """The texts that an annotation allows."""
-    if isinstance(annotation, str):
-        return {annotation}
-    return {text for part in get_args(annotation) for text in literals(part)}
+def names(part: Any) -> set[str]:
+    """The texts that a part of a schema allows."""
+    found = {part["const"]} if "const" in part else set(part.get("enum", ()))
+    return found.union(*(names(x) for x in part.get("anyOf", ())))
 
 
-def allowed(part: type, field: str) -> set[str]:
-    return literals(get_type_hints(part)[field])
+def test_model_files_take_the_names_of_the_catalogue() -> None:
+    parts = json.loads(json_schema())["$defs"]
+    numerics, scene = parts["Numerics"]["properties"], parts["Scene"]["properties"]
+    assert names(numerics["closure"]) == set(CLOSURES)
+    assert names(numerics["integrator"]) == {i.name for i in INTEGRATORS.values() if i.in_files}
+    assert names(numerics["events"]) == set(Events)
+    assert names(numerics["methods"]["propertyNames"]) == set(METHODS)
+    assert names(scene["method"]) == {AUTO, *METHODS}
 
 
-def test_model_files_take_the_names_of_methods() -> None:
-    assert allowed(Numerics, "closure") == set(CLOSURES)
-    assert allowed(Numerics, "integrator") == {"trapezoidal", *EXPLICIT, *IMPLICIT}
-    assert allowed(Numerics, "events") == set(EVENTS)
-    assert allowed(Numerics, "methods") == set(METHODS)
-    assert allowed(Scene, "method") == {"auto", *METHODS}
+def test_records_name_what_there_is() -> None:
+    for method in METHODS.values():
+        assert set(method.closures) <= set(CLOSURES)
+        assert any(method.name in i.methods for i in INTEGRATORS.values())
+        assert method.twin is None or method.twin.solver is None or SOLVERS[method.twin.solver].suits(method)
+    for integrator in INTEGRATORS.values():
+        assert set(integrator.methods) <= set(METHODS)
+        assert set(integrator.closures) <= set(CLOSURES)
+    catalogues = (METHODS, INTEGRATORS, CLOSURES, SOLVERS, PRECISIONS)
+    defaults = (DEFAULT_METHOD, DEFAULT_INTEGRATOR, DEFAULT_CLOSURE, DEFAULT_SOLVER, DEFAULT_PRECISION)
+    assert all(name in catalogue for name, catalogue in zip(defaults, catalogues, strict=True))
+    assert all(record.name == name for catalogue in catalogues for name, record in catalogue.items())
 
 
-def test_solvers_are_of_the_kinds_that_there_are() -> None:
-    assert SYMMETRIC_SOLVERS.issubset(SOLVERS)
-    assert COMPARISON_SOLVERS.issubset(SOLVERS)
+def test_every_method_takes_the_default_integrator() -> None:
+    assert set(INTEGRATORS[DEFAULT_INTEGRATOR].methods) == set(METHODS)
+    assert set(INTEGRATORS[DEFAULT_INTEGRATOR].closures) == set(CLOSURES)
+
+
+def asked() -> Iterator[Options]:
+    """Each integrator with each wish for events, with and without a fixed number of iterations, and nothing at all."""
+    for integrator, events, iterations in product((None, *INTEGRATORS), (None, *Events), (None, 3)):
+        yield Options(integrator=integrator, events=events, iterations=iterations)
+
+
+def told(scene: Scene, method: str, implementation: Implementation, options: Options) -> dict[str, Any] | str:
+    """The run file, or what is wrong with the options."""
+    try:
+        return make_run_file(MODEL, scene, {}, task="simulate", method=method, implementation=implementation, options=options)
+    except RunError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("implementation", Implementation)
+@pytest.mark.parametrize("closure", CLOSURES)
+@pytest.mark.parametrize("method", METHODS)
+def test_every_choice_has_a_run_file_or_a_way_out(method: str, closure: str, implementation: Implementation) -> None:
+    """Whatever is asked for: a run file has it, or a message names what there is instead."""
+    rest = MODEL.scenes["rest"]
+    scene = replace(rest, numerics=replace(rest.numerics, closure=closure))
+    alternatives = {*METHODS, *CLOSURES, *INTEGRATORS, *Events}
+    for options in asked():
+        found = told(scene, method, implementation, options)
+        if isinstance(found, str):
+            wrong = {options.integrator or DEFAULT_INTEGRATOR, options.events}
+            assert words(found) & (alternatives - wrong), found
+            continue
+        numerics = found["numerics"]
+        assert found["integrator"] == options.integrator or options.integrator is None
+        assert options.events is None or numerics.get("events", False) == (options.events == Events.LOCATED)
+        assert (numerics["fixed_cost"], numerics["iterations"]) == ((True, 3) if options.iterations else (False, scene.numerics.iterations))
+        assert ("solver" in found) == (METHODS[method].has_system and INTEGRATORS[found["integrator"]].uses_solver)
+
+
+def words(message: str) -> set[str]:
+    return {word.strip(",;:.") for word in message.split()}
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_a_scenes_integrator_is_meant_for_the_methods_that_it_takes(integrator: str) -> None:
+    rest = MODEL.scenes["rest"]
+    scene = replace(rest, numerics=replace(rest.numerics, integrator=integrator))
+    for method, implementation in product(METHODS, Implementation):
+        found = told(scene, method, implementation, Options())
+        assert isinstance(found, dict)
+        takes = method in INTEGRATORS[integrator].methods and (implementation is Implementation.GENERATED or INTEGRATORS[integrator].twin)
+        assert found["integrator"] == (integrator if takes else DEFAULT_INTEGRATOR)
+
+
+def test_all_settings_of_an_integrator_are_in_its_run_file() -> None:
+    settings = {name for i in INTEGRATORS.values() for name in i.settings}
+    for integrator in INTEGRATORS.values():
+        found = told(MODEL.scenes["rest"], integrator.methods[0], Implementation.GENERATED, Options(integrator=integrator.name))
+        assert isinstance(found, dict)
+        assert settings & found["numerics"].keys() == set(integrator.settings)
+

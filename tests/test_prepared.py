@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from cutjoint import cli, prepared
 from cutjoint.cli import main
 from cutjoint.commands import options, preparing
 from cutjoint.prepared import Prepared, Request, find_prepared
+from cutjoint.run.options import Options
 from cutjoint.toolchain import compiler
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from tests.conftest import MODELS
@@ -45,6 +47,13 @@ scenes:
 
 #: What a run that is compiled does without: other commands' packages, and what measures.
 LATER = ("cutjoint.reduce", "cutjoint.twin", "cutjoint.export", "cutjoint.report.explain", "cutjoint.report.ladder", "cutjoint_bench")
+
+#: One value of each option that is not the default.
+OTHER_OPTIONS: dict[str, Any] = {
+    "solver": "klu", "integrator": "rk4", "events": "located", "dt": 0.005, "end": 1.0, "tolerance": 1e-3, "iterations": 3, "penalty": 1e5,
+}  # fmt: skip
+
+_WITH_SOLVER = "augmented, classical or recursive-newton"
 
 #: What a kept run does without.
 HEAVY = ("sympy", "pint", "yaml", "pydantic", "jinja2", "matplotlib", "cutjoint.pipeline", "cutjoint.model.read")
@@ -172,7 +181,7 @@ def test_a_start_that_follows_from_a_parameter_is_found_anew(model: Path) -> Non
         (("--set", "pull=3"), "model 'slide' has no parameter 'pull'; it has begin, push"),
         (("--set", "push"), "--set push: write NAME=NUMBER"),
         (("--threads", "2"), "--threads goes with --batch: a single run has one"),
-        (("--solver", "klu"), "--solver klu: the recursive method has no linear solver; use --method augmented or classical"),
+        (("--solver", "klu"), "--solver klu: the recursive method has no linear solver; use --method " + _WITH_SOLVER),
     ],
 )
 def test_wrong_requests_are_told_as_before(arguments: tuple[str, ...], message: str, model: Path) -> None:
@@ -274,11 +283,10 @@ def test_another_text_of_the_model_is_prepared_anew(old: str, new: str, model: P
 @pytest.mark.parametrize(
     "asked",
     [
-        {"scene": "moved"}, {"method": "augmented"}, {"closure": "proximal"}, {"implementation": "generic"}, {"solver": "klu"},
-        {"integrator": "rk4"}, {"events": "located"}, {"precision": "single"}, {"dt": 0.005}, {"end": 1.0}, {"tolerance": 1e-3},
-        {"iterations": 3},
+        {"scene": "moved"}, {"method": "augmented"}, {"closure": "proximal"}, {"implementation": "generic"}, {"precision": "single"},
+        *({"options": Options(**{name: value})} for name, value in OTHER_OPTIONS.items()),
     ],
-    ids=lambda asked: next(iter(asked)),
+    ids=str,
 )  # fmt: skip
 def test_another_request_is_prepared_anew(asked: dict[str, object], shared: Path) -> None:
     assert find_prepared(Request(model=shared, scene="still"), {}) is not None

@@ -11,7 +11,7 @@ from cutjoint.cli import main
 from cutjoint.model.numbers import is_number, is_whole, read_number
 from cutjoint.model.read import read_model
 from cutjoint.run.cases import read_cases
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 PENDULUM = MODELS / "pendulum.yaml"

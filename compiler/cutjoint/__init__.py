@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from cutjoint.model.read import read_model, read_model_text
     from cutjoint.pipeline import compile_model, simulate
     from cutjoint.program.blocks import ConstantError
+    from cutjoint.run.errors import RunError
     from cutjoint.run.outputs import OutputError
-    from cutjoint.run.run_file import RunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError, find_equilibrium
@@ -42,7 +42,7 @@ _HOMES = {
     "cutjoint.pipeline": ("compile_model", "simulate"),
     "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.run.outputs": ("OutputError",),
-    "cutjoint.run.run_file": ("RunError",),
+    "cutjoint.run.errors": ("RunError",),
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.states": ("NoEquilibriumError", "find_equilibrium"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,15 +15,20 @@ import numpy as np
 from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import EXPLICIT
+from cutjoint.methods import CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, either, names_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import derive, only_starting
+from cutjoint.pipeline import derive
 from cutjoint.run.cases import CaseTable
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
 from cutjoint.run.results import Array, Batch
-from cutjoint.run.run_file import RunError, changing, following, make_run_file, parameter_values, require_figures
-from cutjoint.run.scenes import with_figures
+from cutjoint.run.run_file import changing, following, make_run_file, parameter_values
+from cutjoint.run.settings import require_figures
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import FLAGS, Binary, build
+
+#: The method whose runs are evaluated side by side.
+METHOD, = names_of(METHODS, lambda m: m.batch)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,14 +51,9 @@ def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -
         RunError: the scene has a closure, an integrator or events that batches do not have.
         ToolchainError: the C++ side failed.
     """
-    if scene.numerics.closure != "penalty":
-        raise RunError(f"{scene.span}: scene '{scene.name}': batches have closure: penalty only; use --closure penalty")
-    if scene.numerics.integrator in EXPLICIT:
-        raise RunError(f"{scene.span}: scene '{scene.name}': batches have integrator: trapezoidal only; use --integrator trapezoidal")
-    if scene.numerics.events == "located":
-        raise RunError(f"{scene.span}: scene '{scene.name}': batches have events: crossed only; use --events crossed")
+    _require_batch(scene)
     begin = perf_counter()
-    equations = only_starting(derive(model, scene, scene.outputs))
+    equations = derive(model, scene, scene.outputs).starting
     source = emit(schedule_recursive(equations, lanes=False), equations, batch=True)
     generated = perf_counter()
     binary = build(source, flags=flags)
@@ -61,6 +61,21 @@ def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -
         model=model, scene=scene, equations=equations, binary=binary, generate_seconds=generated - begin,
         compile_seconds=perf_counter() - generated,
     )  # fmt: skip
+
+
+def _require_batch(scene: Scene) -> None:
+    """Check that a scene says nothing that batches do not have."""
+    numerics, method = scene.numerics, METHODS[METHOD]
+    integrator = INTEGRATORS[numerics.integrator]
+    faults = (
+        ("closure", not method.closure(numerics.closure).batch, names_of(CLOSURES, lambda c: c.batch)),
+        ("integrator", METHOD in integrator.methods and not integrator.batch, names_of(INTEGRATORS, lambda i: i.batch)),
+        ("events", numerics.events == Events.LOCATED, (Events.CROSSED,)),
+    )
+    for name, is_wrong, able in faults:
+        if is_wrong:
+            only = either(able)
+            raise RunError(f"{scene.span}: scene '{scene.name}': batches have {name}: {only} only; use --{name} {only}")
 
 
 def simulate_batch(
@@ -78,15 +93,13 @@ def simulate_batch(
         OutputError: the table cannot be written.
         Interrupted, Terminated: a signal has ended the batch.
     """
-    require_figures(dt=dt, end=end, tolerance=tolerance, threads=threads)
+    require_figures(threads=threads)
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
-    changes = {name: value for name, value in (("dt", dt), ("tolerance", tolerance)) if value is not None}
-    scene = with_figures(artifact.scene, "recursive", changes)
-    scene = replace(scene, end=scene.end if end is None else end)
+    options = Options(dt=dt, end=end, tolerance=tolerance, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
     begin = perf_counter()
-    file = make_run_file(artifact.model, scene, {}, task="batch")
-    file["cases"] = _own_parts(artifact.model, scene, cases)
+    file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
+    file["cases"] = _own_parts(artifact.model, artifact.scene, cases)
     file["threads"] = len(os.sched_getaffinity(0)) if threads is None else threads
     units = {c.name: c.unit for c in artifact.equations.columns}
     results: list[dict[str, Any]] = [{}] * len(cases)

@@ -1,46 +1,258 @@
-"""The methods, integrators and solvers by name, and which go together."""
+"""The catalogue of methods, integrators, closures, linear solvers and number types: what each one needs and can do.
+
+Choices, checks and messages follow from these records; no other module compares the name of one.
+"""
 
 from __future__ import annotations
 
-METHODS = ("recursive", "augmented", "classical", "recursive-newton")
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol, TypeVar
 
-#: Methods that have a generic twin.
-TWINS = ("recursive", "augmented", "classical")
+#: The method of a scene that lets `auto` choose model, method and step.
+AUTO = "auto"
 
-#: How the recursive method holds its cut joints.
-CLOSURES = ("penalty", "proximal")
 
-#: What each iteration of a step calls, by method.
-ITERATIONS = {"recursive": "evaluate", "augmented": "linearise", "classical": "linearise", "recursive-newton": "linearise"}
+class Formulation(StrEnum):
+    """The equations of a method, by the folder of ``formulate`` that derives them."""
 
-#: Linear solvers of the Lagrangian methods: the emitted factorisation, and libraries.
-SOLVERS = ("emitted", "eigen-ldlt", "eigen-lu", "cholmod", "klu", "umfpack")
+    RECURSIVE = "recursive"  #: accelerations in relative coordinates, by elimination along the tree
+    IMPLICIT = "implicit"  #: the balance in relative coordinates with its exact tangent
+    NATURAL = "natural"  #: the balance in natural coordinates with its tangent
 
-#: Those that need a symmetric matrix.
-SYMMETRIC_SOLVERS = frozenset({"eigen-ldlt", "cholmod"})
 
-#: Those of SuiteSparse, some of them under the GPL: simulators that have them are for comparison.
-COMPARISON_SOLVERS = frozenset({"cholmod", "klu", "umfpack"})
+class Events(StrEnum):
+    """What steps do where forces, guides or drives change their formulas."""
 
-#: Explicit Runge-Kutta methods of the recursive equations: with steps of equal length, and with steps as long as the tolerance allows.
-EXPLICIT = ("rk4", "dormand-prince")
+    LOCATED = "located"  #: they end there
+    CROSSED = "crossed"  #: they go over it
 
-#: Implicit methods of the equations `recursive-newton`: of order 4 with steps as long as the tolerance allows or of equal length, and of
-#: order 2 with damping of what is fast.
-IMPLICIT = ("sdirk4", "sdirk4-fixed", "generalised-alpha")
 
-#: Those of both that take steps as long as the tolerance allows.
-ADAPTIVE = ("dormand-prince", "sdirk4")
+class Implementation(StrEnum):
+    """How a model becomes a simulator."""
 
-#: What becomes of events, where forces, guides or drives change their formulas: steps end there, or go over them.
-EVENTS = ("located", "crossed")
+    GENERATED = "generated"  #: code made for the model
+    GENERIC = "generic"  #: the generic twin, which interprets the model at run time
 
-#: The integrators whose steps end at events unless they are asked to go over them; those of the others, but for the reference, do if asked.
-LOCATING = ("rk4", "dormand-prince", "sdirk4", "sdirk4-fixed")
 
-#: The trapezoidal rule of the methods, explicit and implicit methods, and accurate solutions to measure them by: extrapolation in
-#: relative coordinates (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
-INTEGRATORS = ("trapezoidal", *EXPLICIT, *IMPLICIT, "reference")
+@dataclass(frozen=True, kw_only=True)
+class Twin:
+    """The generic twin of a method; ``solver`` takes the place of the emitted factorisation, None for methods without a linear solver."""
 
-#: Code made for the model, or the generic twin that interprets the model at run time.
-IMPLEMENTATIONS = ("generated", "generic")
+    solver: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A formulation with its way to solve a step.
+
+    ``closures`` are the ways to hold cut joints that a scene can choose from; others hold them in one way, and start with the first of
+    CLOSURES.  ``symmetric`` is whether the tangent of a step is, ``saddle_point`` whether multipliers are unknowns beside the
+    coordinates, so that pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
+    ``own_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
+    where none are given; the penalty then follows from masses and step.  ``fixed_cost`` is whether steps can have a fixed number of
+    iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report the Jacobians of its
+    accelerations.
+    """
+
+    name: str
+    formulation: Formulation
+    closures: tuple[str, ...] = ()
+    symmetric: bool = False
+    saddle_point: bool = False
+    events: bool = False
+    own_updates: int | None = None
+    twin: Twin | None = None
+    fixed_cost: bool = False
+    batch: bool = False
+    tangents: bool = False
+
+    @property
+    def has_system(self) -> bool:
+        """Whether Newton's iteration solves a linear system in each step."""
+        return self.formulation is not Formulation.RECURSIVE
+
+    @property
+    def iteration(self) -> str:
+        """The generated function that each iteration of a step calls."""
+        return "linearise" if self.has_system else "evaluate"
+
+    def closure(self, wanted: str) -> Closure:
+        """The closure of a scene that wants one; it is meant for the methods that have it."""
+        return CLOSURES[wanted if wanted in self.closures else DEFAULT_CLOSURE]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integrator:
+    """A rule of steps.
+
+    ``methods`` are those whose equations it takes, ``closures`` those it can hold; ``twin`` is whether generic twins have it.
+    ``events`` is what its steps do unless asked otherwise, None where they cannot end at events.  An ``adaptive`` one takes steps as long
+    as the tolerance allows.  ``uses_solver`` is whether steps solve with the linear solver of a method that has one.  ``settings`` are
+    those that it reads besides the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.
+    ``in_files`` is whether scenes and commands can ask for it.
+    """
+
+    name: str
+    methods: tuple[str, ...]
+    closures: tuple[str, ...] = ("penalty",)
+    twin: bool = False
+    events: Events | None = Events.LOCATED
+    adaptive: bool = False
+    uses_solver: bool = False
+    settings: tuple[str, ...] = ()
+    largest_penalty: float | None = None
+    fixed_cost: bool = False
+    batch: bool = False
+    tangents: bool = False
+    in_files: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Closure:
+    """A way to hold cut joints.
+
+    ``finds_penalty`` is whether penalties follow from effective masses, up to a bound if one is given, and need no other stabilisation.
+    """
+
+    name: str
+    finds_penalty: bool = False
+    twin: bool = False
+    fixed_cost: bool = False
+    batch: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solver:
+    """A linear solver; ``symmetric`` ones need a symmetric matrix, ``comparison`` ones are of SuiteSparse, some of them under the GPL."""
+
+    name: str
+    symmetric: bool = False
+    comparison: bool = False
+
+    def suits(self, method: Method) -> bool:
+        """Whether it solves the systems of a method."""
+        return method.has_system and (method.symmetric or not self.symmetric)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Precision:
+    """A number type of generated code.
+
+    Of a ``packed`` one several fit a register; ``libraries`` is whether solvers of libraries have it, ``twin`` whether generic twins do;
+    ``flags`` are added to those of the compiler.
+    """
+
+    name: str
+    packed: bool = False
+    libraries: bool = False
+    twin: bool = False
+    flags: tuple[str, ...] = ()
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+R = TypeVar("R", bound=_Named)
+
+
+def _catalogue(*records: R) -> Mapping[str, R]:
+    return {record.name: record for record in records}
+
+
+#: The methods in the order of the documentation.
+METHODS: Mapping[str, Method] = _catalogue(
+    Method(
+        name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, twin=Twin(), fixed_cost=True,
+        batch=True, tangents=True,
+    ),
+    Method(name="augmented", formulation=Formulation.NATURAL, symmetric=True, own_updates=20, twin=Twin(solver="eigen-ldlt")),
+    Method(name="classical", formulation=Formulation.NATURAL, saddle_point=True, twin=Twin(solver="klu")),
+    Method(name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, own_updates=20),
+)  # fmt: skip
+
+#: The penalty that explicit integrators have at most: they correct multipliers until nothing of it is left, and a larger one would leave
+#: fewer digits of the accelerations.
+_EXPLICIT_PENALTY = 1e6
+
+#: The trapezoidal rule; explicit Runge-Kutta methods with steps of equal length and with steps as long as the tolerance allows; implicit
+#: ones of order 4, adaptive and with equal steps, and one of order 2 that damps what is fast; accurate solutions to measure them by:
+#: extrapolation in relative coordinates (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
+INTEGRATORS: Mapping[str, Integrator] = _catalogue(
+    Integrator(
+        name="trapezoidal", methods=tuple(METHODS), closures=("penalty", "proximal"), twin=True, events=Events.CROSSED, uses_solver=True,
+        fixed_cost=True, batch=True, tangents=True,
+    ),
+    Integrator(name="rk4", methods=("recursive",), settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY),
+    Integrator(
+        name="dormand-prince", methods=("recursive",), adaptive=True, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY
+    ),
+    Integrator(
+        name="sdirk4", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)
+    ),
+    Integrator(name="sdirk4-fixed", methods=("recursive-newton",), uses_solver=True, settings=("absolute_tolerance",)),
+    Integrator(
+        name="generalised-alpha", methods=("recursive-newton",), events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",)
+    ),
+    Integrator(name="reference", methods=("recursive", "classical"), events=None, in_files=False),
+)  # fmt: skip
+
+#: The ways to hold cut joints.
+CLOSURES: Mapping[str, Closure] = _catalogue(
+    Closure(name="penalty", twin=True, fixed_cost=True, batch=True),
+    Closure(name="proximal", finds_penalty=True),
+)
+
+#: The emitted factorisation, and libraries.
+SOLVERS: Mapping[str, Solver] = _catalogue(
+    Solver(name="emitted"),
+    Solver(name="eigen-ldlt", symmetric=True),
+    Solver(name="eigen-lu"),
+    Solver(name="cholmod", symmetric=True, comparison=True),
+    Solver(name="klu", comparison=True),
+    Solver(name="umfpack", comparison=True),
+)
+
+#: Numbers of 24, 53, 64 (80-bit registers, x86) and 113 bits.  Above -O1, GCC takes minutes for a long function on the registers' stack.
+PRECISIONS: Mapping[str, Precision] = _catalogue(
+    Precision(name="single", packed=True),
+    Precision(name="double", packed=True, libraries=True, twin=True),
+    Precision(name="extended", flags=("-O1",)),
+    Precision(name="quad", flags=("-O1",)),
+)
+
+DEFAULT_METHOD = "recursive"
+DEFAULT_INTEGRATOR = "trapezoidal"
+DEFAULT_CLOSURE = "penalty"
+DEFAULT_SOLVER = "emitted"
+DEFAULT_PRECISION = "double"
+
+
+#: The method whose tangent is the linearisation of small motions.
+LINEARISED = "recursive-newton"
+
+#: The method whose equations start every run, so that its settings hold the cut joints there.
+START = "recursive"
+
+
+def names_of(catalogue: Mapping[str, R], condition: Callable[[R], bool]) -> tuple[str, ...]:
+    """The names of the records of a catalogue that meet a condition."""
+    return tuple(name for name, record in catalogue.items() if condition(record))
+
+
+def either(names: Iterable[str]) -> str:
+    """Names for a sentence: "a", "a or b", "a, b or c"."""
+    return _listed(names, "or")
+
+
+def all_of(names: Iterable[str]) -> str:
+    """Names for a sentence: "a", "a and b", "a, b and c"."""
+    return _listed(names, "and")
+
+
+def _listed(names: Iterable[str], conjunction: str) -> str:
+    *others, last = names
+    return f"{', '.join(others)} {conjunction} {last}" if others else last

@@ -13,7 +13,7 @@ import re
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -21,7 +21,9 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.locations import code_folders
-from cutjoint.run.ready import ReadyRun
+from cutjoint.methods import DEFAULT_PRECISION, Implementation
+from cutjoint.run.options import Options
+from cutjoint.run.ready import Compilation, ReadyRun
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler, resolve
@@ -33,35 +35,15 @@ _LARGEST = 8_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What is asked for besides parameters, by the options of `cutjoint simulate`; None is what scene and method have."""
+    """What the options of `cutjoint simulate` ask for besides parameters; None for what the scene has."""
 
     model: Path
     scene: str | None = None
     method: str | None = None
     closure: str | None = None
-    implementation: str = "generated"
-    solver: str = "emitted"
-    integrator: str | None = None
-    events: str | None = None
-    precision: str = "double"
-    dt: float | None = None
-    end: float | None = None
-    tolerance: float | None = None
-    iterations: int | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Compilation:
-    """Figures of a compilation, for people: operations and instructions of an evaluation, seconds, 0 for what the cache had."""
-
-    scene: str
-    method: str
-    operations: int
-    instructions: int
-    compiler: str
-    flags: tuple[str, ...]
-    generate_seconds: float
-    compile_seconds: float
+    implementation: str = Implementation.GENERATED
+    precision: str = DEFAULT_PRECISION
+    options: Options = field(default_factory=Options)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.pipeline import Artifact, ends_at_events, require_fixed_cost
+from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
 from cutjoint.run.result_files import RunTables
 from cutjoint.run.results import FailureReport, read_run_table
-from cutjoint.run.run_file import RunError, make_run_file, require_figures
-from cutjoint.run.scenes import with_figures
+from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import call_simulator, failure_of
 
 
@@ -56,16 +58,11 @@ def run_in_real_time(
         OutputError: a file cannot be written.
         Interrupted, Terminated: a signal has ended the run.
     """
-    require_figures(dt=dt, end=end, iterations=iterations)
-    if artifact.implementation != "generated":
+    if artifact.implementation != Implementation.GENERATED:
         raise RunError("runs against the wall clock take generated code")
-    events = ends_at_events(artifact, "trapezoidal")
-    if iterations is not None:
-        require_fixed_cost(artifact, events=events)
-    scene = with_figures(artifact.scene, artifact.method, {} if dt is None else {"dt": dt})
-    scene = replace(scene, end=scene.end if end is None else end)
+    options = Options(dt=dt, end=end, iterations=iterations, integrator=DEFAULT_INTEGRATOR)
     run_file = make_run_file(
-        artifact.topology.model, scene, parameters or {}, task="realtime", method=artifact.method, events=events, fixed_cost=iterations
+        artifact.topology.model, artifact.scene, parameters or {}, task="realtime", method=artifact.method, options=options
     )
     with RunTables(None, out=out) as tables:
         summary = call_simulator(artifact.binary.path, {**run_file, **tables.places})
@@ -73,5 +70,5 @@ def run_in_real_time(
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
     return StepTimes(
-        period=scene.numerics.of_method(artifact.method).dt, took=columns["took"], late=columns["late"], failure=failure, table=table
+        period=run_file["numerics"]["dt"], took=columns["took"], late=columns["late"], failure=failure, table=table
     )

@@ -10,14 +10,18 @@ from cutjoint.analysis.linearisation import NoMassError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
 from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.methods import LINEARISED
 from cutjoint.model.quantities import quantities, unit_of
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import compile_scene, generate
+from cutjoint.run.errors import RunError
 from cutjoint.run.modes import NotReachedError, linearise_at
+from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Equilibrium, FailureReport
-from cutjoint.run.run_file import RunError, make_run_file, require_figures
+from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene
+from cutjoint.run.settings import require_figures
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import build
 
@@ -44,7 +48,7 @@ def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mappin
     chosen = find_scene(model, scene)
     outputs = _everything(model)
     _, _, source = generate(model, chosen, outputs)
-    run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium")
+    run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
     summary = call_simulator(build(source).path, run_file)
     failure = failure_of(summary)
     if failure is not None:
@@ -66,7 +70,7 @@ def find_modes(
     """
     require_figures(at=at)
     # Model -> Binary
-    artifact = compile_scene(model, scene, method="recursive-newton")
+    artifact = compile_scene(model, scene, method=LINEARISED)
     equations = artifact.equations
     assert isinstance(equations, ImplicitEquations)
     where = f"{scene.span}: scene '{scene.name}'"

@@ -20,11 +20,12 @@ from cutjoint.formulate.natural.equations import formulate_lagrangian, without
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.methods import DEFAULT_PRECISION, METHODS, PRECISIONS, Formulation
 from cutjoint.model.records import Output
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint.sparse.pattern import Pattern
 from cutjoint.sparse.pivoting import NoPivotError, SingularError
 from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
@@ -37,32 +38,38 @@ E = TypeVar("E", bound=SystemEquations)
 
 
 def generate_system(
-    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool, straight_line: int = STRAIGHT_LINE
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool, precision: str = DEFAULT_PRECISION
 ) -> tuple[SystemEquations, Program, Source]:
-    """The same for the methods with Newton's iteration; ``start`` finds where a run begins."""
+    """What `pipeline.generate` makes for the methods with Newton's iteration; ``start`` finds where a run begins.
+
+    Lanes and straight-line factorisations are for number types of which several fit a register.
+    """
+    packed = PRECISIONS[precision].packed
+    lanes = lanes and packed
     # Topology -> Equations
     equations, states = formulate_system(start, method, outputs)
     # Equations -> Program -> Plan
     equations, program, plan = plan_system(equations, states, lanes=lanes)
     # Program, Plan -> Source
-    return equations, program, emit_system(schedule_recursive(start, lanes=lanes), program, equations, plan, straight_line=straight_line)
+    mechanism, straight_line = schedule_recursive(start, lanes=lanes), STRAIGHT_LINE if packed else 0
+    return equations, program, emit_system(mechanism, program, equations, plan, straight_line=straight_line)
 
 
 def formulate_system(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...]
 ) -> tuple[SystemEquations, list[NaturalState]]:
-    """The equations, and the states where the pivots of ``classical`` are tried."""
-    if method == "recursive-newton":
+    """The equations, and the states where the pivots of a saddle point are tried."""
+    if METHODS[method].formulation is Formulation.IMPLICIT:
         return formulate_implicit(start, outputs), []
     equations = formulate_lagrangian(start, method, outputs)
-    if method == "augmented":
+    if not METHODS[method].saddle_point:
         return equations, []
     states = closed_states(equations)
     return without(equations, dependent_equations(equations, states)), states
 
 
 def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program, Plan]:
-    """The program of a system and the plan of its factorisation; ``states`` are where the pivots of ``classical`` are tried.
+    """The program of a system and the plan of its factorisation; ``states`` are where the pivots of a saddle point are tried.
 
     The equations returned know where the entries of their tangent stand.
 
@@ -75,21 +82,21 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
         (f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions
     ]
     program, pattern = settle_entries(
-        schedule(equations.builder, functions, lanes=lanes), len(equations.row_names), symmetric=equations.method == "augmented"
+        schedule(equations.builder, functions, lanes=lanes), len(equations.row_names), symmetric=METHODS[equations.method].symmetric
     )  # fmt: skip
     equations = equations.with_tangent(places(pattern))
-    if isinstance(equations, LagrangianEquations) and equations.method == "classical":
+    if isinstance(equations, LagrangianEquations) and METHODS[equations.method].saddle_point:
         return equations, program, _plan_with_pivots(equations, pattern, states)
     return equations, program, plan_definite(pattern)
 
 
 def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:
-    """The classical method's factorisation, with pivots that hold in all states in which the laws have values.
+    """The factorisation of a saddle point, with pivots that hold in all states in which the laws have values.
 
     Raises:
         RunError: the equations depend on each other in one of the states, or some law has no value in any of them.
     """
-    dt = equations.scene.numerics.of_method("classical").dt
+    dt = equations.scene.numerics.of_method(equations.method).dt
     samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
     if not samples:
         file = equations.topology.model.span.file

@@ -9,7 +9,9 @@ from pathlib import Path
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import PLAIN_STEPS
+from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.steps import exact
 from cutjoint_bench.records import Case
@@ -38,7 +40,7 @@ def make_case(
     if row is not None and not apart <= until <= apart * MOST_GIVEN_ROWS:
         raise RunError(f"rows {apart:g} s apart do not suit a run of {until:g} s: one at least, {MOST_GIVEN_ROWS} at most")
     scene_to_run = replace(chosen, end=until, output_step=apart)
-    make_run_file(model, scene_to_run, parameters or {}, task="simulate")
+    make_run_file(model, scene_to_run, parameters or {}, task="simulate", options=PLAIN_STEPS)
     return Case(model=model, scene=scene_to_run, outputs=_outputs(model), parameters=dict(parameters or {}))
 
 

@@ -13,9 +13,9 @@ from cutjoint.commands import options
 from cutjoint.model.numbers import read_number
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
+from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart, require_folder
 from cutjoint.run.result_files import write_whole
-from cutjoint.run.run_file import RunError
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose, groups
 from cutjoint_bench.progress import progress_bar

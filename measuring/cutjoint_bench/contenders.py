@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint_bench.others import peer_contenders
 from cutjoint_bench.own import own_contenders, precision_contenders
 from cutjoint_bench.records import Contender

@@ -9,7 +9,8 @@ from math import inf
 
 import numpy as np
 
-from cutjoint.pipeline import Artifact, simulate
+from cutjoint.pipeline import simulate
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import partial_of
 from cutjoint.run.results import Array
 from cutjoint.toolchain.temporary import temporary_folder

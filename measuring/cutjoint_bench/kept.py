@@ -7,7 +7,7 @@ from itertools import product
 from typing import Any
 
 from cutjoint.model.errors import ModelError
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint_bench.contenders import CONTENDERS
 from cutjoint_bench.failures.trials import case_of

@@ -10,11 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.emit.source import Source
-from cutjoint.methods import ADAPTIVE, COMPARISON_SOLVERS, EXPLICIT, IMPLICIT, LOCATING, METHODS, SOLVERS, SYMMETRIC_SOLVERS, TWINS
-from cutjoint.pipeline import Artifact, compile_scene, generate, generate_for, simulate
+from cutjoint.methods import (
+    DEFAULT_INTEGRATOR,
+    DEFAULT_PRECISION,
+    DEFAULT_SOLVER,
+    INTEGRATORS,
+    METHODS,
+    SOLVERS,
+    Events,
+    Implementation,
+    names_of,
+)
+from cutjoint.pipeline import compile_scene, generate, simulate
 from cutjoint.reduce.ladder import Rung, climb
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
@@ -24,8 +35,11 @@ from cutjoint_bench.records import Case, Contender
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
 
-#: Integrators besides the trapezoidal rule, by the method that they take.
-_INTEGRATORS = (("recursive", EXPLICIT), ("recursive-newton", IMPLICIT))
+#: Integrators besides the default, by the method that they take; methods without others are left out.
+_INTEGRATORS = tuple(
+    (method, names) for method in METHODS
+    if (names := [i.name for i in INTEGRATORS.values() if i.in_files and method in i.methods and i.name != DEFAULT_INTEGRATOR])
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +47,8 @@ class OwnRunner:
     """A compiled case; ``located`` ends steps at events where the integrator would go over them."""
 
     artifact: Artifact
-    solver: str = "emitted"
-    integrator: str = "trapezoidal"
+    solver: str | None = None
+    integrator: str = DEFAULT_INTEGRATOR
     located: bool = False
     tolerance: float | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -57,7 +71,7 @@ class OwnRunner:
             copied = replace(binary, path=Path(shutil.copy2(binary.path, folder)))
             artifact = replace(self.artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)), binary=copied)
             steps = folder / "steps.csv" if measured else None
-            events = "located" if self.located or self.integrator in LOCATING else "crossed"
+            events = Events.LOCATED if self.located else INTEGRATORS[self.integrator].events
             return simulate(
                 artifact, dt=dt, solver=self.solver, integrator=self.integrator, events=events, tolerance=self.tolerance,
                 parameters=self.parameters, steps=steps,
@@ -96,19 +110,18 @@ def own_contenders() -> Iterator[Contender]:
             identify=partial(_identify_reduced, method=method),
         )  # fmt: skip
     for method, integrators in _INTEGRATORS:
-        for integrator in (x for x in integrators if x in ADAPTIVE):
+        for integrator in (x for x in integrators if INTEGRATORS[x].adaptive):
             yield Contender(
                 name=f"{method}/{integrator}/reduced", label=f"{method}, {integrator}, reduced model", group="reduced",
                 prepare=partial(_reduced, method=method, integrator=integrator), identify=partial(_identify_reduced, method=method),
             )  # fmt: skip
-    for method in METHODS[1:]:
-        for solver in SOLVERS:
-            if solver != "emitted" and (method == "augmented" or solver not in SYMMETRIC_SOLVERS):
-                yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
-    for method in TWINS:
+    for method in METHODS:
+        for solver in (s.name for s in SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
+            yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
+    for method in names_of(METHODS, lambda m: m.twin is not None):
         yield Contender(
             name=f"{method}/generic", label=f"{method}, generic twin", group="generic", prepare=partial(_prepare_twin, method=method),
-            identify=partial(identify_code, method=method, implementation="generic"),
+            identify=partial(identify_code, method=method, implementation=Implementation.GENERIC),
         )  # fmt: skip
 
 
@@ -131,12 +144,12 @@ def _contender(name: str, label: str, group: str, **how: Any) -> Contender:
 
 
 def _prepare(
-    case: Case, *, method: str, solver: str = "emitted", lanes: bool = True, precision: str = "double", tolerance: float | None = None,
-    integrator: str = "trapezoidal", located: bool = False,
+    case: Case, *, method: str, solver: str | None = None, lanes: bool = True, precision: str = DEFAULT_PRECISION,
+    tolerance: float | None = None, integrator: str = DEFAULT_INTEGRATOR, located: bool = False,
 ) -> OwnRunner:  # fmt: skip
     artifact = compile_scene(
-        case.model, case.scene, method=method, outputs=case.outputs, lanes=lanes, comparison=solver in COMPARISON_SOLVERS,
-        precision=precision,
+        case.model, case.scene, method=method, outputs=case.outputs, lanes=lanes, precision=precision,
+        comparison=solver in names_of(SOLVERS, lambda s: s.comparison),
     )  # fmt: skip
     return _runner(integrator)(
         artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
@@ -148,23 +161,24 @@ def _prepare_twin(case: Case, *, method: str) -> OwnRunner:
 
 
 def _runner(integrator: str) -> type[OwnRunner]:
-    return AdaptiveRunner if integrator in ADAPTIVE else OwnRunner
+    return AdaptiveRunner if INTEGRATORS[integrator].adaptive else OwnRunner
 
 
 def identify_code(
-    case: Case, *, method: str, implementation: str = "generated", lanes: bool = True, precision: str = "double", **_: object
+    case: Case, *, method: str, implementation: str = Implementation.GENERATED, lanes: bool = True, precision: str = DEFAULT_PRECISION,
+    **_: object,
 ) -> Mapping[str, str]:  # fmt: skip
     """The `identity` of what a case's generated code is now, without compiling it."""
-    made = generate_for(case.model, case.scene, case.outputs, method=method, lanes=lanes, precision=precision)
+    made = generate(case.model, case.scene, case.outputs, method=method, lanes=lanes, precision=precision)
     return identity(made[-1], implementation)
 
 
-def identity(source: Source, implementation: str = "generated") -> Mapping[str, str]:
+def identity(source: Source, implementation: str = Implementation.GENERATED) -> Mapping[str, str]:
     """What figures of generated code depend on besides machine and compiler: its digest and that of the runtime."""
-    return {"digest": source.digest, "runtime": runtime_digest(part="generic" if implementation == "generic" else "")}
+    return {"digest": source.digest, "runtime": runtime_digest(part="generic" if implementation == Implementation.GENERIC else "")}
 
 
-def _reduced(case: Case, *, method: str, integrator: str = "trapezoidal") -> OwnRunner:
+def _reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> OwnRunner:
     rung = _last_exact(case, method)
     artifact = compile_scene(rung.model, rung.scene, method=method)
     return _runner(integrator)(artifact=artifact, integrator=integrator, parameters=case.parameters)

@@ -10,6 +10,7 @@ from math import inf, nan
 from typing import Protocol
 
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import make_run_file
 
@@ -35,7 +36,7 @@ class Case:
 
     def input_digest(self, method: str) -> str:
         """A digest of all that a simulator of this case reads when it runs: parameters, figures of the method, start, roads."""
-        given = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method)
+        given = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method, options=PLAIN_STEPS)
         return sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:32]
 
 

@@ -18,9 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.methods import METHODS, Formulation
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Array, Trajectory
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.run_file import make_run_file
 from cutjoint.toolchain.cache import alone, cache_folder, read_record, write_record
 from cutjoint_bench.progress import Say, silently
 from cutjoint_bench.records import Case
@@ -90,7 +94,10 @@ def _compiled(case: Case, method: str, precision: str) -> Artifact | None:
 
 def _key(case: Case, artifacts: Mapping[str, Artifact | None], tolerance: float) -> str:
     """Covers the model, the simulators and their input."""
-    runs = [make_run_file(case.model, case.scene, case.parameters, task="simulate", method=a.method) for a in artifacts.values() if a]
+    runs = [
+        make_run_file(case.model, case.scene, case.parameters, task="simulate", method=a.method, options=PLAIN_STEPS)
+        for a in artifacts.values() if a
+    ]  # fmt: skip
     binaries = [a.binary.path.parent.name for a in artifacts.values() if a]
     return sha256(json.dumps([binaries, runs, tolerance, PENALTIES], sort_keys=True).encode()).hexdigest()[:32]
 
@@ -116,7 +123,7 @@ def _integrate(case: Case, artifacts: Mapping[str, Artifact | None], precision: 
 
 
 def _route(case: Case, artifact: Artifact, tolerance: float) -> Trajectory:
-    penalty = PENALTIES[artifact.precision] if artifact.method == "recursive" else None
+    penalty = PENALTIES[artifact.precision] if METHODS[artifact.method].formulation is Formulation.RECURSIVE else None
     own = replace(artifact, scene=case.scene)
     return simulate(
         own, dt=case.scene.output_step, penalty=penalty, tolerance=tolerance, parameters=case.parameters, integrator="reference"

@@ -9,7 +9,7 @@ from functools import partial
 from cutjoint.methods import METHODS
 from cutjoint.pipeline import compile_scene, generate
 from cutjoint.reduce.ladder import APPROXIMATIONS, ROLLING, STEPS, Rung, climb
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint_bench.own import OwnRunner, identity
 from cutjoint_bench.records import Case, Contender
 

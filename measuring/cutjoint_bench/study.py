@@ -10,8 +10,8 @@ from typing import Any
 
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import Artifact
-from cutjoint.run.run_file import RunError
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.machine import machine
 from cutjoint_bench.cases import falling_steps
@@ -174,7 +174,7 @@ def find_limits(
     identity = _identity(plan, case, contender, runner)
     limit = partial(_limit, case, runner, reference, _own_step(case, contender))
     found: Record = {"largest_step": store.get({**identity, "limit": "largest step"}, limit)["dt"]}
-    if isinstance(runner, OwnRunner) and runner.artifact.method == "recursive":
+    if isinstance(runner, OwnRunner) and METHODS[runner.artifact.method].tangents:
         found["predicted"] = store.get({**identity, "limit": "predicted"}, partial(_prediction, case, runner.artifact))
     return found
 

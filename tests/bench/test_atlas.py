@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from cutjoint.pipeline import compile_scene
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array, FailureReport, Trajectory
-from cutjoint.run.run_file import RunError
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.exact.chain import Chain, chain_motion, crank_motion, singular_times, write_chain
 from cutjoint_bench.exact.crank import SLIDER_CRANK, slider_crank_motion

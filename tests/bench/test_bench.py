@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from cutjoint.methods import EXPLICIT, IMPLICIT, METHODS, TWINS
-from cutjoint.pipeline import Artifact, simulate
+from cutjoint.methods import METHODS, names_of
+from cutjoint.pipeline import simulate
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport, Trajectory
-from cutjoint.run.run_file import RunError
 from cutjoint.run.steps import common_step
 from cutjoint_bench import own
 from cutjoint_bench.cases import falling_steps, make_case
@@ -217,8 +218,9 @@ def test_a_line_of_a_store_that_came_to_harm_is_measured_again(tmp_path: Path) -
 
 def test_every_method_is_a_contender() -> None:
     assert [c.name for c in choose(["generated"])] == list(METHODS)
-    assert {f"{m}/generic" for m in TWINS} < set(CONTENDERS)
-    others = [*(f"recursive/{i}" for i in EXPLICIT), *(f"recursive-newton/{i}" for i in IMPLICIT)]
+    assert {f"{m}/generic" for m in names_of(METHODS, lambda m: m.twin is not None)} < set(CONTENDERS)
+    implicit = ("sdirk4", "sdirk4-fixed", "generalised-alpha")
+    others = ["recursive/rk4", "recursive/dormand-prince", *(f"recursive-newton/{i}" for i in implicit)]
     assert [c.name for c in choose(["integrators"])] == [*others, "recursive/events", "recursive-newton/events"]
     with pytest.raises(RunError, match="no contender 'gauss'; there is recursive, augmented, classical"):
         choose(["gauss"])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
-from cutjoint.run.run_file import RunError
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.errors import measure_errors
 from cutjoint_bench.own import TOLERANCES

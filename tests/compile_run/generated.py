@@ -12,6 +12,7 @@ from cutjoint.analysis.closing import design_coordinates, make_inputs
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
 from cutjoint.program.interpret import interpret_blocks
+from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import call_simulator
 
@@ -53,7 +54,7 @@ def random_states(equations: RecursiveEquations, count: int, seed: int) -> list[
 
 def run_evaluate(binary: Path, model: Model, scene: Scene, states: list[At]) -> list[dict[str, np.ndarray]]:
     """What the simulator's functions give at the states."""
-    run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate")
+    run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate", options=PLAIN_STEPS)
     run_file["states"] = [{"t": s.t, "q": list(s.q), "v": list(s.v), "lambda": list(s.multipliers)} for s in states]
     results = call_simulator(binary, run_file)["results"]
     return [{name: np.array(values, dtype=float) for name, values in r.items()} for r in results]

@@ -14,7 +14,7 @@ from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import runtime_folder
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import derive, generate, only_starting
+from cutjoint.pipeline import derive, generate
 from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import MODELS, needs_cpp
 from tests.reduce.test_rolling import CART
@@ -31,7 +31,7 @@ def files_of(text: str, kind: str) -> Mapping[str, str]:
     scene = next(iter(model.scenes.values()))
     if kind != "batch":
         return generate(model, scene, scene.outputs, method=kind)[2].files
-    equations = only_starting(derive(model, scene, scene.outputs))
+    equations = derive(model, scene, scene.outputs).starting
     return emit(schedule_recursive(equations, lanes=False), equations, batch=True).files
 
 

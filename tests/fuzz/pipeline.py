@@ -15,7 +15,8 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.program.blocks import ConstantError
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.errors import RunError
+from cutjoint.run.run_file import make_run_file
 from cutjoint.topology.spanning_tree import TopologyError
 
 FILE = "fuzzed.yaml"

@@ -11,7 +11,8 @@ from functools import cache
 from pathlib import Path
 
 import cutjoint
-from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact
 from tests.conftest import ROOT
 
 MODEL = "press.yaml"

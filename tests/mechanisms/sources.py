@@ -24,14 +24,13 @@ from typing import Any
 import cutjoint
 from cutjoint.emit.source import emit
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import METHODS
+from cutjoint.methods import METHODS, PRECISIONS
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Output, Scene
-from cutjoint.pipeline import derive, generate_for, only_starting
+from cutjoint.pipeline import derive, generate
 from cutjoint.reduce.ladder import STEPS
 from cutjoint.run.scenes import find_scene
-from cutjoint.toolchain.build import PRECISIONS
 from tests.mechanisms import bouncing, chains, four_bar, overconstrained, planar, random_models, swaying, switching, symmetric
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -154,12 +153,12 @@ def _all_random() -> dict[str, Callable[[], Subjects]]:
 def generate_case(model: Model, scene: Scene, variant: str, precision: str) -> tuple[Any, Any]:
     """Program and source."""
     if variant == "batch":
-        equations = only_starting(derive(model, scene, scene.outputs))
+        equations = derive(model, scene, scene.outputs).starting
         program = schedule_recursive(equations, lanes=False)
         return program, emit(program, equations, batch=True)
     if variant == "proximal":
         scene, variant = replace(scene, numerics=replace(scene.numerics, closure="proximal")), "recursive"
-    _, program, source = generate_for(model, scene, scene.outputs, method=variant, lanes=True, precision=precision)
+    _, program, source = generate(model, scene, scene.outputs, method=variant, lanes=True, precision=precision)
     return program, source
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.pipeline import Artifact, compile_model, simulate
+from cutjoint.pipeline import compile_model, simulate
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import Artifact, compile_model, compile_scene
+from cutjoint.pipeline import compile_model, compile_scene
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene, with_closure
 from tests.mechanisms.bouncing import GRAVITY, MASS, bouncing_text, exact_bounces
 from tests.mechanisms.swaying import swaying_text

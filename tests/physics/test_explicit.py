@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies.problems import PROBLEMS, measure_errors
 from tests.conftest import MODELS

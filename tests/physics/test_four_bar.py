@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact
 from tests.conftest import DATA, MODELS
 from tests.mechanisms.four_bar import exact_tip, four_bar_text
 from tests.physics.simulation import compile_text, completed, read_reference, simulate, with_numerics

@@ -13,9 +13,10 @@ import pytest
 
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError
 from cutjoint_bench.studies.problems import PROBLEMS, measure_errors
 from tests.conftest import MODELS
 from tests.physics.simulation import completed, simulate
@@ -173,7 +174,7 @@ def test_generalised_alpha_as_published(radius: float, stiffness: float, tmp_pat
 
 
 def test_integrators_that_do_not_fit_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="the integrator sdirk4 takes the method recursive-newton"):
+    with pytest.raises(RunError, match="the integrator sdirk4 takes generated code of the method recursive-newton"):
         simulate(compile_model(MODELS / "pendulum.yaml"), integrator="sdirk4")
     text = (MODELS / "pendulum.yaml").read_text(encoding="utf-8")
     path = tmp_path / "pendulum.yaml"

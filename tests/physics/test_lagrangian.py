@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.methods import COMPARISON_SOLVERS
+from cutjoint.methods import METHODS, SOLVERS
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.conftest import MODELS, with_heavy
@@ -135,8 +136,7 @@ def test_solvers_agree(method: str) -> None:
     artifact = compile_model(MODELS / "iltis.yaml", scene="simul3", method=method, comparison=True, flags=flags)
     runs = {
         solver: completed(simulate(artifact, end=2.0, solver=solver))
-        for solver in ("emitted", "eigen-lu", *sorted(COMPARISON_SOLVERS), "eigen-ldlt")
-        if method == "augmented" or solver not in ("eigen-ldlt", "cholmod")
+        for solver in SOLVERS if SOLVERS[solver].suits(METHODS[method])
     }
     for solver, run in runs.items():
         assert run.effort.solver == solver

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import Artifact, compile_scene
+from cutjoint.pipeline import compile_scene
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.twin.artifact import compile_generic
 from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders
@@ -30,7 +31,7 @@ def compiled(path: Path, scene: str | None = None) -> Artifact:
     """A model with the closure "proximal", whatever penalty its scene gives."""
     model = read_model(path)
     chosen = with_closure(find_scene(model, scene), "proximal")
-    return compile_scene(model, replace(chosen, numerics=replace(chosen.numerics, penalty=np.inf, by_step={})))
+    return compile_scene(model, replace(chosen, numerics=replace(chosen.numerics, penalty=None, by_step={})))
 
 
 def measured(artifact: Artifact, folder: Path, **changes: float) -> tuple[Trajectory, float, float]:

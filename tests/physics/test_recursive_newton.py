@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cutjoint.pipeline import Artifact, compile_model, simulate
+from cutjoint.pipeline import compile_model, simulate
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory, read_table
 from tests.conftest import MODELS, needs_cpp
 

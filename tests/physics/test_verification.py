@@ -13,7 +13,8 @@ import pytest
 
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
-from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies import verification
 from cutjoint_bench.studies.problems import PROBLEMS, Array, Problem, measure_errors, observed_orders, read_reference, reference_rows

@@ -19,8 +19,8 @@ from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce import choose as choose_module
 from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_rung
 from cutjoint.reduce.measure import distance
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError
 from cutjoint.toolchain.compiler import Compiler
 from cutjoint_bench.exact.chain import Chain, crank_motion
 from cutjoint_bench.exact.elliptic import quarter_period

@@ -13,7 +13,7 @@ from cutjoint.reduce.guards import guard_forces
 from cutjoint.reduce.ladder import climb
 from cutjoint.reduce.links import shorten_links
 from cutjoint.report.explain.document import explain
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from tests.conftest import MODELS
 from tests.reduce.test_guards import TEXT as HAMMER
 from tests.reduce.test_passes import SPATIAL, WELDED

@@ -22,8 +22,8 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.cases import read_cases
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Batch, Trajectory
-from cutjoint.run.run_file import RunError
 
 #: A quarter of a car on a road: two arms of a loop, a tyre, a spring with a stop, and a spring that is no number beyond its length.
 TEXT = """

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.methods import EXPLICIT, IMPLICIT, LOCATING
-from cutjoint.pipeline import Artifact, compile_model, make_ready, simulate
+from cutjoint.methods import INTEGRATORS, METHODS, Events
+from cutjoint.pipeline import compile_model, simulate
 from cutjoint.realtime import run_in_real_time
-from cutjoint.run.run_file import RunError
+from cutjoint.run.artifact import Artifact, make_ready
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
 from cutjoint.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
@@ -28,18 +31,18 @@ OTHERS: Mapping[str, Callable[[Path], Artifact]] = {
 }  # fmt: skip
 
 
-def told(artifact: Artifact, **how: str | int) -> bool | None:
+def told(artifact: Artifact, **how: Any) -> bool | None:
     """What the run file says of events; None for nothing."""
-    found: bool | None = make_ready(artifact, **how).run_file["numerics"].get("events")  # type: ignore[arg-type]
+    found: bool | None = make_ready(artifact, Options(**how)).run_file["numerics"].get("events")
     return found
 
 
-@pytest.mark.parametrize(("method", "integrators"), [("recursive", EXPLICIT), ("recursive-newton", IMPLICIT)])
-def test_steps_end_at_events_as_is_usual_or_as_asked(method: str, integrators: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("method", [m.name for m in METHODS.values() if m.events])
+def test_steps_end_at_events_as_is_usual_or_as_asked(method: str) -> None:
     """What is asked for comes before the scene's word, and that before what is usual with the integrator."""
     usual = compile_model(PENDULUM, method=method)
-    for integrator in ("trapezoidal", *integrators):
-        assert told(usual, integrator=integrator) is (integrator in LOCATING)
+    for integrator in (i.name for i in INTEGRATORS.values() if method in i.methods and i.events is not None):
+        assert told(usual, integrator=integrator) is (INTEGRATORS[integrator].events is Events.LOCATED)
         for said, other in (("located", "crossed"), ("crossed", "located")):
             scene = with_numerics(usual, events=said)
             assert told(scene, integrator=integrator) is told(usual, integrator=integrator, events=said) is (said == "located")
@@ -58,7 +61,7 @@ def test_what_else_is_refused() -> None:
     artifact = compile_model(PENDULUM)
     with pytest.raises(RunError, match="no events 'found'; there is located, crossed"):
         simulate(artifact, events="found")
-    with pytest.raises(RunError, match="the reference integrator takes steps over events"):
+    with pytest.raises(RunError, match="the integrator reference takes steps over events"):
         simulate(artifact, integrator="reference", events="located")
     assert told(with_numerics(artifact, events="located"), integrator="reference") is None
 

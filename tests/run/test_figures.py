@@ -14,9 +14,12 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.realtime import run_in_real_time
-from cutjoint.run.run_file import RunError, make_run_file, require_figures
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import require_figures
 from cutjoint.states import find_modes
 from tests.run.test_failing_starts import PENDULUM
 
@@ -53,7 +56,7 @@ def test_what_no_run_has(figures: dict[str, Any], message: str) -> None:
 
 
 def test_what_runs_have() -> None:
-    require_figures(dt=1e-3, end=0.0, at=0.0, penalty=inf, tolerance=1e-9, iterations=1, threads=1)
+    require_figures(dt=1e-3, end=0.0, at=0.0, penalty=1e5, tolerance=1e-9, iterations=1, threads=1)
     require_figures()
 
 

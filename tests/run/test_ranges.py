@@ -16,9 +16,12 @@ from cutjoint.model.ranges import LARGEST_INTEGER, RANGES, fault_of_setting
 from cutjoint.model.read import read_model_text
 from cutjoint.model.steps import MOST_ROWS, Steps, StepsError, count_steps
 from cutjoint.pipeline import simulate
+from cutjoint.run.errors import RunError
 from cutjoint.run.modes import _ending_at
-from cutjoint.run.run_file import RunError, make_run_file, require_figures
+from cutjoint.run.options import Options
+from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_figures
+from cutjoint.run.settings import require_figures
 from tests.run.test_failing_starts import PENDULUM
 from tests.run.test_figures import compiled, pendulum
 
@@ -113,7 +116,7 @@ def test_motions_are_linearised_at_times_that_are_reached() -> None:
 
 def test_rows_of_adaptive_runs_end_with_the_run() -> None:
     scene = replace(pendulum().scenes["rest"], output_step=5.0)
-    file = make_run_file(pendulum(), scene, {}, task="simulate", integrator="dormand-prince")
+    file = make_run_file(pendulum(), scene, {}, task="simulate", options=Options(integrator="dormand-prince"))
     assert file["numerics"]["dt"] == scene.end
 
 

@@ -9,7 +9,8 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.errors import RunError
+from cutjoint.run.run_file import make_run_file
 
 #: A wheel on a strut whose place, speed and radius follow from parameters.
 STRUT = """\

@@ -10,9 +10,10 @@ import pytest
 from cutjoint.batch import compile_batch, simulate_batch
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import Artifact, compile_scene, generate, simulate
+from cutjoint.pipeline import compile_scene, generate, simulate
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport
-from cutjoint.run.run_file import RunError
 from tests.conftest import needs_cpp
 
 pytestmark = needs_cpp

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.methods import EXPLICIT
-from cutjoint.pipeline import Artifact, compile_model, simulate
+from cutjoint.methods import INTEGRATORS
+from cutjoint.pipeline import compile_model, simulate
 from cutjoint.report.tables import run_facts
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.run_file import make_run_file
 from cutjoint.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
@@ -34,6 +36,10 @@ outputs: [block.x, block.vx]
 scenes:
   stop: {end: 1, output_step: 0.1, rates: {slide.displacement_rate: 1}}
 """
+
+
+#: The explicit Runge-Kutta methods.
+EXPLICIT = [i.name for i in INTEGRATORS.values() if i.in_files and i.methods == ("recursive",)]
 
 
 def cells(run: Trajectory) -> bytes:
@@ -70,7 +76,7 @@ def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
     asked = simulate(replace(artifact, scene=replace(artifact.scene, numerics=replace(artifact.scene.numerics, integrator="trapezoidal"))),
                      integrator="dormand-prince")  # fmt: skip
     assert cells(completed(simulate(artifact))) == cells(completed(asked))
-    file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate", integrator="dormand-prince")
+    file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate")
     assert (file["numerics"]["tolerance"], file["numerics"]["absolute_tolerance"], file["numerics"]["dt"]) == (1e-7, 1e-9, 0.05)
     assert completed(simulate(compile_generic_model(path))).effort.events == 0
 

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.methods import IMPLICIT
+from cutjoint.methods import INTEGRATORS
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import Artifact, compile_model, compile_scene, simulate
+from cutjoint.pipeline import compile_model, compile_scene, simulate
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene, with_closure
 from tests.conftest import MODELS, with_heavy
@@ -54,6 +55,7 @@ def check(count: Count) -> Check:
 
 
 RECURSIVE = [{}, {"integrator": "rk4"}, {"integrator": "dormand-prince", "tolerance": 1e-10}]
+IMPLICIT = [i.name for i in INTEGRATORS.values() if i.methods == ("recursive-newton",)]
 NEWTON = [{}, *({"integrator": integrator, "tolerance": 1e-8} for integrator in IMPLICIT)]
 
 

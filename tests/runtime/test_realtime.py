@@ -13,8 +13,8 @@ from cutjoint.cli import main
 from cutjoint.model.read import read_model
 from cutjoint.pipeline import compile_model, compile_scene, simulate
 from cutjoint.realtime import run_in_real_time
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
-from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
@@ -40,7 +40,7 @@ def test_what_has_no_fixed_cost(how: dict[str, str]) -> None:
     model = read_model(MODELS / "four_bar.yaml")
     scene = with_closure(find_scene(model, None), how.get("closure", "penalty"))
     artifact = compile_scene(model, scene, method=how.get("method", "recursive"))
-    with pytest.raises(RunError, match=r"a fixed number of iterations needs the method recursive with the trapezoidal rule"):
+    with pytest.raises(RunError, match=r"a fixed number of iterations needs the method recursive with the integrator trapezoidal"):
         simulate(artifact, iterations=4, integrator=how.get("integrator"))
 
 

@@ -9,12 +9,14 @@ from pathlib import Path
 from cutjoint.batch import compile_batch, simulate_batch
 from cutjoint.commands import options
 from cutjoint.commands.preparing import read_request, require_own
+from cutjoint.methods import INTEGRATORS, METHODS, Events, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import Request
 from cutjoint.report.tables import batch_facts
 from cutjoint.run.cases import read_cases
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
 from cutjoint.run.results import Batch
-from cutjoint.run.run_file import RunError
 
 
 def run_batch(
@@ -30,17 +32,18 @@ def run_batch(
     model, scene, method = read_request(request)
     if table is None:
         raise RunError("--threads goes with --batch: a single run has one")
+    asked = request.options
     require_own(
-        "--batch", "runs the method recursive by the trapezoidal rule", implementation=request.implementation, solver=request.solver,
-        precision=request.precision, integrator=None if request.integrator == "trapezoidal" else request.integrator,
-        events=None if request.events == "crossed" else request.events,
-        method=None if method == "recursive" else method, iterations=request.iterations, steps=steps, plots=plots,
+        "--batch", "runs the method recursive by the trapezoidal rule", implementation=request.implementation, solver=asked.solver,
+        precision=request.precision, iterations=asked.iterations,
+        integrator=None if asked.integrator in names_of(INTEGRATORS, lambda i: i.batch) else asked.integrator,
+        events=None if asked.events == Events.CROSSED else asked.events,
+        method=None if method in names_of(METHODS, lambda m: m.batch) else method, steps=steps, plots=plots,
     )  # fmt: skip
-    if request.integrator is not None:
-        scene = replace(scene, numerics=replace(scene.numerics, integrator=request.integrator))
-    if request.events is not None:
-        scene = replace(scene, numerics=replace(scene.numerics, events=request.events))
-    done = _run(request, model, scene, parameters, _cases(table, model, parameters), threads, out)
+    numerics = scene.numerics
+    numerics = replace(numerics, integrator=asked.integrator or numerics.integrator, events=asked.events or numerics.events)
+    scene = replace(scene, numerics=numerics)
+    done = _run(asked, model, scene, parameters, _cases(table, model, parameters), threads, out)
     _report_failures(done, table, out)
 
 
@@ -53,14 +56,14 @@ def _cases(table: Path, model: Model, parameters: Mapping[str, float]) -> list[d
 
 
 def _run(
-    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
+    asked: Options, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
     out: Path,
 ) -> Batch:  # fmt: skip
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_batch(model, scene)
     with options.progress_bar(f"running {scene.name}") as progress:
         done = simulate_batch(
-            artifact, [{**parameters, **case} for case in cases], dt=request.dt, end=request.end, tolerance=request.tolerance,
+            artifact, [{**parameters, **case} for case in cases], dt=asked.dt, end=asked.end, tolerance=asked.tolerance,
             threads=threads, out=out, progress=progress,
         )  # fmt: skip
     console = options.console_beside(out)

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
-from cutjoint.methods import METHODS
+from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.numbers import is_number, is_whole, read_number
 from cutjoint.model.printing import escaped_lines
 from cutjoint.model.ranges import WHOLE, fault_of, fault_of_setting
@@ -66,7 +66,7 @@ err = _PlainConsole(stderr=True, highlight=False, soft_wrap=True)
 model = click.argument("model", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
 some_scene = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
-method = click.option("--method", type=click.Choice(METHODS), default="recursive", show_default=True, help="Formulation.")
+method = click.option("--method", type=click.Choice(METHODS), default=DEFAULT_METHOD, show_default=True, help="Formulation.")
 changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
 dt = click.option("--dt", type=Setting("dt"), help="Step in s; the scene's otherwise.")
 end = click.option("--end", type=Setting("end", positive=True), help="End time in s; the scene's otherwise.")
@@ -108,7 +108,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.model.errors import ModelError
     from cutjoint.program.blocks import ConstantError
-    from cutjoint.run.run_file import RunError
+    from cutjoint.run.errors import RunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError
@@ -171,7 +171,7 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
         if not fault and name in parameters:
             fault = f"'{name}' is set twice; write one of the two"
         if fault:
-            from cutjoint.run.run_file import RunError
+            from cutjoint.run.errors import RunError
 
             raise RunError(f"{option} {change}: {fault}")
         parameters[name] = value

@@ -7,38 +7,41 @@ from dataclasses import replace
 
 from cutjoint.commands import options
 from cutjoint.commands.preparing import Play, compile_request, prepare, require_own
+from cutjoint.methods import AUTO
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import Prepared, Request
 from cutjoint.reduce.choose import choose, chosen_rung
 from cutjoint.reduce.ladder import Rung
 from cutjoint.report.ladder import choice_table
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError
 
 
 def pick_and_play(
     request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], play: Play
 ) -> tuple[Prepared, Trajectory]:  # fmt: skip
     """Let method auto pick model, scene and method; nothing is kept, since what it picks was measured."""
+    asked = request.options
     require_own(
-        "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=request.solver,
-        integrator=request.integrator, events=request.events, precision=request.precision, dt=request.dt, end=request.end,
-        iterations=request.iterations,
+        "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=asked.solver,
+        integrator=asked.integrator, events=asked.events, precision=request.precision, dt=asked.dt, end=asked.end,
+        iterations=asked.iterations,
     )  # fmt: skip
-    rung = _pick(model, scene, request.tolerance, parameters)
-    prepared = prepare(compile_request(request, rung.model, rung.scene, rung.method), parameters=parameters)
+    rung = _pick(model, scene, asked.tolerance, parameters)
+    prepared = prepare(compile_request(request, rung.model, rung.scene, rung.method), Options(), parameters)
     run = play(prepared)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the full model", markup=False)
         full = replace(scene, numerics=rung.scene.numerics)
-        prepared = prepare(compile_request(request, model, full, rung.method), parameters=parameters)
+        prepared = prepare(compile_request(request, model, full, rung.method), Options(), parameters)
         run = play(prepared)
     return prepared, run
 
 
 def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> Rung:
     """The model, scene and method that method auto picks; it says what and why."""
-    wanted = replace(scene, method="auto", tolerance=tolerance or scene.tolerance)
+    wanted = replace(scene, method=AUTO, tolerance=tolerance or scene.tolerance)
     if wanted.tolerance is None:
         raise RunError(f"{scene.span}: scene '{scene.name}': method auto needs a tolerance; write tolerance: 1 mm, or use --tolerance")
     with options.progress_bar(f"picking what keeps {wanted.tolerance:g} m and rad"):

@@ -8,14 +8,17 @@ from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.commands import options
-from cutjoint.methods import COMPARISON_SOLVERS
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import Artifact, compile_scene, make_ready
+from cutjoint.pipeline import compile_scene
 from cutjoint.prepared import Prepared, Request, keep_prepared
 from cutjoint.report.tables import topology_facts
+from cutjoint.run.artifact import Artifact, make_ready
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError, changing
+from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_scene, with_closure
 
 Play = Callable[[Prepared], Trajectory]
@@ -30,11 +33,11 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
     """
     model = read_model(request.model)
     scene = find_scene(model, request.scene)
-    method = request.method or scene.method or "recursive"
+    method = request.method or scene.method or DEFAULT_METHOD
     if request.closure is None:
         return model, scene, method
-    if method != "recursive":
-        raise RunError(f"--closure {request.closure}: only the recursive method has one; use --method recursive")
+    if method not in (able := names_of(METHODS, lambda m: request.closure in m.closures)):
+        raise RunError(f"--closure {request.closure}: only the {either(able)} method has one; use --method {either(able)}")
     return model, with_closure(scene, request.closure), method
 
 
@@ -50,11 +53,10 @@ def prepare_and_play(
         ToolchainError, SimulatorError: the C++ side failed.
     """
     artifact = compile_request(request, model, scene, method)
-    figures = {name: getattr(request, name) for name in ("dt", "end", "tolerance", "solver", "integrator", "events", "iterations")}
-    prepared = prepare(artifact, **figures)
+    prepared = prepare(artifact, request.options)
     keep_prepared(request, model.text, prepared)
     if parameters:
-        prepared = replace(prepared, run=make_ready(artifact, parameters=parameters, **figures))
+        prepared = replace(prepared, run=make_ready(artifact, request.options, parameters))
     return prepared, play(prepared)
 
 
@@ -64,30 +66,32 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str) -
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError, RunError, MissingLibraryError, ToolchainError: as `prepare_and_play`.
     """
-    if method == "recursive" and request.solver != "emitted":
-        raise RunError(f"--solver {request.solver}: the recursive method has no linear solver; use --method augmented or classical")
+    solver = request.options.solver
+    if solver is not None and not METHODS[method].has_system:
+        others = either(names_of(METHODS, SOLVERS[solver].suits))
+        raise RunError(f"--solver {solver}: the {method} method has no linear solver; use --method {others}")
     with options.progress_bar(f"compiling {request.model.name}"):
-        if request.implementation == "generic":
+        if request.implementation == Implementation.GENERIC:
             return _compile_generic(request, model, scene, method)
-        return compile_scene(
-            model, scene, method=method, precision=request.precision, comparison=request.solver in COMPARISON_SOLVERS
-        )  # fmt: skip
+        comparison = solver is not None and SOLVERS[solver].comparison
+        return compile_scene(model, scene, method=method, precision=request.precision, comparison=comparison)
 
 
 def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
     from cutjoint.twin.artifact import compile_generic
 
-    if request.precision != "double":
-        raise RunError(f"--precision {request.precision}: the generic twin runs in double; use --implementation generated")
+    if not PRECISIONS[request.precision].twin:
+        able = either(names_of(PRECISIONS, lambda p: p.twin))
+        raise RunError(f"--precision {request.precision}: the generic twin runs in {able}; use --implementation generated")
     return compile_generic(model, scene, method=method)
 
 
-def prepare(artifact: Artifact, **figures: Any) -> Prepared:
-    """The run of a compiled model that figures ask for, as in `pipeline.simulate`, and what is told of it."""
+def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> Prepared:
+    """The run of a compiled model with options and ``parameters`` (SI units), and what is told of it."""
     model = artifact.topology.model
     return Prepared(
         model=model.name, counts=topology_facts(artifact.topology, find_mobility(artifact.mechanism)), places=artifact.places,
-        compilation=artifact.compilation, following=changing(model, artifact.scene), run=make_ready(artifact, **figures),
+        compilation=artifact.compilation, following=changing(model, artifact.scene), run=make_ready(artifact, asked, parameters),
     )  # fmt: skip
 
 
@@ -97,6 +101,6 @@ def require_own(who: str, reason: str, **asked: Any) -> None:
     Raises:
         RunError: one of them is given.
     """
-    usual = {"implementation": "generated", "solver": "emitted", "precision": "double"}
+    usual = {"implementation": Implementation.GENERATED, "precision": DEFAULT_PRECISION}
     for name in (name for name, value in asked.items() if value != usual.get(name)):
         raise RunError(f"--{name} cannot go with {who}, which {reason}")

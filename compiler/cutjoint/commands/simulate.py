@@ -8,34 +8,47 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.methods import CLOSURES, EVENTS, EXPLICIT, IMPLEMENTATIONS, IMPLICIT, METHODS, SOLVERS
+from cutjoint.methods import (
+    AUTO,
+    CLOSURES,
+    DEFAULT_PRECISION,
+    INTEGRATORS,
+    METHODS,
+    PRECISIONS,
+    SOLVERS,
+    Events,
+    Implementation,
+    names_of,
+)
 from cutjoint.prepared import Prepared, Request, find_prepared
 from cutjoint.report import tables
+from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.ready import start
 from cutjoint.run.results import Trajectory
-from cutjoint.toolchain.build import PRECISIONS
 
 
 @click.command("simulate")
 @options.model
 @options.scene
-@click.option("--method", type=click.Choice(["auto", *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
+@click.option("--method", type=click.Choice([AUTO, *METHODS]), help="Formulation, or auto to pick one that keeps the tolerance; "
               "by default the scene's, else recursive.")
 @click.option("--tolerance", type=options.Setting("tolerance"), help="Of method auto in m and rad, of a step of "
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
-@click.option("--implementation", type=click.Choice(IMPLEMENTATIONS), default="generated", show_default=True,
+@click.option("--implementation", type=click.Choice(list(Implementation)), default=Implementation.GENERATED, show_default=True,
               help="Code made for the model, or a generic program that interprets it.")
-@click.option("--solver", type=click.Choice(SOLVERS), default="emitted", show_default=True,
-              help="Linear solver of the Lagrangian methods; cholmod, klu and umfpack are for comparison.")
-@click.option("--integrator", type=click.Choice(["trapezoidal", *EXPLICIT, *IMPLICIT]),
+@click.option("--solver", type=click.Choice(list(SOLVERS)),
+              help="Linear solver of the Lagrangian methods, by default emitted, of the generic twin a library's; "
+              "cholmod, klu and umfpack are for comparison.")
+@click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.in_files)),
               help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default "
               "the scene's, else trapezoidal.")
-@click.option("--events", type=click.Choice(EVENTS),
+@click.option("--events", type=click.Choice(list(Events)),
               help="Whether steps of recursive and recursive-newton end where forces change their formulas; the scene's otherwise, else "
               "crossed by trapezoidal and generalised-alpha, located by the others.")
-@click.option("--precision", type=click.Choice(PRECISIONS), default="double", show_default=True, help="Number type of the run.")
-@click.option("--closure", type=click.Choice(CLOSURES),
+@click.option("--precision", type=click.Choice(list(PRECISIONS)), default=DEFAULT_PRECISION, show_default=True,
+              help="Number type of the run.")
+@click.option("--closure", type=click.Choice(list(CLOSURES)),
               help="How the recursive method holds its cut joints; the scene's otherwise.")
 @options.dt
 @options.end
@@ -50,7 +63,7 @@ from cutjoint.toolchain.build import PRECISIONS
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @options.reports_errors
 def command(
-    model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str,
+    model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
     integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
     iterations: int | None, changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path, steps: Path | None,
     plots: Path | None,
@@ -60,9 +73,11 @@ def command(
         {"the model": model, "the table of parameters": batch}, tables={"--out": out, "--steps": steps}, plots=plots
     )  # fmt: skip
     parameters = options.read_parameters(changes)
+    asked = Options(
+        dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events
+    )  # fmt: skip
     request = Request(
-        model=model, scene=scene, method=method, closure=closure, implementation=implementation, solver=solver, integrator=integrator,
-        events=events, precision=precision, dt=dt, end=end, tolerance=tolerance, iterations=iterations,
+        model=model, scene=scene, method=method, closure=closure, implementation=implementation, precision=precision, options=asked
     )  # fmt: skip
     if batch is not None or threads is not None:
         from cutjoint.commands.batches import run_batch
@@ -99,7 +114,7 @@ def _derive_and_play(
     from cutjoint.commands.preparing import prepare_and_play, read_request
 
     model, scene, method = read_request(request)
-    if method != "auto":
+    if method != AUTO:
         return prepare_and_play(request, model, scene, method, parameters, play)
     from cutjoint.commands.picking import pick_and_play
 

@@ -15,6 +15,7 @@ from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.locations import templates_folder
+from cutjoint.methods import METHODS
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.version import __version__
@@ -79,7 +80,7 @@ class Page:
         """The file of the runtime's driver that runs the model."""
         if self.batch:
             return "batch"
-        return "recursive" if self.formulation == "recursive" else "lagrangian"
+        return "lagrangian" if METHODS[self.formulation].has_system else "recursive"
 
     @property
     def conditions(self) -> str:

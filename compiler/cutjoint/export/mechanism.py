@@ -16,8 +16,8 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import GROUND, Body, Joint, Model, Scalar, Scene
-from cutjoint.pipeline import is_reduced
-from cutjoint.run.run_file import RunError
+from cutjoint.model.reduced import is_reduced
+from cutjoint.run.errors import RunError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, TreeJoint
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import call_simulator, failure_of
 from cutjoint.toolchain.build import build_generic
 from cutjoint.toolchain.temporary import temporary_folder

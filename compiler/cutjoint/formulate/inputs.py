@@ -9,6 +9,7 @@ import sympy
 
 from cutjoint.formulate.records import Chart, Slot
 from cutjoint.formulate.translate import Translator
+from cutjoint.methods import CLOSURES
 from cutjoint.model.records import Binding, Joint, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.topology.records import Topology
@@ -61,8 +62,8 @@ def guide_rates(guide: Scalar, model: Model, scene: Scene) -> tuple[Scalar, Scal
 
 
 def make_numbers(builder: Builder, cuts: tuple[Joint, ...], closure: str) -> Numbers:
-    """The numerical parameters; with the closure "proximal" a penalty for each cut joint and no stabilisation."""
-    if closure == "proximal":
+    """The numerical parameters; with a closure that finds its penalties one for each cut joint and no stabilisation."""
+    if CLOSURES[closure].finds_penalty:
         own = builder.symbol("penalties", max(len(cuts), 1), BindingTime.PARAM)
         penalties = {cut.name: builder.name(builder.element(own, i), "penalty", cut.name) for i, cut in enumerate(cuts)}
         return Numbers(penalties=penalties, damping_ratio=builder.number(0.0), frequency=builder.number(0.0))

@@ -129,6 +129,11 @@ class Equations:
         """A name for each constraint equation."""
         raise NotImplementedError
 
+    @property
+    def mechanism(self) -> RecursiveEquations:
+        """The recursive equations that find where a run begins."""
+        raise NotImplementedError
+
 
 @dataclass(frozen=True, kw_only=True)
 class RecursiveEquations(Equations):
@@ -173,6 +178,16 @@ class RecursiveEquations(Equations):
         """A name for each cut-joint equation."""
         return tuple(f"{c.joint}.{n}" for c in self.closures for n in c.names)
 
+    @property
+    def mechanism(self) -> RecursiveEquations:
+        """These equations."""
+        return self
+
+    @property
+    def starting(self) -> RecursiveEquations:
+        """The equations without the functions that a start does not call."""
+        return replace(self, functions=tuple(f for f in self.functions if f.name not in ("project", "events")), switches=())
+
 
 @dataclass(frozen=True, kw_only=True)
 class SystemEquations(Equations):
@@ -184,6 +199,11 @@ class SystemEquations(Equations):
 
     method: str
     start: RecursiveEquations
+
+    @property
+    def mechanism(self) -> RecursiveEquations:
+        """The equations of the start."""
+        return self.start
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
 
-from cutjoint.methods import EXPLICIT
+from cutjoint.methods import AUTO, CLOSURES, DEFAULT_CLOSURE, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, either, names_of
 from cutjoint.model import records
 from cutjoint.model.body_parts import Body
 from cutjoint.model.force_parts import Force
@@ -20,6 +20,7 @@ from cutjoint.model.values import (
     Law,
     Name,
     Number,
+    OneOf,
     ParameterName,
     Part,
     Point,
@@ -166,7 +167,7 @@ class MethodNumerics(Part):
 class Numerics(Part):
     """Figures of the numerical method; ``methods`` changes some of them for one method."""
 
-    closure: Literal["penalty", "proximal"] = "penalty"
+    closure: Annotated[str, OneOf(CLOSURES)] = DEFAULT_CLOSURE
     dt: Number = _NUMERICS.dt
     penalty: Number | None = None
     damping_ratio: Number = _NUMERICS.damping_ratio
@@ -174,11 +175,11 @@ class Numerics(Part):
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
-    integrator: Literal["trapezoidal", "rk4", "dormand-prince", "sdirk4", "sdirk4-fixed", "generalised-alpha"] = "trapezoidal"
-    events: Literal["located", "crossed"] | None = None
+    integrator: Annotated[str, OneOf(names_of(INTEGRATORS, lambda i: i.in_files))] = DEFAULT_INTEGRATOR
+    events: Annotated[str, OneOf(Events)] | None = None
     absolute_tolerance: Number | None = None
     spectral_radius: Number = _NUMERICS.spectral_radius
-    methods: dict[Literal["recursive", "recursive-newton", "augmented", "classical"], MethodNumerics] = Field(default={})
+    methods: dict[Annotated[str, OneOf(METHODS)], MethodNumerics] = Field(default={})
 
 
 class Scene(Part):
@@ -193,7 +194,7 @@ class Scene(Part):
     switches: dict[StrictStr, StrictBool] = Field(default={})
     road: Road = Road()
     numerics: Numerics = Numerics()
-    method: Literal["auto", "recursive", "recursive-newton", "augmented", "classical"] | None = None
+    method: Annotated[str, OneOf((AUTO, *METHODS))] | None = None
     tolerance: Number | None = None
     budget: Number | None = None
     on_violation: Literal["stop", "restart"] = "stop"
@@ -201,13 +202,13 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _told_how_exact(self) -> Scene:
-        if (self.method == "auto") != (self.tolerance is not None):
+        if (self.method == AUTO) != (self.tolerance is not None):
             raise shape_error("'method: auto' and 'tolerance' go together", "write both, such as method: auto, tolerance: 1 mm")
-        if self.budget is not None and self.method != "auto":
+        if self.budget is not None and self.method != AUTO:
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
-        owner = "recursive" if self.numerics.integrator in EXPLICIT else "recursive-newton"
-        if self.numerics.integrator != "trapezoidal" and self.method not in (None, owner):
-            message = f"the integrator {self.numerics.integrator} belongs to the method {owner}"
+        integrator = INTEGRATORS[self.numerics.integrator]
+        if self.method not in (None, *integrator.methods, *((AUTO,) if integrator.name == DEFAULT_INTEGRATOR else ())):
+            message = f"the integrator {integrator.name} belongs to the method {either(integrator.methods)}"
             raise shape_error(message, "leave 'method' or 'integrator' away")
         return self
 

@@ -17,6 +17,7 @@ from typing import Any, TypeAlias
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.elements.kinds import JointKind as JointKind
+from cutjoint.methods import DEFAULT_CLOSURE, DEFAULT_INTEGRATOR
 
 #: A SymPy expression (SymPy ships no types).
 Scalar: TypeAlias = Any
@@ -343,12 +344,16 @@ class Output:
         return self.stands_for or f"{self.element}.{self.quantity}"
 
 
+#: The penalty of cut joints (N/m), unless a scene has its own.
+_PENALTY = 1e9
+
+
 @dataclass(frozen=True, kw_only=True)
 class Numerics:
     """Figures of the numerical method.
 
     ``closure`` is how the recursive method holds its cut joints: "penalty", or "proximal", whose penalties follow from the effective masses
-    and of which ``penalty`` is an upper bound (infinite where the file says ``auto`` or nothing).
+    and of which ``penalty`` is an upper bound (None where the file says ``auto`` or nothing).
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
@@ -361,19 +366,24 @@ class Numerics:
     """
 
     dt: float = 1e-3
-    penalty: float = 1e9
+    penalty: float | None = _PENALTY
     damping_ratio: float = 1.0
     frequency: float = 10.0
     tolerance: float = 1e-6
     iterations: int = 100
     multiplier_updates: int = 4
-    integrator: str = "trapezoidal"
+    integrator: str = DEFAULT_INTEGRATOR
     events: str | None = None
     absolute_tolerance: float | None = None
     spectral_radius: float = 0.8
     methods: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     by_step: Mapping[str, Scalar] = field(default_factory=dict)
-    closure: str = "penalty"
+    closure: str = DEFAULT_CLOSURE
+
+    @property
+    def start_penalty(self) -> float:
+        """The penalty of cut joints where a run does not find it."""
+        return _PENALTY if self.penalty is None else self.penalty
 
     def of_method(self, method: str) -> Numerics:
         """The figures of one method, at its step; NaN where an expression has no value there."""

@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from math import inf, isfinite, isnan
 from typing import Any
 
+from cutjoint.methods import AUTO, CLOSURES, either, names_of
 from cutjoint.model import document
 from cutjoint.model.choices import Extent, measure
 from cutjoint.model.errors import nearest
@@ -136,10 +137,11 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     """The figures; those of the cut joints may follow ``dt``."""
     laws = {
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
-        for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, "auto")
+        for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, AUTO)
     }  # fmt: skip
-    if part.penalty == "auto" and part.closure != "proximal":
-        where.fail("penalty: auto belongs to closure: proximal", "write a number, or closure: proximal", ("numerics", "penalty"))
+    if part.penalty == AUTO and not CLOSURES[part.closure].finds_penalty:
+        able = either(names_of(CLOSURES, lambda c: c.finds_penalty))
+        where.fail(f"penalty: auto belongs to closure: {able}", f"write a number, or closure: {able}", ("numerics", "penalty"))
     own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE, "spectral_radius": NONE}
     numbers = _figures(where, part, own, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
@@ -152,8 +154,8 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
             _require_value(where, key, law, dt)
         numbers[key] = evaluate(law, {_STEP: numbers["dt"]})
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
-    if part.closure == "proximal":
-        numbers.setdefault("penalty", inf)
+    if CLOSURES[part.closure].finds_penalty:
+        numbers.setdefault("penalty", None)
     return Numerics(
         **numbers, methods=methods, integrator=part.integrator, events=part.events, by_step=by_step, closure=part.closure
     )  # fmt: skip

@@ -6,7 +6,8 @@ form, so that what is wrong is reported once and in the user's words.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import (
@@ -16,13 +17,14 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetCoreSchemaHandler,
     PlainValidator,
     StrictStr,
     Tag,
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import PydanticCustomError, core_schema
 
 from cutjoint.model.names import MAX_NAME_LENGTH, name_problem, parameter_name_problem
 
@@ -54,6 +56,17 @@ def told_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
         return forms.get(type(value))
 
     return Discriminator(tag, custom_error_type="shape", custom_error_message=message)
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """An annotation of texts: one of the names of a catalogue."""
+
+    names: Iterable[str]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        """As of a Literal of the names."""
+        return core_schema.literal_schema([str(name) for name in self.names])
 
 
 def _number(value: Any) -> int | float | str:

@@ -22,7 +22,7 @@ from cutjoint.prepared import made_with
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import distance, time_run
 from cutjoint.reduce.truth import Truth, at_step, find_truth, fraction, run_at
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record

@@ -28,7 +28,7 @@ from cutjoint.reduce.poses import Poses, find_poses, numbers
 from cutjoint.reduce.records import Note, Outcome
 from cutjoint.reduce.rename import bodies_of, hand_over
 from cutjoint.reduce.weld import at_centre, merged
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError
 
 #: A joint is idle that moves by less than a scene's tolerance, else than this (m and rad).

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
-from cutjoint.methods import ITERATIONS
+from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import generate
@@ -23,7 +23,7 @@ from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
 from cutjoint.reduce.rolling import roll_straight
 from cutjoint.reduce.weld import weld_bodies
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint.topology.spanning_tree import TopologyError
 
 #: The motion of a reduced model: the full one's, the same while guards hold, or near it.
@@ -87,7 +87,7 @@ class Rung:
     left: tuple[Note, ...] = ()
 
 
-def climb(model: Model, scene: Scene, method: str = "recursive", *, approximate: bool = False) -> list[Rung]:
+def climb(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, approximate: bool = False) -> list[Rung]:
     """The full model first, then a rung for every pass that lowers the operations of a method.
 
     Raises:
@@ -152,7 +152,8 @@ def _rung(name: str, outcome: Outcome, method: str, *, motion: str) -> Rung:
     equations, program, _ = generate(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
     return Rung(
         name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=equations.unknowns,
-        operations=program.operations(ITERATIONS[method]), equations=len(equations.equation_names), done=outcome.done, left=outcome.left,
+        operations=program.operations(METHODS[method].iteration), equations=len(equations.equation_names), done=outcome.done,
+        left=outcome.left,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Guard, Model, Output, Scene, Tyre
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.records import Note, Outcome
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError
 
 #: A tyre rolls straight on as long as its lateral force is below this share of the largest load that it has in the scene.

@@ -9,10 +9,11 @@ from math import ceil, floor, inf
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.measure import distance
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import RunError
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.steps import common_step
 
@@ -43,14 +44,16 @@ def run_at(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Tr
 
 
 def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Truth:
-    """The full model of a scene with a tolerance by the first method that settles, Lagrangian ones first: they hold loops by the equations.
+    """The full model of a scene with a tolerance by the first method that settles.
+
+    Methods with a linear system come first: they hold loops by the equations.
 
     Raises:
         RunError: none settles.
     """
     assert scene.tolerance is not None
     reasons = []
-    for method in (*METHODS[1:], METHODS[0]):
+    for method in sorted(METHODS, key=lambda name: not METHODS[name].has_system):
         try:
             artifact = compile_scene(model, scene, method=method)
             return _settle(artifact, scene, parameters, SETTLED * scene.tolerance)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from cutjoint.prepared import Compilation
+from cutjoint.run.ready import Compilation
 from cutjoint.run.results import Batch, Effort, Equilibrium, Trajectory
 
 if TYPE_CHECKING:

@@ -12,9 +12,10 @@ from typing import Any
 
 from cutjoint.model.numbers import read_number
 from cutjoint.model.records import Model
+from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import open_table, write_all
-from cutjoint.run.run_file import RunError, parameter_values
+from cutjoint.run.run_file import parameter_values
 from cutjoint.run.simulator import failure_of
 
 #: The values that the results of a run have for each column, and their names in a table.

@@ -1,4 +1,4 @@
-"""The state that a simulator of the method recursive-newton comes to, and the mechanism linearised there."""
+"""The state that a simulator comes to, and the mechanism linearised there."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import Any
 from cutjoint.analysis.linearisation import Linearisation
 from cutjoint.analysis.linearise import Point, linearise
 from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.methods import LINEARISED
 from cutjoint.model.records import Scene
 from cutjoint.model.steps import StepsError, count_steps
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import FailureReport
-from cutjoint.run.run_file import RunError, make_run_file
+from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.temporary import temporary_folder
-
-METHOD = "recursive-newton"
 
 #: What a held coordinate may still accelerate by at an equilibrium (m/s^2, rad/s^2).
 _STILL = 1e-6
@@ -63,20 +64,21 @@ def _run_file(
 ) -> dict[str, Any]:
     model, out = equations.topology.model, str(folder / "table.csv")
     if at is None:
-        return make_run_file(model, replace(scene, pose="equilibrium"), parameters, task="equilibrium", method=METHOD)
+        at_rest = replace(scene, pose="equilibrium")
+        return make_run_file(model, at_rest, parameters, task="equilibrium", method=LINEARISED, options=PLAIN_STEPS)
     if at:
         scene = _ending_at(scene, at)
-    return make_run_file(model, replace(scene, end=at), parameters, task="simulate", method=METHOD, out=out)
+    return make_run_file(model, replace(scene, end=at), parameters, task="simulate", method=LINEARISED, options=PLAIN_STEPS, out=out)
 
 
 def _ending_at(scene: Scene, at: float) -> Scene:
     """The scene with steps that are at most as long as its own and the last of which ends at ``at`` (s)."""
-    dt = scene.numerics.of_method(METHOD).dt
+    dt = scene.numerics.of_method(LINEARISED).dt
     try:
         steps = count_steps(min(dt, at), at, at).number
     except StepsError as error:
         raise RunError(f"{scene.span}: scene '{scene.name}': {error}") from None
-    return replace(with_figures(scene, METHOD, {"dt": at / steps}), output_step=at)
+    return replace(with_figures(scene, LINEARISED, {"dt": at / steps}), output_step=at)
 
 
 def _require_rest(equations: ImplicitEquations, vdot: Sequence[float]) -> None:

@@ -31,6 +31,20 @@ class ReadyRun:
         return replace(self, run_file={**self.run_file, "parameters": {**self.run_file["parameters"], **changes}})
 
 
+@dataclass(frozen=True, kw_only=True)
+class Compilation:
+    """What a compilation was, for people: operations and instructions of an evaluation, seconds, 0 for what the cache had."""
+
+    scene: str
+    method: str
+    operations: int
+    instructions: int
+    compiler: str
+    flags: tuple[str, ...]
+    generate_seconds: float
+    compile_seconds: float
+
+
 def start(
     ready: ReadyRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None, progress: Progress | None = None
 ) -> Trajectory:  # fmt: skip

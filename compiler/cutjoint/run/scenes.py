@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf
 
+from cutjoint.methods import CLOSURES, either, names_of
 from cutjoint.model.records import Model, Numerics, Road, Scene
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 
 
 def find_scene(model: Model, name: str | None) -> Scene:
@@ -35,13 +35,15 @@ def with_closure(scene: Scene, closure: str) -> Scene:
     """The scene with another closure; what it says of the penalty stays, a default becomes the closure's own.
 
     Raises:
-        RunError: the scene leaves the penalty to the closure "proximal".
+        RunError: the scene leaves the penalty to a closure that finds it.
     """
     before = scene.numerics
-    if closure == "penalty" and before.penalty == inf:
-        raise RunError(f"{scene.span}: scene '{scene.name}': penalty: auto needs closure: proximal; write a number")
-    default = closure == "proximal" and before.penalty == Numerics.penalty
-    return replace(scene, numerics=replace(before, closure=closure, penalty=inf if default else before.penalty))
+    finds_penalty = CLOSURES[closure].finds_penalty
+    if before.penalty is None and not finds_penalty:
+        able = either(names_of(CLOSURES, lambda c: c.finds_penalty))
+        raise RunError(f"{scene.span}: scene '{scene.name}': penalty: auto needs closure: {able}; write a number")
+    default = finds_penalty and before.penalty == Numerics.penalty
+    return replace(scene, numerics=replace(before, closure=closure, penalty=None if default else before.penalty))
 
 
 def with_figures(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:

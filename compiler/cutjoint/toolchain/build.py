@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutjoint.locations import runtime_folder
+from cutjoint.methods import DEFAULT_PRECISION
 from cutjoint.toolchain.cache import alone, cache_folder, fetch, find_or_make, is_sound, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
@@ -33,16 +34,12 @@ class Binary:
     flags: tuple[str, ...]
 
 
-#: Number types that a simulator can be built for: 24, 53, 64 (80-bit registers, x86) and 113 bits.
-PRECISIONS = ("single", "double", "extended", "quad")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Kind:
     """What of a simulator is chosen besides its source and flags."""
 
     comparison: bool = False
-    precision: str = "double"
+    precision: str = DEFAULT_PRECISION
 
     @property
     def definitions(self) -> tuple[str, ...]:

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations
-from cutjoint.methods import TWINS
+from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, all_of, names_of
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import Artifact, generate, is_reduced
-from cutjoint.run.run_file import RunError
+from cutjoint.model.reduced import is_reduced
+from cutjoint.pipeline import generate
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS, build_generic
 from cutjoint.twin.mechanism import describe_generic
 from cutjoint.twin.system import describe_generic_natural
-
-#: The library's solver that takes the place of the emitted factorisation, which the twin does not have.
-_SOLVERS: Mapping[str, str] = {"recursive": "emitted", "augmented": "eigen-ldlt", "classical": "klu"}
 
 
 def compile_generic_model(path: Path, *, scene: str | None = None, **how: Any) -> Artifact:
@@ -34,7 +33,7 @@ def compile_generic_model(path: Path, *, scene: str | None = None, **how: Any) -
 
 
 def compile_generic(
-    model: Model, scene: Scene, *, method: str = "recursive", flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None
+    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None
 ) -> Artifact:  # fmt: skip
     """A model in a scene for the generic twin; ``outputs`` are instead of the scene's.
 
@@ -55,19 +54,22 @@ def compile_generic(
     # Binary
     binary = build_generic(flags=flags)
     return Artifact(
-        topology=equations.topology, scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
-        implementation="generic", precision="double", generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
-        own_solver=_SOLVERS[method], description=description,
+        scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
+        implementation=Implementation.GENERIC, precision=DEFAULT_PRECISION, generate_seconds=generated - begin,
+        compile_seconds=perf_counter() - generated, description=description,
     )  # fmt: skip
 
 
 def _require_twin(model: Model, scene: Scene, method: str) -> None:
-    if method not in TWINS:
-        raise RunError(f"{method} has no generic twin: there is one of {', '.join(TWINS)}; use --implementation generated")
+    if METHODS[method].twin is None:
+        twins = ", ".join(names_of(METHODS, lambda m: m.twin is not None))
+        raise RunError(f"{method} has no generic twin: there is one of {twins}; use --implementation generated")
     if is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
-    if method == "recursive" and scene.numerics.closure != "penalty":
-        raise RunError(f"the generic twin knows closure: penalty only, not {scene.numerics.closure}; use --implementation generated")
+    closure = METHODS[method].closure(scene.numerics.closure)
+    if not closure.twin:
+        known = all_of(names_of(CLOSURES, lambda c: c.twin))
+        raise RunError(f"the generic twin knows closure: {known} only, not {closure.name}; use --implementation generated")
 
 
 def _describe(equations: Equations, scene: Scene) -> dict[str, Any]:

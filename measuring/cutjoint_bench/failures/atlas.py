@@ -11,8 +11,10 @@ from typing import Any
 
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import Artifact, compile_scene
-from cutjoint.run.run_file import RunError, parameter_values
+from cutjoint.pipeline import compile_scene
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
+from cutjoint.run.run_file import parameter_values
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint_bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
@@ -65,7 +67,7 @@ def suggest_grid(case: Case, *, parameter: str = "") -> Grid:
     penalties: tuple[float | None, ...] = (None,) if parameter else (None, *PENALTIES)
     precisions = PRECISIONS if len(case.model.bodies) <= SMALL else ("double",)
     values = _values(case, parameter) if parameter else (None,)
-    return Grid(methods=METHODS, precisions=precisions, steps=_steps(case), penalties=penalties, parameter=parameter, values=values)
+    return Grid(methods=tuple(METHODS), precisions=precisions, steps=_steps(case), penalties=penalties, parameter=parameter, values=values)
 
 
 def _steps(case: Case) -> tuple[float, ...]:

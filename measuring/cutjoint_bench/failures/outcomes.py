@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.pipeline import Artifact, simulate
+from cutjoint.pipeline import simulate
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.scenes import with_figures
 from cutjoint.run.simulator import SimulatorError

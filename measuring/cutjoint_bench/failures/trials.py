@@ -8,9 +8,10 @@ from functools import partial
 from typing import Any
 
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array
-from cutjoint.run.run_file import RunError
 from cutjoint.run.scenes import with_figures
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import temporary_folder

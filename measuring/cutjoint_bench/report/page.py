@@ -10,7 +10,7 @@ from typing import Any
 
 import jinja2
 
-from cutjoint.methods import ADAPTIVE
+from cutjoint.methods import INTEGRATORS, names_of
 from cutjoint_bench.findings import fastest_ours, fastest_peer, order
 from cutjoint_bench.report.atlas_charts import draw_atlas
 from cutjoint_bench.report.charts import draw_convergence, draw_drift, draw_work_precision
@@ -152,4 +152,5 @@ def describe(case: Data) -> list[str]:
 
 def _has_steps(line: Data) -> bool:
     """Whether a line is of generated code with steps of equal length."""
-    return line["group"] in ("generated", "integrators") and line["contender"].partition("/")[2] not in ADAPTIVE
+    integrator = line["contender"].partition("/")[2]
+    return line["group"] in ("generated", "integrators") and integrator not in names_of(INTEGRATORS, lambda i: i.adaptive)

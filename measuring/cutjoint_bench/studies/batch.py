@@ -21,8 +21,9 @@ from rich.table import Table
 from cutjoint.batch import BatchArtifact, compile_batch, simulate_batch
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.ladder import climb
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.compiler import find_compiler

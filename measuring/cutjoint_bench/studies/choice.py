@@ -27,7 +27,7 @@ from cutjoint.reduce.choose import PATIENCE, Candidate, choose, try_rung
 from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import time_run
 from cutjoint.reduce.truth import Truth, at_step, find_truth
-from cutjoint.run.run_file import RunError
+from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint.toolchain.machine import machine

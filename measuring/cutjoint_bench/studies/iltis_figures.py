@@ -13,7 +13,8 @@ import numpy as np
 from cutjoint.analysis.mobility import Mobility, find_mobility
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
-from cutjoint.pipeline import Artifact, compile_model, simulate
+from cutjoint.pipeline import compile_model, simulate
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
 from cutjoint.states import find_equilibrium

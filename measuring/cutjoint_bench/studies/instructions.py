@@ -18,7 +18,10 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.pipeline import Artifact, compile_model, make_ready
+from cutjoint.methods import METHODS, Formulation
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact, make_ready
+from cutjoint.run.options import Options
 from cutjoint.run.ready import ReadyRun
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.provenance import provenance
@@ -47,7 +50,7 @@ def count(ready: ReadyRun, within: str = "") -> tuple[int, int]:
 
 def per_step(artifact: Artifact, ends: tuple[float, float], within: str = "") -> float:
     """Instructions of a step, or of what one function does of it."""
-    (first, before), (last, after) = (count(make_ready(artifact, end=end), within) for end in ends)
+    (first, before), (last, after) = (count(make_ready(artifact, Options(end=end)), within) for end in ends)
     return (last - first) / (after - before)
 
 
@@ -60,7 +63,7 @@ def main() -> None:
         for method in methods:
             artifact = compile_model(MODELS / f"{model}.yaml", scene=scene, method=method, flags=FLAGS)
             artifact = replace(artifact, scene=replace(artifact.scene, output_step=ends[1] - ends[0]))
-            inside = f"{per_step(artifact, ends, '*::evaluate*'):.0f}" if method == "recursive" else ""
+            inside = f"{per_step(artifact, ends, '*::evaluate*'):.0f}" if METHODS[method].formulation is Formulation.RECURSIVE else ""
             dt = artifact.scene.numerics.of_method(method).dt
             table.add_row(f"{model} {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
     console = Console(highlight=False, width=140)

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.methods import ITERATIONS, METHODS, SOLVERS, SYMMETRIC_SOLVERS
-from cutjoint.pipeline import Artifact, compile_model
+from cutjoint.methods import METHODS, SOLVERS, names_of
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.machine import machine
@@ -44,7 +46,7 @@ class Parts:
 def main(out: Path | None) -> None:
     """Time the parts of an iteration, in microseconds at the start of simul1."""
     with progress_bar() as say:
-        methods = [method for method in METHODS if ITERATIONS[method] == "linearise"]
+        methods = names_of(METHODS, lambda m: m.has_system)
         artifacts = [compile_model(MODEL, scene="simul1", method=method, comparison=True) for method in methods]
         parts = [p for artifact in artifacts for p in measure_parts(artifact, say)]
     provenance = {**machine(), "compiler": artifacts[0].binary.compiler, "flags": " ".join(artifacts[0].binary.flags)}
@@ -57,14 +59,13 @@ def main(out: Path | None) -> None:
 
 def measure_parts(artifact: Artifact, say: Callable[[str], None]) -> Iterator[Parts]:
     """Every solver that suits a method's tangent."""
-    for solver in SOLVERS:
-        if artifact.method == "augmented" or solver not in SYMMETRIC_SOLVERS:
-            say(f"{artifact.method}, {solver}")
-            times = time_solver(artifact, solver)
-            yield Parts(
-                method=artifact.method, solver=solver, size=int(times["size"]), entries=int(times["entries"]),
-                **{name: 1e6 * times[name] for name in ("analyse", "assemble", "factor", "solve")},
-            )  # fmt: skip
+    for solver in names_of(SOLVERS, lambda s: s.suits(METHODS[artifact.method])):
+        say(f"{artifact.method}, {solver}")
+        times = time_solver(artifact, solver)
+        yield Parts(
+            method=artifact.method, solver=solver, size=int(times["size"]), entries=int(times["entries"]),
+            **{name: 1e6 * times[name] for name in ("analyse", "assemble", "factor", "solve")},
+        )  # fmt: skip
 
 
 def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
@@ -73,7 +74,8 @@ def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
     Raises:
         SimulatorError: the solver does not suit the method, or the simulator does not have it.
     """
-    run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, solver=solver)
+    options = replace(PLAIN_STEPS, solver=solver)
+    run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, options=options)
     summary = call_simulator(artifact.binary.path, run_file)
     return {name: value for name, value in summary.items() if isinstance(value, float | int)}
 

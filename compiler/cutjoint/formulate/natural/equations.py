@@ -30,6 +30,7 @@ from cutjoint.formulate.natural.start import place_nodes
 from cutjoint.formulate.records import Column, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
+from cutjoint.methods import METHODS
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Model, Output, Scalar, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
@@ -64,7 +65,7 @@ def formulate_lagrangian(
     reporter = NaturalReporter(
         model=model, scene=scene, motions=motions, elements=told, constraints=system.constraints
     )  # fmt: skip
-    tangent = system.augmented() if method == "augmented" else system.classical()
+    tangent = system.classical() if METHODS[method].saddle_point else system.augmented()
     placed = {
         f"{kind}:{node.name}": block for node, *blocks in place_nodes(k, topology, layout)
         for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)

@@ -8,6 +8,7 @@ from cutjoint.formulate.natural.constraints import Constraint
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.formulate.records import SystemEquations
+from cutjoint.methods import METHODS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,4 +43,4 @@ class LagrangianEquations(SystemEquations):
     @property
     def row_names(self) -> tuple[str, ...]:
         """A name for each row of the tangent."""
-        return self.coordinate_names + (self.equation_names if self.method == "classical" else ())
+        return self.coordinate_names + (self.equation_names if METHODS[self.method].saddle_point else ())

@@ -21,6 +21,7 @@ from cutjoint.formulate.recursive.loops import LoopClosure, corrections, derive_
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import refine, respond, solve
+from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Builder
@@ -35,7 +36,9 @@ _STATE = ("const Real* q", "const Real* v")
 REFINEMENTS = 1
 
 
-def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = "penalty") -> RecursiveEquations:
+def formulate_recursive(
+    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = DEFAULT_CLOSURE
+) -> RecursiveEquations:  # fmt: skip
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
@@ -54,7 +57,7 @@ def formulate_recursive(topology: Topology, scene: Scene, outputs: tuple[Output,
     loops = derive_loops(k, topology.cuts, numbers)
     masses = dict(system.M)
     solution = solve(topology, system, k, loops, numbers)
-    if closure == "proximal":
+    if CLOSURES[closure].finds_penalty:
         solution = refine(topology, masses, k, loops, numbers, solution, REFINEMENTS)
     correction = corrections(k, loops, numbers, solution.errors)
     gaps = {x.joint.name: b.symbol(f"gap:{x.joint.name}", len(x.names), BindingTime.ITERATION) for x in loops}

@@ -8,6 +8,7 @@ import sympy
 
 from cutjoint.formulate.recursive import closures
 from cutjoint.formulate.recursive.closures import ClosureKernel, Matrix, derive_closure
+from cutjoint.methods import CLOSURES
 from cutjoint.model.records import Joint, Model, Numerics, Scalar
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import equations as print_equations
@@ -45,9 +46,9 @@ def explain_closures(topology: Topology, numerics: Numerics, counterparts: Seque
 
 
 def _numbers(numerics: Numerics) -> str:
-    if numerics.closure == "proximal":
-        return "In this scene the closure is proximal: a run finds the penalty of each cut joint from the mass that it feels."
-    penalty, ratio, frequency = (number(x, times="e{}") for x in (numerics.penalty, numerics.damping_ratio, numerics.frequency))
+    if CLOSURES[numerics.closure].finds_penalty:
+        return f"In this scene the closure is {numerics.closure}: a run finds the penalty of each cut joint from the mass that it feels."
+    penalty, ratio, frequency = (number(x, times="e{}") for x in (numerics.start_penalty, numerics.damping_ratio, numerics.frequency))
     return rf"In this scene the penalty is $\alpha$ = {penalty}, the damping ratio $\xi$ = {ratio} and the frequency $w$ = {frequency} 1/s."
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.records import Note
 from cutjoint.report.explain.bodies import explain_bodies
@@ -36,7 +37,7 @@ class RecursiveExplanation(Explanation):
     costs: Table
 
 
-def explain(model: Model, scene: Scene, method: str = "recursive", *, done: Sequence[Note] = ()) -> str:
+def explain(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, done: Sequence[Note] = ()) -> str:
     """The Markdown of a model in a scene, by a method of ``cutjoint.methods.METHODS``; ``done`` is what passes did to a reduced one.
 
     Raises:
@@ -44,9 +45,9 @@ def explain(model: Model, scene: Scene, method: str = "recursive", *, done: Sequ
         ModelError: an output or a force that the method does not tell.
     """
     reduction = explain_reduction(model, scene, done)
-    if method in ("recursive", "recursive-newton"):
-        return _explain_recursive(model, scene, method, reduction)
-    return explain_natural(model, scene, method, reduction)
+    if METHODS[method].formulation is Formulation.NATURAL:
+        return explain_natural(model, scene, method, reduction)
+    return _explain_recursive(model, scene, method, reduction)
 
 
 def _explain_recursive(model: Model, scene: Scene, method: str, reduction: tuple[Chapter, ...]) -> str:
@@ -66,7 +67,7 @@ def _explain_recursive(model: Model, scene: Scene, method: str, reduction: tuple
             explain_joints(equations, counterparts),
             explain_closures(topology, scene.numerics, counterparts),
             explain_forces(equations, counterparts),
-            *((explain_newton(equations),) if method == "recursive-newton" else ()),
+            *((explain_newton(equations, method),) if METHODS[method].formulation is Formulation.IMPLICIT else ()),
             *reduction,
         ),
         operations=operations_table(topology, counts), costs=cost_table(parameter_costs(equations, program)),

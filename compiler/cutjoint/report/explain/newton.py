@@ -35,13 +35,13 @@ _CORRECTIONS = (
 )
 
 
-def explain_newton(start: RecursiveEquations) -> Chapter:
+def explain_newton(start: RecursiveEquations, method: str) -> Chapter:
     """The equations of a step in the recursion's coordinates; ``start`` are those that begin a run."""
-    equations, _ = formulate_system(start, "recursive-newton", ())
+    equations, _ = formulate_system(start, method, ())
     program = schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
     rows = [(f"`{name}`", about, str(program.operations(name))) for name, about in _ABOUT.items()]
     costs, nothing = make_table(("function", "gives", "operations"), rows), make_table((), ())
-    return Chapter(title="The recursive-newton method", notes=(_STEP,), formulas=_BALANCE, entries=(
+    return Chapter(title=f"The {method} method", notes=(_STEP,), formulas=_BALANCE, entries=(
         Entry(title="Iteration", notes=(_ITERATION,), formulas=_CORRECTIONS, table=nothing),
         Entry(title="Operations", notes=("Of one call, all lanes counted.",), formulas=(), table=costs),
     ))  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import Model, RodForce, Scene
-from cutjoint.pipeline import is_reduced
+from cutjoint.model.reduced import is_reduced
 from cutjoint.reduce.records import Note
 from cutjoint.report.explain.latex import text
 from cutjoint.report.explain.views import Chapter, Entry, Table, code, make_table

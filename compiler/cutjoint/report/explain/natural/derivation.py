@@ -9,6 +9,7 @@ from cutjoint.formulate.natural.equations import formulate_lagrangian, without
 from cutjoint.formulate.natural.layout import Group
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.methods import METHODS
 from cutjoint.model.records import Body, Model, Scene
 from cutjoint.program.records import Program
 from cutjoint.sparse.plan import Plan
@@ -62,5 +63,5 @@ def derive_natural(model: Model, scene: Scene, method: str) -> Derivation:
     states = closed_states(full)
     dependent = dependent_equations(full, states)
     # Equations -> Program -> Plan
-    equations, program, plan = plan_system(without(full, dependent if method == "classical" else ()), states, lanes=False)
+    equations, program, plan = plan_system(without(full, dependent if METHODS[method].saddle_point else ()), states, lanes=False)
     return Derivation(full=full, equations=equations, dependent=dependent, program=program, plan=plan)

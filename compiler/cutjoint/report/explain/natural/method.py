@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from cutjoint.methods import METHODS
 from cutjoint.model.records import Numerics
 from cutjoint.report.explain.latex import number
 from cutjoint.report.explain.views import Chapter, Entry, make_table
@@ -83,7 +84,7 @@ def explain_method(method: str, numerics: Numerics) -> Chapter:
 def _figures(method: str, numerics: Numerics) -> str:
     own, given = numerics.of_method(method), numerics.methods.get(method, {})
     dt = rf"In this scene $\Delta t$ = {number(own.dt, times='e{}')} s"
-    if method == "classical":
+    if METHODS[method].saddle_point:
         return f"{dt}."
-    penalty = f"= {number(own.penalty, times='e{}')}" if "penalty" in given else "follows from masses and step"
+    penalty = f"= {number(own.start_penalty, times='e{}')}" if "penalty" in given else "follows from masses and step"
     return rf"{dt}, and $\alpha$ {penalty}."

@@ -1,0 +1,119 @@
+"""A compiled model, and how it becomes a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cutjoint.emit.source import Source
+from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.methods import INTEGRATORS, METHODS, PRECISIONS, Implementation, either, names_of
+from cutjoint.model.records import Scene
+from cutjoint.program.records import Program
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
+from cutjoint.run.ready import Compilation, ReadyRun
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import Settings, find_settings, with_options
+from cutjoint.toolchain.build import Binary
+from cutjoint.topology.records import Topology
+
+
+@dataclass(frozen=True, kw_only=True)
+class Artifact:
+    """A compiled model: every stage's record, and the seconds that generating and compiling took.
+
+    ``method`` is a name of METHODS, ``precision`` one of PRECISIONS.  ``description`` is what the generic twin reads of the model, None
+    for generated code.
+    """
+
+    scene: Scene
+    equations: Equations
+    program: Program
+    source: Source
+    binary: Binary
+    method: str
+    implementation: Implementation
+    precision: str
+    generate_seconds: float
+    compile_seconds: float
+    description: Mapping[str, Any] | None = None
+
+    @property
+    def compilation(self) -> Compilation:
+        """What the compilation was, for people."""
+        return Compilation(
+            scene=self.scene.name, method=self.method, operations=self.program.operations(self.iteration),
+            instructions=self.program.instructions(self.iteration), compiler=self.binary.compiler, flags=tuple(self.binary.flags),
+            generate_seconds=self.generate_seconds, compile_seconds=self.compile_seconds if self.binary.fresh else 0.0,
+        )  # fmt: skip
+
+    @property
+    def topology(self) -> Topology:
+        """The spanning tree with its cut joints."""
+        return self.equations.topology
+
+    @property
+    def places(self) -> dict[str, str]:
+        """Where each joint stands in the model file."""
+        return {joint.name: str(joint.span) for joint in self.topology.model.joints}
+
+    @property
+    def iteration(self) -> str:
+        """The function that each iteration of a step calls."""
+        return METHODS[self.method].iteration
+
+    @property
+    def mechanism(self) -> RecursiveEquations:
+        """The recursive equations: the method's own, or those that start its runs."""
+        return self.equations.mechanism
+
+    def settings(self, options: Options) -> Settings:
+        """The settings of a run for which a caller gives options.
+
+        Raises:
+            RunError: options that do not go together, or that no run has.
+        """
+        scene = with_options(self.scene, self.method, options)
+        return find_settings(scene, METHODS[self.method], self.implementation, options)
+
+
+def make_ready(artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None) -> ReadyRun:
+    """The run of a compiled model with options and ``parameters`` (SI units), ready to be started.
+
+    Raises:
+        RunError: a parameter that cannot be set, options that do not go together, or that no run has.
+    """
+    run_file = make_run_file(
+        artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
+        implementation=artifact.implementation, options=options,
+    )  # fmt: skip
+    return ReadyRun(
+        simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
+        description=artifact.description,
+    )  # fmt: skip
+
+
+def require_tangents(artifact: Artifact, options: Options) -> None:
+    """Check that a run can report the Jacobians of its accelerations.
+
+    Raises:
+        RunError: the method or the integrator does not have them, or steps end at events.
+    """
+    settings = artifact.settings(options)
+    if not (METHODS[artifact.method].tangents and INTEGRATORS[settings.integrator].tangents and not settings.events):
+        methods, integrators = (names_of(METHODS, lambda m: m.tangents)), names_of(INTEGRATORS, lambda i: i.tangents)
+        raise RunError(f"tangents need the method {either(methods)}, integrator=\"{either(integrators)}\" and events=\"crossed\"")
+
+
+def require_choice(method: str, precision: str, *, comparison: bool) -> None:
+    """Check what a model is to be compiled for; with ``comparison`` the solvers of SuiteSparse are linked.
+
+    Raises:
+        RunError: there is no such method or precision, or the solvers do not have the precision.
+    """
+    if method not in METHODS:
+        raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
+    if precision not in PRECISIONS or (comparison and not PRECISIONS[precision].libraries):
+        raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")

@@ -1,0 +1,215 @@
+"""The settings of a run: what the scene, the method, the integrator and the caller say, made one record and checked."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from cutjoint.methods import (
+    CLOSURES,
+    DEFAULT_INTEGRATOR,
+    DEFAULT_SOLVER,
+    INTEGRATORS,
+    METHODS,
+    START,
+    Closure,
+    Events,
+    Implementation,
+    Integrator,
+    Method,
+    all_of,
+    either,
+    names_of,
+)
+from cutjoint.model.ranges import fault_of_setting
+from cutjoint.model.records import Numerics, Scene
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
+from cutjoint.run.scenes import with_figures
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stabilisation:
+    """How cut joints are held by the recursive equations, which start every run; None for a penalty that a run finds."""
+
+    closure: str
+    penalty: float | None
+    damping_ratio: float
+    frequency: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of a run as its simulator has them.
+
+    A ``penalty`` of None is found by the run, ``solver`` is None of a method or an integrator without a linear solver.  ``events`` is
+    whether steps end at events, None where they cannot.  With ``fixed_cost`` each step has ``iterations`` iterations, else so many at
+    most.  ``absolute_tolerance`` and ``spectral_radius`` are None of integrators that do not read them.
+    """
+
+    integrator: str
+    solver: str | None
+    dt: float
+    penalty: float | None
+    tolerance: float
+    iterations: int
+    multiplier_updates: int
+    fixed_cost: bool
+    events: bool | None
+    absolute_tolerance: float | None
+    spectral_radius: float | None
+    stabilisation: Stabilisation
+
+    def parts(self) -> dict[str, Any]:
+        """The parts of a run file that are settings."""
+        apart = ("integrator", "solver", "stabilisation")
+        optional = ("events", "absolute_tolerance", "spectral_radius")
+        given = {name: value for name, value in asdict(self).items() if name not in optional or value is not None}
+        numerics = {name: value for name, value in given.items() if name not in apart}
+        return {
+            "numerics": numerics,
+            "stabilisation": asdict(self.stabilisation),
+            "integrator": self.integrator,
+            **({} if self.solver is None else {"solver": self.solver}),
+        }
+
+
+def require_figures(**asked: float | None) -> None:
+    """Check settings that a caller gives; None stands for those that are not given.
+
+    Raises:
+        RunError: one of them is not finite, or no run has it.
+    """
+    for name, value in asked.items():
+        if value is not None and (fault := fault_of_setting(name, value)):
+            raise RunError(f"{name}: {fault}")
+
+
+def with_options(scene: Scene, method: str, options: Options) -> Scene:
+    """The scene with the times, the penalty and the tolerance that a caller gives for a method.
+
+    Raises:
+        RunError: no run has one of them.
+    """
+    given = {"dt": options.dt, "penalty": options.penalty, "tolerance": options.tolerance}
+    require_figures(**given, end=options.end, iterations=options.iterations)
+    changed = with_figures(scene, method, {name: value for name, value in given.items() if value is not None})
+    return changed if options.end is None else replace(changed, end=options.end)
+
+
+def find_settings(scene: Scene, method: Method, implementation: Implementation, options: Options) -> Settings:
+    """The settings of a run of a scene (`with_options`) by a method; what the caller asks for comes before what the scene says.
+
+    Raises:
+        RunError: what is asked for does not go together, or a setting is out of its range.
+    """
+    numerics, closure = scene.numerics, method.closure(scene.numerics.closure)
+    integrator = find_integrator(numerics, method, implementation, options.integrator)
+    events = find_events(numerics, method, implementation, integrator, options.events)
+    if options.iterations is not None:
+        _require_fixed_cost(method, integrator, closure, events)
+    own, given = numerics.of_method(method.name), numerics.methods.get(method.name, {})
+    updates = given.get("multiplier_updates", own.multiplier_updates if method.own_updates is None else method.own_updates)
+    settings = Settings(
+        integrator=integrator.name,
+        solver=_solver(method, implementation, options.solver) if integrator.uses_solver else None,
+        dt=min(scene.output_step, scene.end or scene.output_step) if integrator.adaptive else own.dt,
+        penalty=_penalty(numerics, method, integrator),
+        tolerance=own.tolerance,
+        iterations=own.iterations if options.iterations is None else options.iterations,
+        multiplier_updates=int(updates),
+        fixed_cost=options.iterations is not None,
+        events=events,
+        absolute_tolerance=_absolute_tolerance(own) if "absolute_tolerance" in integrator.settings else None,
+        spectral_radius=own.spectral_radius if "spectral_radius" in integrator.settings else None,
+        stabilisation=_stabilisation(numerics.of_method(START), closure),
+    )
+    _require_ranges(scene, settings)
+    return settings
+
+
+def find_integrator(numerics: Numerics, method: Method, implementation: Implementation, asked: str | None) -> Integrator:
+    """The integrator of a run; a scene's is meant for the methods that it takes, others have the default.
+
+    Raises:
+        RunError: there is none of the name, it does not take the method, or it does not hold the scene's cut joints.
+    """
+    wanted = numerics.integrator if asked is None else asked
+    if wanted not in INTEGRATORS:
+        raise RunError(f"no integrator '{wanted}'; there is {', '.join(INTEGRATORS)}")
+    integrator = INTEGRATORS[wanted]
+    if not (method.name in integrator.methods and (integrator.twin or implementation == Implementation.GENERATED)):
+        if asked is None:
+            return INTEGRATORS[DEFAULT_INTEGRATOR]
+        raise RunError(f"the integrator {wanted} takes generated code of the method {either(integrator.methods)}")
+    if method.closure(numerics.closure).name not in integrator.closures:
+        raise RunError(f"the integrator {wanted} closes loops in its own way: use closure: {either(integrator.closures)}")
+    return integrator
+
+
+def find_events(
+    numerics: Numerics, method: Method, implementation: Implementation, integrator: Integrator, asked: str | None
+) -> bool | None:
+    """Whether the steps of a run end at events; None where they cannot, for which a scene's ``events`` are not meant.
+
+    Raises:
+        RunError: what is asked for is none of Events, or cannot be.
+    """
+    if asked is not None and asked not in list(Events):
+        raise RunError(f"no events '{asked}'; there is {', '.join(Events)}")
+    can = method.events and implementation == Implementation.GENERATED
+    if asked == Events.LOCATED and not can:
+        raise RunError(f"events are located by generated code of the methods {all_of(names_of(METHODS, lambda m: m.events))}")
+    if asked == Events.LOCATED and integrator.events is None:
+        raise RunError(f"the integrator {integrator.name} takes steps over events: use events: crossed")
+    if not can or integrator.events is None:
+        return None
+    return (asked or numerics.events or integrator.events) == Events.LOCATED
+
+
+def _require_fixed_cost(method: Method, integrator: Integrator, closure: Closure, events: bool | None) -> None:
+    if not (method.fixed_cost and integrator.fixed_cost and closure.fixed_cost):
+        raise RunError(
+            f"a fixed number of iterations needs the method {either(names_of(METHODS, lambda m: m.fixed_cost))} with the integrator "
+            f"{either(names_of(INTEGRATORS, lambda i: i.fixed_cost))} and closure: {either(names_of(CLOSURES, lambda c: c.fixed_cost))}"
+        )
+    if events:
+        raise RunError("a fixed number of iterations needs events: crossed: a step that ends at an event is taken in parts")
+
+
+def _solver(method: Method, implementation: Implementation, asked: str | None) -> str | None:
+    """The linear solver of a method that has one."""
+    if not method.has_system:
+        return None
+    return asked or (DEFAULT_SOLVER if implementation == Implementation.GENERATED or method.twin is None else method.twin.solver)
+
+
+def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> float | None:
+    """The penalty of a method; one that is given for the method itself has no bound."""
+    own = numerics.methods.get(method.name, {}).get("penalty")
+    if own is not None or method.own_updates is not None:
+        return own
+    penalty = numerics.of_method(method.name).penalty
+    return penalty if penalty is None or integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
+
+
+def _stabilisation(own: Numerics, closure: Closure) -> Stabilisation:
+    """How the recursive equations hold cut joints."""
+    return Stabilisation(
+        closure=closure.name, penalty=own.penalty if closure.finds_penalty else own.start_penalty, damping_ratio=own.damping_ratio,
+        frequency=own.frequency,
+    )  # fmt: skip
+
+
+def _absolute_tolerance(own: Numerics) -> float:
+    """The absolute error that a step may have: as a share of 1 (m, rad, m/s, rad/s) the relative one, if none is given."""
+    return own.tolerance if own.absolute_tolerance is None else own.absolute_tolerance
+
+
+def _require_ranges(scene: Scene, settings: Settings) -> None:
+    """Check the numbers that a simulator is given; an expression of dt may have no value at the step of this run."""
+    for part in (settings, settings.stabilisation):
+        for name, value in vars(part).items():
+            if isinstance(value, float | int) and not isinstance(value, bool) and (fault := fault_of_setting(name, value)):
+                law = scene.numerics.by_step.get(name)
+                raise RunError(f"{scene.span}: scene '{scene.name}': {name}{'' if law is None else f' = {law}'}: {fault}")
