@@ -14,7 +14,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.methods import METHODS, SOLVERS, names_of
+from cutjoint.methods import DEFAULT_SOLVER, METHODS, SOLVERS, names_of
 from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.options import PLAIN_STEPS
@@ -88,7 +88,7 @@ def parts_table(parts: list[Parts]) -> Table:
     for heading in ("size", "entries", "analyse", "assemble", "factor", "solve", "factor + solve", "of emitted"):
         table.add_column(heading, justify="right")
     for x in parts:
-        emitted = next(p for p in parts if p.method == x.method and p.solver == "emitted")
+        emitted = next(p for p in parts if p.method == x.method and p.solver == DEFAULT_SOLVER)
         ratio = (x.factor + x.solve) / (emitted.factor + emitted.solve)
         times = (f"{t:.2f}" for t in (x.analyse, x.assemble, x.factor, x.solve, x.factor + x.solve))
         table.add_row(x.method, x.solver, str(x.size), str(x.entries), *times, f"{ratio:.1f}")
