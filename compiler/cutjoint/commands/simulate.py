@@ -35,15 +35,15 @@ from cutjoint.run.results import Trajectory
               "by default the scene's, else recursive.")
 @click.option("--tolerance", type=options.Setting("tolerance"), help="Of method auto in m and rad, of a step of "
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
-@click.option("--implementation", type=click.Choice(list(Implementation)), default=Implementation.GENERATED, show_default=True,
-              help="Code made for the model, or a generic program that interprets it.")
+@click.option("--implementation", type=click.Choice([x.value for x in Implementation]), default=Implementation.GENERATED.value,
+              show_default=True, help="Code made for the model, or a generic program that interprets it.")
 @click.option("--solver", type=click.Choice(list(SOLVERS)),
               help="Linear solver of the Lagrangian methods, by default emitted, of the generic twin a library's; "
               "cholmod, klu and umfpack are for comparison.")
 @click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.in_files)),
               help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default "
               "the scene's, else trapezoidal.")
-@click.option("--events", type=click.Choice(list(Events)),
+@click.option("--events", type=click.Choice([x.value for x in Events]),
               help="Whether steps of recursive and recursive-newton end where forces change their formulas; the scene's otherwise, else "
               "crossed by trapezoidal and generalised-alpha, located by the others.")
 @click.option("--precision", type=click.Choice(list(PRECISIONS)), default=DEFAULT_PRECISION, show_default=True,
