@@ -21,6 +21,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import require_figures
 from cutjoint.states import find_modes
+from cutjoint.twin.artifact import compile_generic
 from tests.run.test_failing_starts import PENDULUM
 
 
@@ -67,6 +68,7 @@ def test_what_runs_have() -> None:
         (lambda: simulate(compiled(), end=inf), "end"),
         (lambda: simulate(compiled(), tolerance=0.0), "tolerance"),
         (lambda: simulate(compiled(), penalty=nan), "penalty"),
+        (lambda: simulate(compiled(), penalty=inf), "penalty"),
         (lambda: simulate(compiled(), iterations=0), "iterations"),
         (lambda: simulate(compiled(), parameters={"gap": nan}), "parameter 'gap'"),
         (lambda: run_in_real_time(compiled(), end=-1.0), "end"),
@@ -76,6 +78,19 @@ def test_what_runs_have() -> None:
 def test_every_run_refuses_them(run: Callable[[], object], name: str) -> None:
     with pytest.raises(RunError, match=rf"^{name}: \S+ is (not a finite number|not above 0|below 0); write "):
         run()
+
+
+@pytest.mark.parametrize("asked", [{"integrator": "rk4"}, {"integrator": "reference"}, {"events": "located"}])
+def test_tangents_are_those_of_equal_steps_over_events(asked: dict[str, Any], tmp_path: Path) -> None:
+    message = 'tangents need the method recursive, integrator="trapezoidal" and events="crossed"'
+    with pytest.raises(RunError, match=f"^{message}$"):
+        simulate(compiled(), tangents=tmp_path / "tangents.jsonl", **asked)
+
+
+@pytest.mark.parametrize("compile_it", [compile_scene, compile_generic])
+def test_an_unknown_method(compile_it: Callable[..., Artifact]) -> None:
+    with pytest.raises(RunError, match=r"^no method 'euler'; there is recursive, augmented, classical, recursive-newton$"):
+        compile_it(pendulum(), pendulum().scenes["rest"], method="euler")
 
 
 def test_parameters_are_numbers() -> None:

@@ -14,7 +14,7 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.model.reduced import is_reduced
 from cutjoint.pipeline import generate
-from cutjoint.run.artifact import Artifact
+from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS, build_generic
@@ -41,10 +41,11 @@ def compile_generic(
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
-        RunError: the method has no twin, or the twin does not take the model.
+        RunError: there is no such method, it has no twin, or the twin does not take the model.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side failed.
     """
+    require_choice(method, DEFAULT_PRECISION, comparison=False)
     _require_twin(model, scene, method)
     # Model -> Source and description
     begin = perf_counter()
