@@ -5,7 +5,7 @@
 namespace cutjoint::generated {
 
 template <class Real>
-void FourBar<Real>::close(const Real* q, const Real* v, Real* residual, Real* rate) const {
+void FourBar<Real>::constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const {
   using std::cos, std::sin;
 
   // inputs
@@ -106,6 +106,6 @@ void FourBar<Real>::close(const Real* q, const Real* v, Real* residual, Real* ra
   rate[11] = Real(0.0);
 }
 
-template void FourBar<Precision>::close(const Precision* q, const Precision* v, Precision* residual, Precision* rate) const;
+template void FourBar<Precision>::constraint_residual(const Precision* q, const Precision* v, Precision* residual, Precision* rate) const;
 
 }  // namespace cutjoint::generated
