@@ -22,7 +22,7 @@ from cutjoint.formulate.natural.forces import Element, ForceMaker
 from cutjoint.formulate.natural.layout import Layout, lay_out
 from cutjoint.formulate.natural.mass import mass_matrix
 from cutjoint.formulate.natural.motion import NodeMotions
-from cutjoint.formulate.natural.needs import require_told
+from cutjoint.formulate.natural.needs import require_coordinates
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
 from cutjoint.formulate.natural.outputs import NaturalReporter
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -49,7 +49,7 @@ def formulate_lagrangian(
     """
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
-    require_told(model, scene, outputs)
+    require_coordinates(model, scene, outputs)
     translator = make_translator(b, model, scene)
     k = derive_kinematics(b, translator, topology, scene, {c.joint: c for c in start.charts})
     layout = lay_out(topology, scene, outputs)
@@ -60,9 +60,9 @@ def formulate_lagrangian(
         elements={e.name: e for e in maker.all()}, masses=tuple(_masses(layout, model)), maker=maker, start=start,
     )  # fmt: skip
     guarded, margins = maker.guarded()
-    told = system.elements | {e.name: e for e in guarded}
+    reported = system.elements | {e.name: e for e in guarded}
     reporter = NaturalReporter(
-        model=model, scene=scene, motions=motions, elements=told, constraints=system.constraints
+        model=model, scene=scene, motions=motions, elements=reported, constraints=system.constraints
     )  # fmt: skip
     tangent = system.augmented() if method == "augmented" else system.classical()
     placed = {

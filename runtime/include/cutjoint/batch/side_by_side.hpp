@@ -13,11 +13,11 @@
 namespace cutjoint::batch {
 
 /// A mechanism with the penalty closure, as a search for equilibrium takes it: most of that is accelerations of neighbouring states.
-class Abreast {
+class SideBySide {
  public:
   using real_type = double;
 
-  Abreast(AnyMechanism<double>& alone, Instances& instances) : alone_(alone), instances_(instances) {}
+  SideBySide(AnyMechanism<double>& alone, Instances& instances) : alone_(alone), instances_(instances) {}
 
   const Description& description() const { return alone_.description(); }
 
