@@ -44,7 +44,7 @@ scenes:
 """
 
 #: What a run that is compiled does without: other commands' packages, and what measures.
-LATER = ("cutjoint.reduce", "cutjoint.twin", "cutjoint.export", "cutjoint.report.explain", "cutjoint.report.ladder", "cutjoint_bench")
+LATER = ("cutjoint.reduce", "cutjoint.twin", "cutjoint.export", "cutjoint.report.explain", "cutjoint.report.reductions", "cutjoint_bench")
 
 #: What a kept run does without.
 HEAVY = ("sympy", "pint", "yaml", "pydantic", "jinja2", "matplotlib", "cutjoint.pipeline", "cutjoint.model.read")

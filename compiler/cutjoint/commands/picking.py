@@ -9,9 +9,9 @@ from cutjoint.commands import options
 from cutjoint.commands.preparing import Play, compile_request, prepare, require_own
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import Prepared, Request
-from cutjoint.reduce.choose import choose, chosen_rung
-from cutjoint.reduce.ladder import Rung
-from cutjoint.report.ladder import choice_table
+from cutjoint.reduce.choose import choose, chosen_model
+from cutjoint.reduce.sequence import ReducedModel
+from cutjoint.report.reductions import choice_table
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import RunError
 
@@ -25,18 +25,18 @@ def pick_and_play(
         integrator=request.integrator, events=request.events, precision=request.precision, dt=request.dt, end=request.end,
         iterations=request.iterations,
     )  # fmt: skip
-    rung = _pick(model, scene, request.tolerance, parameters)
-    prepared = prepare(compile_request(request, rung.model, rung.scene, rung.method), parameters=parameters)
+    variant = _pick(model, scene, request.tolerance, parameters)
+    prepared = prepare(compile_request(request, variant.model, variant.scene, variant.method), parameters=parameters)
     run = play(prepared)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the full model", markup=False)
-        full = replace(scene, numerics=rung.scene.numerics)
-        prepared = prepare(compile_request(request, model, full, rung.method), parameters=parameters)
+        full = replace(scene, numerics=variant.scene.numerics)
+        prepared = prepare(compile_request(request, model, full, variant.method), parameters=parameters)
         run = play(prepared)
     return prepared, run
 
 
-def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> Rung:
+def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> ReducedModel:
     """The model, scene and method that method auto picks; it says what and why."""
     wanted = replace(scene, method="auto", tolerance=tolerance or scene.tolerance)
     if wanted.tolerance is None:
@@ -44,4 +44,4 @@ def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mappi
     with options.progress_bar(f"picking what keeps {wanted.tolerance:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
     options.out.print(choice_table(choice, wanted))
-    return chosen_rung(model, wanted, choice)
+    return chosen_model(model, wanted, choice)
