@@ -50,6 +50,7 @@ class EffectiveMasses {
   /// With all other equations held, (S^-1)_kk, of the directions that feel less than the penalty: dependent equations and directions that
   /// nearly vanish are left out.
   std::vector<Real> held() const {
+    if (a_.size() == 0) return {};  // Eigen's solver reads the first entry
     const Vector root = a_.cwiseSqrt();
     const Matrix scaled = root.asDiagonal() * T_ * root.cwiseInverse().asDiagonal();
     const Eigen::SelfAdjointEigenSolver<Matrix> solver((scaled + scaled.transpose()) / Real(2));
