@@ -18,7 +18,7 @@ sanitize: setup
 	$(BIN)/python scripts/sanitize
 
 fuzz: setup
-	$(BIN)/python -m benchmarks.fuzz 300
+	$(BIN)/python -m tests.fuzz 300
 
 bench: setup
 	$(BIN)/python -m cutjoint_bench.studies.iltis

@@ -126,7 +126,7 @@ def simulate_batch(
 
 
 def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
-    """What of each case's run file may differ from that of the others."""
+    """The entries of a run file that parameters change, for each case."""
     parts = changing(model, scene)
     values = [parameter_values(model, case) for case in cases]
     return [{"parameters": own, **following(model, scene, own, parts)} for own in values]

@@ -32,7 +32,7 @@ from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
 from cutjoint.sparse.tangent import places, settle_entries
 
 #: What is called once a run, so that lanes are not worth while for it.
-_ONCE = frozenset({"place"})
+_ONCE = frozenset({"initial_coordinates"})
 
 E = TypeVar("E", bound=SystemEquations)
 

@@ -28,17 +28,17 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_0_pin_xx = cos(q_crank_0_pin_angle);
-  const Real R_crank_0_pin_xy_negated = sin(q_crank_0_pin_angle);
+  const Real R_crank_0_pin_yx = sin(q_crank_0_pin_angle);
 
   // kinematics: coupler_1.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_coupler_1_pin_xx = cos(q_coupler_1_pin_angle);
-  const Real R_coupler_1_pin_xy_negated = sin(q_coupler_1_pin_angle);
-  const Real R_coupler_1_bar_xx = R_crank_0_pin_xx*R_coupler_1_pin_xx - R_crank_0_pin_xy_negated*R_coupler_1_pin_xy_negated;
-  const Real R_coupler_1_bar_xy_negated = R_crank_0_pin_xx*R_coupler_1_pin_xy_negated + R_crank_0_pin_xy_negated*R_coupler_1_pin_xx;
+  const Real R_coupler_1_pin_yx = sin(q_coupler_1_pin_angle);
+  const Real R_coupler_1_bar_xx = R_crank_0_pin_xx*R_coupler_1_pin_xx - R_crank_0_pin_yx*R_coupler_1_pin_yx;
+  const Real R_coupler_1_bar_yx = R_crank_0_pin_xx*R_coupler_1_pin_yx + R_crank_0_pin_yx*R_coupler_1_pin_xx;
   const Real bv_coupler_1_pin_vx = R_crank_0_pin_xx*v_coupler_1_pin_angle_rate;
-  const Real bv_coupler_1_pin_vy = R_crank_0_pin_xy_negated*v_coupler_1_pin_angle_rate;
+  const Real bv_coupler_1_pin_vy = R_crank_0_pin_yx*v_coupler_1_pin_angle_rate;
   const Real d_coupler_1_bar_vx_negated = v_crank_0_pin_angle_rate*bv_coupler_1_pin_vy;
   const Real d_coupler_1_bar_vy = v_crank_0_pin_angle_rate*bv_coupler_1_pin_vx;
   const Real Z_coupler_1_bar_wz = v_crank_0_pin_angle_rate + v_coupler_1_pin_angle_rate;
@@ -47,17 +47,17 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_1_pin_xx = cos(q_crank_1_pin_angle);
-  const Real R_crank_1_pin_xy_negated = sin(q_crank_1_pin_angle);
+  const Real R_crank_1_pin_yx = sin(q_crank_1_pin_angle);
 
   // kinematics: coupler_2.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_coupler_2_pin_xx = cos(q_coupler_2_pin_angle);
-  const Real R_coupler_2_pin_xy_negated = sin(q_coupler_2_pin_angle);
-  const Real R_coupler_2_bar_xx = R_crank_1_pin_xx*R_coupler_2_pin_xx - R_crank_1_pin_xy_negated*R_coupler_2_pin_xy_negated;
-  const Real R_coupler_2_bar_xy_negated = R_crank_1_pin_xx*R_coupler_2_pin_xy_negated + R_crank_1_pin_xy_negated*R_coupler_2_pin_xx;
+  const Real R_coupler_2_pin_yx = sin(q_coupler_2_pin_angle);
+  const Real R_coupler_2_bar_xx = R_crank_1_pin_xx*R_coupler_2_pin_xx - R_crank_1_pin_yx*R_coupler_2_pin_yx;
+  const Real R_coupler_2_bar_yx = R_crank_1_pin_xx*R_coupler_2_pin_yx + R_crank_1_pin_yx*R_coupler_2_pin_xx;
   const Real bv_coupler_2_pin_vx = R_crank_1_pin_xx*v_coupler_2_pin_angle_rate;
-  const Real bv_coupler_2_pin_vy = R_crank_1_pin_xy_negated*v_coupler_2_pin_angle_rate;
+  const Real bv_coupler_2_pin_vy = R_crank_1_pin_yx*v_coupler_2_pin_angle_rate;
   const Real d_coupler_2_bar_vx_negated = v_crank_1_pin_angle_rate*bv_coupler_2_pin_vy;
   const Real d_coupler_2_bar_vy = v_crank_1_pin_angle_rate*bv_coupler_2_pin_vx;
   const Real Z_coupler_2_bar_wz = v_crank_1_pin_angle_rate + v_coupler_2_pin_angle_rate;
@@ -66,12 +66,12 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_2_pin_xx = cos(q_crank_2_pin_angle);
-  const Real R_crank_2_pin_xy_negated = sin(q_crank_2_pin_angle);
+  const Real R_crank_2_pin_yx = sin(q_crank_2_pin_angle);
 
   // body: crank_0.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_crank_0_bar_x_negated = R_crank_0_pin_xy_negated*Real(0.5);
+  const Real c_crank_0_bar_x_negated = R_crank_0_pin_yx*Real(0.5);
   const Real c_crank_0_bar_y = R_crank_0_pin_xx*Real(0.5);
   const Real crank_0_bar_1 = c_crank_0_bar_y*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_x_negated)) -
       c_crank_0_bar_x_negated*(v_crank_0_pin_angle_rate*(v_crank_0_pin_angle_rate*c_crank_0_bar_y) - Real(9.81));
@@ -79,8 +79,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // body: coupler_1.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_coupler_1_bar_x = R_coupler_1_bar_xx*Real(0.5) - R_crank_0_pin_xy_negated;
-  const Real c_coupler_1_bar_y = R_crank_0_pin_xx + R_coupler_1_bar_xy_negated*Real(0.5);
+  const Real c_coupler_1_bar_x = R_coupler_1_bar_xx*Real(0.5) - R_crank_0_pin_yx;
+  const Real c_coupler_1_bar_y = R_crank_0_pin_xx + R_coupler_1_bar_yx*Real(0.5);
   const Real Mc_coupler_1_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_1_bar_y*c_coupler_1_bar_y + c_coupler_1_bar_x*c_coupler_1_bar_x);
   const Real coupler_1_bar_1 = Z_coupler_1_bar_wz*(bv_coupler_1_pin_vy + Z_coupler_1_bar_wz*c_coupler_1_bar_x);
   const Real coupler_1_bar_2 = Real(9.81) + Z_coupler_1_bar_wz*(bv_coupler_1_pin_vx - Z_coupler_1_bar_wz*c_coupler_1_bar_y);
@@ -88,7 +88,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // body: crank_1.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_crank_1_bar_x_negated = R_crank_1_pin_xy_negated*Real(0.5);
+  const Real c_crank_1_bar_x_negated = R_crank_1_pin_yx*Real(0.5);
   const Real c_crank_1_bar_y = R_crank_1_pin_xx*Real(0.5);
   const Real crank_1_bar_1 = c_crank_1_bar_y*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_x_negated)) -
       c_crank_1_bar_x_negated*(v_crank_1_pin_angle_rate*(v_crank_1_pin_angle_rate*c_crank_1_bar_y) - Real(9.81));
@@ -96,8 +96,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // body: coupler_2.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_coupler_2_bar_x = R_coupler_2_bar_xx*Real(0.5) - R_crank_1_pin_xy_negated;
-  const Real c_coupler_2_bar_y = R_crank_1_pin_xx + R_coupler_2_bar_xy_negated*Real(0.5);
+  const Real c_coupler_2_bar_x = R_coupler_2_bar_xx*Real(0.5) - R_crank_1_pin_yx;
+  const Real c_coupler_2_bar_y = R_crank_1_pin_xx + R_coupler_2_bar_yx*Real(0.5);
   const Real Mc_coupler_2_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_2_bar_y*c_coupler_2_bar_y + c_coupler_2_bar_x*c_coupler_2_bar_x);
   const Real coupler_2_bar_1 = Z_coupler_2_bar_wz*(bv_coupler_2_pin_vy + Z_coupler_2_bar_wz*c_coupler_2_bar_x);
   const Real coupler_2_bar_2 = Real(9.81) + Z_coupler_2_bar_wz*(bv_coupler_2_pin_vx - Z_coupler_2_bar_wz*c_coupler_2_bar_y);
@@ -105,7 +105,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // body: crank_2.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_crank_2_bar_x_negated = R_crank_2_pin_xy_negated*Real(0.5);
+  const Real c_crank_2_bar_x_negated = R_crank_2_pin_yx*Real(0.5);
   const Real c_crank_2_bar_y = R_crank_2_pin_xx*Real(0.5);
   const Real Mc_crank_2_bar_wz_wz = Real(0.08333333333333333) + (c_crank_2_bar_y*c_crank_2_bar_y +
       c_crank_2_bar_x_negated*c_crank_2_bar_x_negated);
@@ -118,10 +118,10 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:30
   const Real Z_base_closure_1_vy = bv_coupler_1_pin_vy + Z_coupler_1_bar_wz;
   const Real Z_closure_1_wz = v_crank_1_pin_angle_rate - Z_coupler_1_bar_wz;
-  const Real Phid_closure_1_y_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
+  const Real Phid_closure_1_y_negated = Z_base_closure_1_vy + R_crank_1_pin_yx*Z_closure_1_wz;
   const Real Phid_closure_1_x_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
-  const Real Phi_closure_1_x_negated = R_crank_1_pin_xy_negated + (R_coupler_1_bar_xx - R_crank_0_pin_xy_negated - Real(1.0));
-  const Real Phi_closure_1_y = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
+  const Real Phi_closure_1_x_negated = R_crank_1_pin_yx + (R_coupler_1_bar_xx - R_crank_0_pin_yx - Real(1.0));
+  const Real Phi_closure_1_y = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_yx);
   const Real s_closure_1_x = Z_closure_1_wz*Phid_closure_1_y_negated - (Z_coupler_1_bar_wz*Z_base_closure_1_vy +
       Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_x_negated*loaded_.rate_stabilisation +
       Phi_closure_1_x_negated*loaded_.residual_stabilisation);
@@ -134,10 +134,10 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   four_bar.yaml:31
   const Real Z_base_closure_2_vy = bv_coupler_2_pin_vy + Z_coupler_2_bar_wz;
   const Real Z_closure_2_wz = v_crank_2_pin_angle_rate - Z_coupler_2_bar_wz;
-  const Real Phid_closure_2_y_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
+  const Real Phid_closure_2_y_negated = Z_base_closure_2_vy + R_crank_2_pin_yx*Z_closure_2_wz;
   const Real Phid_closure_2_x_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
-  const Real Phi_closure_2_x_negated = R_crank_2_pin_xy_negated + (R_coupler_2_bar_xx - R_crank_1_pin_xy_negated - Real(1.0));
-  const Real Phi_closure_2_y = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
+  const Real Phi_closure_2_x_negated = R_crank_2_pin_yx + (R_coupler_2_bar_xx - R_crank_1_pin_yx - Real(1.0));
+  const Real Phi_closure_2_y = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_yx);
   const Real s_closure_2_x = Z_closure_2_wz*Phid_closure_2_y_negated - (Z_coupler_2_bar_wz*Z_base_closure_2_vy +
       Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.rate_stabilisation*Phid_closure_2_x_negated +
       loaded_.residual_stabilisation*Phi_closure_2_x_negated);
@@ -153,8 +153,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real Fc_coupler_2_bar_wz_negated = c_coupler_2_bar_y*coupler_2_bar_1 + c_coupler_2_bar_x*coupler_2_bar_2 +
       (d_coupler_2_bar_vx_negated*c_coupler_2_bar_y + d_coupler_2_bar_vy*c_coupler_2_bar_x);
   const Real G_coupler_2_bar_vx = R_crank_1_pin_xx - c_coupler_2_bar_y;
-  const Real G_coupler_2_bar_vy = R_crank_1_pin_xy_negated + c_coupler_2_bar_x;
-  const Real G_coupler_2_bar_wz = Mc_coupler_2_bar_wz_wz + (R_crank_1_pin_xy_negated*c_coupler_2_bar_x - R_crank_1_pin_xx*c_coupler_2_bar_y);
+  const Real G_coupler_2_bar_vy = R_crank_1_pin_yx + c_coupler_2_bar_x;
+  const Real G_coupler_2_bar_wz = Mc_coupler_2_bar_wz_wz + (R_crank_1_pin_yx*c_coupler_2_bar_x - R_crank_1_pin_xx*c_coupler_2_bar_y);
 
   // condensation: crank_1.pin
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
@@ -171,8 +171,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real Fc_coupler_1_bar_wz_negated = c_coupler_1_bar_y*coupler_1_bar_1 + c_coupler_1_bar_x*coupler_1_bar_2 +
       (d_coupler_1_bar_vx_negated*c_coupler_1_bar_y + d_coupler_1_bar_vy*c_coupler_1_bar_x);
   const Real G_coupler_1_bar_vx = R_crank_0_pin_xx - c_coupler_1_bar_y;
-  const Real G_coupler_1_bar_vy = R_crank_0_pin_xy_negated + c_coupler_1_bar_x;
-  const Real G_coupler_1_bar_wz = Mc_coupler_1_bar_wz_wz + (R_crank_0_pin_xy_negated*c_coupler_1_bar_x - R_crank_0_pin_xx*c_coupler_1_bar_y);
+  const Real G_coupler_1_bar_vy = R_crank_0_pin_yx + c_coupler_1_bar_x;
+  const Real G_coupler_1_bar_wz = Mc_coupler_1_bar_wz_wz + (R_crank_0_pin_yx*c_coupler_1_bar_x - R_crank_0_pin_xx*c_coupler_1_bar_y);
 
   // condensation: crank_0.pin
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
@@ -185,8 +185,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   J = A S, s' = s + A (a_f - a_b)
   //   four_bar.yaml:30
   const Real J_closure_1_x_coupler_1_pin_negated = R_crank_0_pin_xx - R_crank_1_pin_xx;
-  const Real J_closure_1_y_coupler_1_pin_negated = Real(1.0) + R_crank_0_pin_xy_negated - R_crank_1_pin_xy_negated;
-  const Real J_closure_1_y_crank_0_pin_negated = Real(1.0) - R_crank_1_pin_xy_negated;
+  const Real J_closure_1_y_coupler_1_pin_negated = Real(1.0) + R_crank_0_pin_yx - R_crank_1_pin_yx;
+  const Real J_closure_1_y_crank_0_pin_negated = Real(1.0) - R_crank_1_pin_yx;
   const Real drift_closure_1_x = d_coupler_1_bar_vx_negated + s_closure_1_x;
   const Real drift_closure_1_y = s_closure_1_y - d_coupler_1_bar_vy;
 
@@ -194,8 +194,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   //   J = A S, s' = s + A (a_f - a_b)
   //   four_bar.yaml:31
   const Real J_closure_2_x_coupler_2_pin_negated = R_crank_1_pin_xx - R_crank_2_pin_xx;
-  const Real J_closure_2_y_coupler_2_pin_negated = Real(1.0) + R_crank_1_pin_xy_negated - R_crank_2_pin_xy_negated;
-  const Real J_closure_2_y_crank_1_pin_negated = Real(1.0) - R_crank_2_pin_xy_negated;
+  const Real J_closure_2_y_coupler_2_pin_negated = Real(1.0) + R_crank_1_pin_yx - R_crank_2_pin_yx;
+  const Real J_closure_2_y_crank_1_pin_negated = Real(1.0) - R_crank_2_pin_yx;
   const Real drift_closure_2_x = d_coupler_2_bar_vx_negated + s_closure_2_x;
   const Real drift_closure_2_y = s_closure_2_y - d_coupler_2_bar_vy;
 
@@ -207,9 +207,9 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_y_coupler_1_pin_negated;
   const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_y_crank_0_pin_negated;
   const Real crank_0_pin_5 = R_crank_1_pin_xx*crank_0_pin_1;
-  const Real H_crank_0_bar_crank_1_pin_coupler_1_pin = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_xy_negated*crank_0_pin_3;
-  const Real H_crank_0_bar_crank_1_pin_crank_0_pin = R_crank_1_pin_xy_negated*crank_0_pin_4 - crank_0_pin_5;
-  const Real H_crank_0_bar_coupler_1_pin_coupler_1_pin = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_xy_negated*G_coupler_1_bar_vy) +
+  const Real H_crank_0_bar_crank_1_pin_coupler_1_pin = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_yx*crank_0_pin_3;
+  const Real H_crank_0_bar_crank_1_pin_crank_0_pin = R_crank_1_pin_yx*crank_0_pin_4 - crank_0_pin_5;
+  const Real H_crank_0_bar_coupler_1_pin_coupler_1_pin = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_yx*G_coupler_1_bar_vy) +
       (J_closure_1_x_coupler_1_pin_negated*crank_0_pin_2 + J_closure_1_y_coupler_1_pin_negated*crank_0_pin_3);
   const Real H_crank_0_bar_coupler_1_pin_crank_0_pin = G_coupler_1_bar_wz + (J_closure_1_y_coupler_1_pin_negated*crank_0_pin_4 -
       J_closure_1_x_coupler_1_pin_negated*crank_0_pin_1);
@@ -219,30 +219,30 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_y_coupler_2_pin_negated;
   const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_y_crank_1_pin_negated;
   const Real crank_0_pin_10 = R_crank_2_pin_xx*crank_0_pin_6;
-  const Real H_crank_0_bar_crank_2_pin_coupler_2_pin = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_xy_negated*crank_0_pin_8;
-  const Real H_crank_0_bar_crank_2_pin_crank_1_pin = R_crank_2_pin_xy_negated*crank_0_pin_9 - crank_0_pin_10;
-  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_xy_negated*(loaded_.penalty*R_crank_2_pin_xy_negated));
-  const Real H_crank_0_bar_coupler_2_pin_coupler_2_pin = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_xy_negated*G_coupler_2_bar_vy) +
+  const Real H_crank_0_bar_crank_2_pin_coupler_2_pin = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_yx*crank_0_pin_8;
+  const Real H_crank_0_bar_crank_2_pin_crank_1_pin = R_crank_2_pin_yx*crank_0_pin_9 - crank_0_pin_10;
+  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_yx*(loaded_.penalty*R_crank_2_pin_yx));
+  const Real H_crank_0_bar_coupler_2_pin_coupler_2_pin = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_yx*G_coupler_2_bar_vy) +
       (J_closure_2_x_coupler_2_pin_negated*crank_0_pin_7 + J_closure_2_y_coupler_2_pin_negated*crank_0_pin_8);
   const Real H_crank_0_bar_coupler_2_pin_crank_1_pin = G_coupler_2_bar_wz + (J_closure_2_y_coupler_2_pin_negated*crank_0_pin_9 -
       J_closure_2_x_coupler_2_pin_negated*crank_0_pin_6);
-  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_xy_negated*(loaded_.penalty*R_crank_1_pin_xy_negated)) +
-      (crank_0_pin_10 + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
+  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_yx*(loaded_.penalty*R_crank_1_pin_yx)) + (crank_0_pin_10
+      + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
   const Real push_closure_1_x = lambda_closure_1_x + loaded_.penalty*drift_closure_1_x;
   const Real push_closure_1_y = lambda_closure_1_y + loaded_.penalty*drift_closure_1_y;
   const Real crank_0_pin_11 = R_crank_1_pin_xx*push_closure_1_x;
-  const Real h_crank_0_bar_coupler_1_pin = R_crank_0_pin_xx*Fc_coupler_1_bar_vx - R_crank_0_pin_xy_negated*Fc_coupler_1_bar_vy_negated -
+  const Real h_crank_0_bar_coupler_1_pin = R_crank_0_pin_xx*Fc_coupler_1_bar_vx - R_crank_0_pin_yx*Fc_coupler_1_bar_vy_negated -
       Fc_coupler_1_bar_wz_negated + (J_closure_1_x_coupler_1_pin_negated*push_closure_1_x +
       J_closure_1_y_coupler_1_pin_negated*push_closure_1_y);
   const Real h_crank_0_bar_crank_0_pin = Fc_crank_0_bar_wz - (crank_0_pin_11 - J_closure_1_y_crank_0_pin_negated*push_closure_1_y);
   const Real push_closure_2_x = lambda_closure_2_x + loaded_.penalty*drift_closure_2_x;
   const Real push_closure_2_y = lambda_closure_2_y + loaded_.penalty*drift_closure_2_y;
   const Real crank_0_pin_12 = R_crank_2_pin_xx*push_closure_2_x;
-  const Real h_crank_0_bar_crank_2_pin = Fc_crank_2_bar_wz + (crank_0_pin_12 + R_crank_2_pin_xy_negated*push_closure_2_y);
-  const Real h_crank_0_bar_coupler_2_pin = R_crank_1_pin_xx*Fc_coupler_2_bar_vx - R_crank_1_pin_xy_negated*Fc_coupler_2_bar_vy_negated -
+  const Real h_crank_0_bar_crank_2_pin = Fc_crank_2_bar_wz + (crank_0_pin_12 + R_crank_2_pin_yx*push_closure_2_y);
+  const Real h_crank_0_bar_coupler_2_pin = R_crank_1_pin_xx*Fc_coupler_2_bar_vx - R_crank_1_pin_yx*Fc_coupler_2_bar_vy_negated -
       Fc_coupler_2_bar_wz_negated + (J_closure_2_x_coupler_2_pin_negated*push_closure_2_x +
       J_closure_2_y_coupler_2_pin_negated*push_closure_2_y);
-  const Real h_crank_0_bar_crank_1_pin = Fc_crank_1_bar_wz + (crank_0_pin_11 + R_crank_1_pin_xy_negated*push_closure_1_y) - (crank_0_pin_12 -
+  const Real h_crank_0_bar_crank_1_pin = Fc_crank_1_bar_wz + (crank_0_pin_11 + R_crank_1_pin_yx*push_closure_1_y) - (crank_0_pin_12 -
       J_closure_2_y_crank_1_pin_negated*push_closure_2_y);
   const Real Dinv_crank_0_bar_crank_2_pin = Real(1.0)/H_crank_0_bar_crank_2_pin_crank_2_pin;
   const Real L_crank_0_bar_coupler_2_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_coupler_2_pin*Dinv_crank_0_bar_crank_2_pin;
@@ -290,34 +290,34 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // multipliers: closure_1
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:30
-  const Real closure_1_1 = R_crank_1_pin_xy_negated*zdd_crank_0_bar_crank_1_pin +
-      J_closure_1_y_coupler_1_pin_negated*zdd_crank_0_bar_coupler_1_pin +
-      J_closure_1_y_crank_0_pin_negated*zdd_crank_0_bar_crank_0_pin;
-  const Real closure_1_2 = drift_closure_1_x + (R_crank_1_pin_xx*zdd_crank_0_bar_crank_0_pin -
+  const Real closure_1_1 = drift_closure_1_x + (R_crank_1_pin_xx*zdd_crank_0_bar_crank_0_pin -
       (R_crank_1_pin_xx*zdd_crank_0_bar_crank_1_pin +
       J_closure_1_x_coupler_1_pin_negated*zdd_crank_0_bar_coupler_1_pin));
+  const Real closure_1_2 = drift_closure_1_y - (R_crank_1_pin_yx*zdd_crank_0_bar_crank_1_pin +
+      J_closure_1_y_coupler_1_pin_negated*zdd_crank_0_bar_coupler_1_pin +
+      J_closure_1_y_crank_0_pin_negated*zdd_crank_0_bar_crank_0_pin);
 
   // multipliers: closure_2
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:31
-  const Real closure_2_1 = R_crank_2_pin_xy_negated*zdd_crank_0_bar_crank_2_pin +
-      J_closure_2_y_coupler_2_pin_negated*zdd_crank_0_bar_coupler_2_pin +
-      J_closure_2_y_crank_1_pin_negated*zdd_crank_0_bar_crank_1_pin;
-  const Real closure_2_2 = drift_closure_2_x + (R_crank_2_pin_xx*zdd_crank_0_bar_crank_1_pin -
+  const Real closure_2_1 = drift_closure_2_x + (R_crank_2_pin_xx*zdd_crank_0_bar_crank_1_pin -
       (R_crank_2_pin_xx*zdd_crank_0_bar_crank_2_pin +
       J_closure_2_x_coupler_2_pin_negated*zdd_crank_0_bar_coupler_2_pin));
+  const Real closure_2_2 = drift_closure_2_y - (R_crank_2_pin_yx*zdd_crank_0_bar_crank_2_pin +
+      J_closure_2_y_coupler_2_pin_negated*zdd_crank_0_bar_coupler_2_pin +
+      J_closure_2_y_crank_1_pin_negated*zdd_crank_0_bar_crank_1_pin);
 
   // multipliers: closure_1
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:30
-  const Real correction_closure_1_x = loaded_.penalty*closure_1_2;
-  const Real correction_closure_1_y = loaded_.penalty*(drift_closure_1_y - closure_1_1);
+  const Real correction_closure_1_x = loaded_.penalty*closure_1_1;
+  const Real correction_closure_1_y = loaded_.penalty*closure_1_2;
 
   // multipliers: closure_2
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:31
-  const Real correction_closure_2_x = loaded_.penalty*closure_2_2;
-  const Real correction_closure_2_y = loaded_.penalty*(drift_closure_2_y - closure_2_1);
+  const Real correction_closure_2_x = loaded_.penalty*closure_2_1;
+  const Real correction_closure_2_y = loaded_.penalty*closure_2_2;
 
   vdot[0] = zdd_crank_0_bar_crank_0_pin;
   vdot[1] = zdd_crank_0_bar_coupler_1_pin;

@@ -28,7 +28,7 @@ class FourBar final : public AnyMechanism<Real> {
   void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const override;
 
   /// Residual of the cut joints and its rate.  50 operations.
-  void close(const Real* q, const Real* v, Real* residual, Real* rate) const override;
+  void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const override;
 
   /// The reported columns.  4 operations.
   void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const override;

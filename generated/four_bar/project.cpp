@@ -23,66 +23,66 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_0_pin_xx = cos(q_crank_0_pin_angle);
-  const Real R_crank_0_pin_xy_negated = sin(q_crank_0_pin_angle);
+  const Real R_crank_0_pin_yx = sin(q_crank_0_pin_angle);
 
   // kinematics: coupler_1.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_coupler_1_pin_xx = cos(q_coupler_1_pin_angle);
-  const Real R_coupler_1_pin_xy_negated = sin(q_coupler_1_pin_angle);
-  const Real R_coupler_1_bar_xx = R_crank_0_pin_xx*R_coupler_1_pin_xx - R_crank_0_pin_xy_negated*R_coupler_1_pin_xy_negated;
-  const Real R_coupler_1_bar_xy_negated = R_crank_0_pin_xx*R_coupler_1_pin_xy_negated + R_crank_0_pin_xy_negated*R_coupler_1_pin_xx;
+  const Real R_coupler_1_pin_yx = sin(q_coupler_1_pin_angle);
+  const Real R_coupler_1_bar_xx = R_crank_0_pin_xx*R_coupler_1_pin_xx - R_crank_0_pin_yx*R_coupler_1_pin_yx;
+  const Real R_coupler_1_bar_yx = R_crank_0_pin_xx*R_coupler_1_pin_yx + R_crank_0_pin_yx*R_coupler_1_pin_xx;
 
   // kinematics: crank_1.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_1_pin_xx = cos(q_crank_1_pin_angle);
-  const Real R_crank_1_pin_xy_negated = sin(q_crank_1_pin_angle);
+  const Real R_crank_1_pin_yx = sin(q_crank_1_pin_angle);
 
   // kinematics: coupler_2.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_coupler_2_pin_xx = cos(q_coupler_2_pin_angle);
-  const Real R_coupler_2_pin_xy_negated = sin(q_coupler_2_pin_angle);
-  const Real R_coupler_2_bar_xx = R_crank_1_pin_xx*R_coupler_2_pin_xx - R_crank_1_pin_xy_negated*R_coupler_2_pin_xy_negated;
-  const Real R_coupler_2_bar_xy_negated = R_crank_1_pin_xx*R_coupler_2_pin_xy_negated + R_crank_1_pin_xy_negated*R_coupler_2_pin_xx;
+  const Real R_coupler_2_pin_yx = sin(q_coupler_2_pin_angle);
+  const Real R_coupler_2_bar_xx = R_crank_1_pin_xx*R_coupler_2_pin_xx - R_crank_1_pin_yx*R_coupler_2_pin_yx;
+  const Real R_coupler_2_bar_yx = R_crank_1_pin_xx*R_coupler_2_pin_yx + R_crank_1_pin_yx*R_coupler_2_pin_xx;
 
   // kinematics: crank_2.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_2_pin_xx = cos(q_crank_2_pin_angle);
-  const Real R_crank_2_pin_xy_negated = sin(q_crank_2_pin_angle);
+  const Real R_crank_2_pin_yx = sin(q_crank_2_pin_angle);
 
   // body: crank_0.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_crank_0_bar_x_negated = R_crank_0_pin_xy_negated*Real(0.5);
+  const Real c_crank_0_bar_x_negated = R_crank_0_pin_yx*Real(0.5);
   const Real c_crank_0_bar_y = R_crank_0_pin_xx*Real(0.5);
 
   // body: coupler_1.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_coupler_1_bar_x = R_coupler_1_bar_xx*Real(0.5) - R_crank_0_pin_xy_negated;
-  const Real c_coupler_1_bar_y = R_crank_0_pin_xx + R_coupler_1_bar_xy_negated*Real(0.5);
+  const Real c_coupler_1_bar_x = R_coupler_1_bar_xx*Real(0.5) - R_crank_0_pin_yx;
+  const Real c_coupler_1_bar_y = R_crank_0_pin_xx + R_coupler_1_bar_yx*Real(0.5);
   const Real Mc_coupler_1_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_1_bar_y*c_coupler_1_bar_y + c_coupler_1_bar_x*c_coupler_1_bar_x);
 
   // body: crank_1.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_crank_1_bar_x_negated = R_crank_1_pin_xy_negated*Real(0.5);
+  const Real c_crank_1_bar_x_negated = R_crank_1_pin_yx*Real(0.5);
   const Real c_crank_1_bar_y = R_crank_1_pin_xx*Real(0.5);
 
   // body: coupler_2.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_coupler_2_bar_x = R_coupler_2_bar_xx*Real(0.5) - R_crank_1_pin_xy_negated;
-  const Real c_coupler_2_bar_y = R_crank_1_pin_xx + R_coupler_2_bar_xy_negated*Real(0.5);
+  const Real c_coupler_2_bar_x = R_coupler_2_bar_xx*Real(0.5) - R_crank_1_pin_yx;
+  const Real c_coupler_2_bar_y = R_crank_1_pin_xx + R_coupler_2_bar_yx*Real(0.5);
   const Real Mc_coupler_2_bar_wz_wz = Real(0.08333333333333333) + (c_coupler_2_bar_y*c_coupler_2_bar_y + c_coupler_2_bar_x*c_coupler_2_bar_x);
 
   // body: crank_2.bar
   //   M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)
   //   four_bar.yaml:15
-  const Real c_crank_2_bar_x_negated = R_crank_2_pin_xy_negated*Real(0.5);
+  const Real c_crank_2_bar_x_negated = R_crank_2_pin_yx*Real(0.5);
   const Real c_crank_2_bar_y = R_crank_2_pin_xx*Real(0.5);
   const Real Mc_crank_2_bar_wz_wz = Real(0.08333333333333333) + (c_crank_2_bar_y*c_crank_2_bar_y +
       c_crank_2_bar_x_negated*c_crank_2_bar_x_negated);
@@ -91,8 +91,8 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
   //   four_bar.yaml:20
   const Real G_coupler_2_bar_vx = R_crank_1_pin_xx - c_coupler_2_bar_y;
-  const Real G_coupler_2_bar_vy = R_crank_1_pin_xy_negated + c_coupler_2_bar_x;
-  const Real G_coupler_2_bar_wz = Mc_coupler_2_bar_wz_wz + (R_crank_1_pin_xy_negated*c_coupler_2_bar_x - R_crank_1_pin_xx*c_coupler_2_bar_y);
+  const Real G_coupler_2_bar_vy = R_crank_1_pin_yx + c_coupler_2_bar_x;
+  const Real G_coupler_2_bar_wz = Mc_coupler_2_bar_wz_wz + (R_crank_1_pin_yx*c_coupler_2_bar_x - R_crank_1_pin_xx*c_coupler_2_bar_y);
 
   // condensation: crank_1.pin
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
@@ -104,8 +104,8 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
   //   four_bar.yaml:20
   const Real G_coupler_1_bar_vx = R_crank_0_pin_xx - c_coupler_1_bar_y;
-  const Real G_coupler_1_bar_vy = R_crank_0_pin_xy_negated + c_coupler_1_bar_x;
-  const Real G_coupler_1_bar_wz = Mc_coupler_1_bar_wz_wz + (R_crank_0_pin_xy_negated*c_coupler_1_bar_x - R_crank_0_pin_xx*c_coupler_1_bar_y);
+  const Real G_coupler_1_bar_vy = R_crank_0_pin_yx + c_coupler_1_bar_x;
+  const Real G_coupler_1_bar_wz = Mc_coupler_1_bar_wz_wz + (R_crank_0_pin_yx*c_coupler_1_bar_x - R_crank_0_pin_xx*c_coupler_1_bar_y);
 
   // condensation: crank_0.pin
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
@@ -117,15 +117,15 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   //   J = A S, s' = s + A (a_f - a_b)
   //   four_bar.yaml:30
   const Real J_closure_1_x_coupler_1_pin_negated = R_crank_0_pin_xx - R_crank_1_pin_xx;
-  const Real J_closure_1_y_coupler_1_pin_negated = Real(1.0) + R_crank_0_pin_xy_negated - R_crank_1_pin_xy_negated;
-  const Real J_closure_1_y_crank_0_pin_negated = Real(1.0) - R_crank_1_pin_xy_negated;
+  const Real J_closure_1_y_coupler_1_pin_negated = Real(1.0) + R_crank_0_pin_yx - R_crank_1_pin_yx;
+  const Real J_closure_1_y_crank_0_pin_negated = Real(1.0) - R_crank_1_pin_yx;
 
   // closure: closure_2
   //   J = A S, s' = s + A (a_f - a_b)
   //   four_bar.yaml:31
   const Real J_closure_2_x_coupler_2_pin_negated = R_crank_1_pin_xx - R_crank_2_pin_xx;
-  const Real J_closure_2_y_coupler_2_pin_negated = Real(1.0) + R_crank_1_pin_xy_negated - R_crank_2_pin_xy_negated;
-  const Real J_closure_2_y_crank_1_pin_negated = Real(1.0) - R_crank_2_pin_xy_negated;
+  const Real J_closure_2_y_coupler_2_pin_negated = Real(1.0) + R_crank_1_pin_yx - R_crank_2_pin_yx;
+  const Real J_closure_2_y_crank_1_pin_negated = Real(1.0) - R_crank_2_pin_yx;
 
   // condensation: crank_0.pin
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
@@ -135,9 +135,9 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_y_coupler_1_pin_negated;
   const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_y_crank_0_pin_negated;
   const Real crank_0_pin_5 = R_crank_1_pin_xx*crank_0_pin_1;
-  const Real H_crank_0_bar_crank_1_pin_coupler_1_pin = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_xy_negated*crank_0_pin_3;
-  const Real H_crank_0_bar_crank_1_pin_crank_0_pin = R_crank_1_pin_xy_negated*crank_0_pin_4 - crank_0_pin_5;
-  const Real H_crank_0_bar_coupler_1_pin_coupler_1_pin = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_xy_negated*G_coupler_1_bar_vy) +
+  const Real H_crank_0_bar_crank_1_pin_coupler_1_pin = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_yx*crank_0_pin_3;
+  const Real H_crank_0_bar_crank_1_pin_crank_0_pin = R_crank_1_pin_yx*crank_0_pin_4 - crank_0_pin_5;
+  const Real H_crank_0_bar_coupler_1_pin_coupler_1_pin = G_coupler_1_bar_wz + (R_crank_0_pin_xx*G_coupler_1_bar_vx + R_crank_0_pin_yx*G_coupler_1_bar_vy) +
       (J_closure_1_x_coupler_1_pin_negated*crank_0_pin_2 + J_closure_1_y_coupler_1_pin_negated*crank_0_pin_3);
   const Real H_crank_0_bar_coupler_1_pin_crank_0_pin = G_coupler_1_bar_wz + (J_closure_1_y_coupler_1_pin_negated*crank_0_pin_4 -
       J_closure_1_x_coupler_1_pin_negated*crank_0_pin_1);
@@ -147,15 +147,15 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_y_coupler_2_pin_negated;
   const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_y_crank_1_pin_negated;
   const Real crank_0_pin_10 = R_crank_2_pin_xx*crank_0_pin_6;
-  const Real H_crank_0_bar_crank_2_pin_coupler_2_pin = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_xy_negated*crank_0_pin_8;
-  const Real H_crank_0_bar_crank_2_pin_crank_1_pin = R_crank_2_pin_xy_negated*crank_0_pin_9 - crank_0_pin_10;
-  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_xy_negated*(loaded_.penalty*R_crank_2_pin_xy_negated));
-  const Real H_crank_0_bar_coupler_2_pin_coupler_2_pin = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_xy_negated*G_coupler_2_bar_vy) +
+  const Real H_crank_0_bar_crank_2_pin_coupler_2_pin = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_yx*crank_0_pin_8;
+  const Real H_crank_0_bar_crank_2_pin_crank_1_pin = R_crank_2_pin_yx*crank_0_pin_9 - crank_0_pin_10;
+  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_yx*(loaded_.penalty*R_crank_2_pin_yx));
+  const Real H_crank_0_bar_coupler_2_pin_coupler_2_pin = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_yx*G_coupler_2_bar_vy) +
       (J_closure_2_x_coupler_2_pin_negated*crank_0_pin_7 + J_closure_2_y_coupler_2_pin_negated*crank_0_pin_8);
   const Real H_crank_0_bar_coupler_2_pin_crank_1_pin = G_coupler_2_bar_wz + (J_closure_2_y_coupler_2_pin_negated*crank_0_pin_9 -
       J_closure_2_x_coupler_2_pin_negated*crank_0_pin_6);
-  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_xy_negated*(loaded_.penalty*R_crank_1_pin_xy_negated)) +
-      (crank_0_pin_10 + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
+  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_yx*(loaded_.penalty*R_crank_1_pin_yx)) + (crank_0_pin_10
+      + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
   const Real Dinv_crank_0_bar_crank_2_pin = Real(1.0)/H_crank_0_bar_crank_2_pin_crank_2_pin;
   const Real L_crank_0_bar_coupler_2_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_coupler_2_pin*Dinv_crank_0_bar_crank_2_pin;
   const Real L_crank_0_bar_crank_1_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_crank_1_pin*Dinv_crank_0_bar_crank_2_pin;
@@ -189,9 +189,9 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   const Real ppush_closure_2_x = loaded_.penalty*gap_closure_2_x;
   const Real ppush_closure_2_y = loaded_.penalty*gap_closure_2_y;
   const Real crank_0_pin_14 = R_crank_2_pin_xx*ppush_closure_2_x;
-  const Real ph_crank_0_bar_crank_2_pin = crank_0_pin_14 + R_crank_2_pin_xy_negated*ppush_closure_2_y;
+  const Real ph_crank_0_bar_crank_2_pin = crank_0_pin_14 + R_crank_2_pin_yx*ppush_closure_2_y;
   const Real ph_crank_0_bar_coupler_2_pin = J_closure_2_x_coupler_2_pin_negated*ppush_closure_2_x + J_closure_2_y_coupler_2_pin_negated*ppush_closure_2_y;
-  const Real ph_crank_0_bar_crank_1_pin = crank_0_pin_13 + R_crank_1_pin_xy_negated*ppush_closure_1_y - (crank_0_pin_14 -
+  const Real ph_crank_0_bar_crank_1_pin = crank_0_pin_13 + R_crank_1_pin_yx*ppush_closure_1_y - (crank_0_pin_14 -
       J_closure_2_y_crank_1_pin_negated*ppush_closure_2_y);
   const Real pg_crank_0_bar_coupler_2_pin = ph_crank_0_bar_coupler_2_pin - L_crank_0_bar_coupler_2_pin_crank_2_pin*ph_crank_0_bar_crank_2_pin;
   const Real pg_crank_0_bar_crank_1_pin = ph_crank_0_bar_crank_1_pin - (L_crank_0_bar_crank_1_pin_crank_2_pin*ph_crank_0_bar_crank_2_pin +

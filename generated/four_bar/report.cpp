@@ -18,12 +18,12 @@ void FourBar<Real>::report(const Real* q, const Real* v, const Real* vdot, const
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_0_pin_xx = cos(q_crank_0_pin_angle);
-  const Real R_crank_0_pin_xy_negated = sin(q_crank_0_pin_angle);
+  const Real R_crank_0_pin_yx = sin(q_crank_0_pin_angle);
 
-  column[0] = -R_crank_0_pin_xy_negated;
+  column[0] = -R_crank_0_pin_yx;
   column[1] = R_crank_0_pin_xx;
   column[2] = -(v_crank_0_pin_angle_rate*R_crank_0_pin_xx);
-  column[3] = -(v_crank_0_pin_angle_rate*R_crank_0_pin_xy_negated);
+  column[3] = -(v_crank_0_pin_angle_rate*R_crank_0_pin_yx);
   column[4] = q_crank_0_pin_angle;
   column[5] = v_crank_0_pin_angle_rate;
 }

@@ -8,9 +8,9 @@ from cutjoint.run.errors import RunError
 from cutjoint_bench.others import peer_contenders
 from cutjoint_bench.own import own_contenders, precision_contenders
 from cutjoint_bench.records import Contender
-from cutjoint_bench.rungs import rung_contenders
+from cutjoint_bench.reductions import reduced_contenders
 
-_ALL = (*own_contenders(), *rung_contenders(), *precision_contenders(), *peer_contenders())
+_ALL = (*own_contenders(), *reduced_contenders(), *precision_contenders(), *peer_contenders())
 
 CONTENDERS: Mapping[str, Contender] = {c.name: c for c in _ALL}
 

@@ -15,7 +15,8 @@ Line = Mapping[str, Any]
 #: Errors of position (m) at which contenders are compared.
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
-#: An order is told by three steps in a row whose two slopes are at most this apart: elsewhere terms of other powers of the step lead too.
+#: An order is read from three neighbouring steps whose two slopes differ by at most this much.  Elsewhere terms of other powers of the
+#: step contribute, too.
 _ALIKE = 0.3
 
 
@@ -25,10 +26,10 @@ def timed(line: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def order(line: Line, name: str = "position") -> float:
-    """The slope of error over step of the three smallest steps that tell it; nan where none do.
+    """The order of convergence: the slope of log error over log step at the three smallest steps that show it; NaN if none do.
 
-    Left out are those from which on a line flattens out, and of such a line all within a decade of its least error, which rounding, the
-    reference or the tolerance of the iteration has its part in.
+    Small steps at which a line flattens out are left out.  Of such a line, so are all errors within a decade of its least one: rounding,
+    the reference or the tolerance of the iteration contribute to them.
     """
     points = [(log(p["dt"]), log(p["errors"][name])) for p in timed(line) if p["errors"][name]]
     points.sort()
@@ -122,7 +123,7 @@ def fastest_spot(lines: Sequence[Line], error: float, *, peers: bool) -> Spot | 
 
 def fastest_ours(lines: Sequence[Line], error: float) -> tuple[str, float] | None:
     """The fastest generated code at an error, of the full or the reduced model, with any integrator."""
-    return best(lines, error, lambda line: line["group"] in ("generated", "integrators", "reduced", "rungs"))
+    return best(lines, error, lambda line: line["group"] in ("generated", "integrators", "reduced", "reductions"))
 
 
 def fastest_peer(lines: Sequence[Line], error: float) -> tuple[str, float] | None:

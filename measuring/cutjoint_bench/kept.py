@@ -13,7 +13,7 @@ from cutjoint_bench.contenders import CONTENDERS
 from cutjoint_bench.failures.trials import case_of
 from cutjoint_bench.own import identify_code
 from cutjoint_bench.records import Case, Contender
-from cutjoint_bench.rungs import NoRungError
+from cutjoint_bench.reductions import NoReductionError
 from cutjoint_bench.study import Plan, grid_of
 
 Data = Mapping[str, Any]
@@ -43,10 +43,10 @@ def _missing(plan: Plan, data: Data) -> Iterator[str]:
 
 
 def _suits(contender: Contender, case: Case) -> bool:
-    """Whether a case has what a contender runs; rungs are those of some scenes only."""
+    """Whether a case has what a contender runs; reduced models are those of some scenes only."""
     try:
         contender.identify(case)
-    except NoRungError:
+    except NoReductionError:
         return False
     except (RunError, ModelError):
         return True  # its line says why it cannot run

@@ -22,7 +22,7 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.pipeline import compile_scene, generate, simulate
-from cutjoint.reduce.ladder import Rung, climb
+from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
@@ -179,23 +179,24 @@ def identity(source: Source, implementation: str = Implementation.GENERATED) -> 
 
 
 def _reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> OwnRunner:
-    rung = _last_exact(case, method)
-    artifact = compile_scene(rung.model, rung.scene, method=method)
+    variant = _last_exact(case, method)
+    artifact = compile_scene(variant.model, variant.scene, method=method)
     return _runner(integrator)(artifact=artifact, integrator=integrator, parameters=case.parameters)
 
 
 def _identify_reduced(case: Case, *, method: str) -> Mapping[str, str]:
-    rung = _last_exact(case, method)
-    return identity(generate(rung.model, rung.scene, rung.scene.outputs, method=method)[-1])
+    variant = _last_exact(case, method)
+    return identity(generate(variant.model, variant.scene, variant.scene.outputs, method=method)[-1])
 
 
-def _last_exact(case: Case, method: str) -> Rung:
-    """The last exact rung of the ladder.
+def _last_exact(case: Case, method: str) -> ReducedModel:
+    """The last exact reduced model of the reduction sequence.
 
     Raises:
         RunError: there is none but the full model.
     """
-    rungs = [rung for rung in climb(case.model, replace(case.scene, outputs=case.outputs), method) if rung.motion == "exact"]
-    if len(rungs) == 1:
+    sequence = reduction_sequence(case.model, replace(case.scene, outputs=case.outputs), method)
+    variants = [variant for variant in sequence if variant.motion == "exact"]
+    if len(variants) == 1:
         raise RunError("no pass makes the model smaller")
-    return rungs[-1]
+    return variants[-1]

@@ -92,10 +92,10 @@ def _atlas_cases(plan: Plan) -> Iterator[Case]:
 
 
 def _together(contenders: Sequence[Contender]) -> list[list[Contender]]:
-    """Those that one process should prepare: the rungs of a method are steps of one ladder."""
+    """Those that one process should prepare: the reduced models of a method are steps of one reduction sequence."""
     found: dict[tuple[str, str], list[Contender]] = {}
     for contender in contenders:
-        part = contender.name.partition("/")[0] if contender.group == "rungs" else contender.name
+        part = contender.name.partition("/")[0] if contender.group == "reductions" else contender.name
         found.setdefault((contender.group, part), []).append(contender)
     return list(found.values())
 
@@ -107,7 +107,7 @@ def _refer(plan: Plan, case: Case) -> None:
 
 def _compile(case: Case, contenders: Sequence[Contender]) -> None:
     for contender in contenders:
-        with suppress(RunError, ModelError, ToolchainError):  # also NoRungError
+        with suppress(RunError, ModelError, ToolchainError):  # also NoReductionError
             contender.prepare(case)
 
 

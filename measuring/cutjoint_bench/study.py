@@ -25,8 +25,8 @@ from cutjoint_bench.own import OwnRunner
 from cutjoint_bench.paper import PAPER_STEPS
 from cutjoint_bench.progress import Say, part_of, silently
 from cutjoint_bench.records import Case, Contender, Runner
+from cutjoint_bench.reductions import NoReductionError
 from cutjoint_bench.reference import Reference, find_reference
-from cutjoint_bench.rungs import NoRungError
 from cutjoint_bench.store import Record, Store
 
 #: Steps are tried up to this multiple of a scene's own step; a run of more steps than ``MOST_STEPS`` is not begun.
@@ -108,7 +108,7 @@ def _case(plan: Plan, case: Case, store: Store, say: Say) -> Record:
         say(f"{case.name}: compiling {contender.label}", share=i / len(plan.contenders))
         try:
             runner = contender.prepare(case)
-        except NoRungError:
+        except NoReductionError:
             continue
         except (RunError, ModelError, ToolchainError) as error:
             lines.append({"contender": contender.name, "label": contender.label, "group": contender.group, "refused": str(error)})

@@ -48,9 +48,9 @@ def evaluator(equations: ImplicitEquations) -> Any:
         results = []
         for at in map(arrays, points):
             n, m = equations.start.speeds, len(equations.equation_names)
-            pulled = call(equations, "pull", at)["force"] if m else np.zeros(n)
-            rate = call(equations, "close", at)["rate"] if m else np.zeros(0)
-            results.append({"tangent": call(equations, "linearise", at)["tangent"], "pull": pulled, "rate": rate})
+            pulled = call(equations, "apply_jacobian_transposed", at)["force"] if m else np.zeros(n)
+            rate = call(equations, "constraint_residual", at)["rate"] if m else np.zeros(0)
+            results.append({"tangent": call(equations, "linearise", at)["tangent"], "force": pulled, "rate": rate})
         return results
 
     return evaluate
@@ -64,8 +64,8 @@ def linearised(equations: ImplicitEquations, q: Array, v: Array, *, at_rest: boo
     moving = {**state, "motion": 0.0 if at_rest else 1.0, "penalty": 0.0}
     arrays = {name: np.atleast_1d(np.asarray(x, float)) for name, x in moving.items()}
     arrays["parameters"] = np.array([p.value for p in equations.parameters])
-    bias = call(equations, "balance", arrays)["balance"]
-    drift = call(equations, "close", arrays)["curvature"] if m else np.zeros(0)
+    bias = call(equations, "dynamic_residual", arrays)["force_residual"]
+    drift = call(equations, "constraint_residual", arrays)["curvature"] if m else np.zeros(0)
     saddle = np.block([[of.M, of.J.T], [of.J, np.zeros((m, m))]])
     solution = np.linalg.lstsq(saddle, -np.concatenate([bias, drift]), rcond=1e-12)[0]
     return linearise(equations, {**state, "vdot": solution[:n], "lambda": solution[n:]}, evaluate, at_rest=at_rest)

@@ -67,7 +67,7 @@ def interpret(equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]
     for closure in equations.closures:
         inputs[f"lambda:{closure.joint}"] = state.multipliers[closure.first : closure.first + len(closure.names)]
     roads = {name: FlatRoad() for name in equations.roads}
-    evaluate, close, report, project = (equations.function(name) for name in ("evaluate", "close", "report", "project"))
+    evaluate, close, report, project = (equations.function(name) for name in ("evaluate", "constraint_residual", "report", "project"))
     found = {name: _results(evaluate, f"{name}:", inputs, roads) for name in ("vdot", "correction")}
     found |= {name: _results(close, f"{name}:", inputs, roads) for name in ("residual", "rate")}
     for closure in equations.closures:

@@ -75,7 +75,7 @@ class System:
     def jacobian(self, q: Array) -> Array:
         if self.m == 0:
             return np.zeros((0, self.n))
-        return np.broadcast_to(self.call("pull", q=q, w=np.eye(self.m))["force"], (self.m, self.n))
+        return np.broadcast_to(self.call("apply_jacobian_transposed", q=q, w=np.eye(self.m))["force"], (self.m, self.n))
 
 
 def make_system(model: Model, scene: Scene) -> System:
@@ -115,7 +115,8 @@ def state(system: System, seed: int) -> dict[str, Array]:
 def balance(system: System, at: dict[str, Array], x: Array) -> Array:
     """The balance where the step's unknown differs by x."""
     pose = moved(system, at["q"], at["delta"] + STIFFNESS * x)
-    return system.call("balance", q=pose, v=at["v"] + DAMPING * x, vdot=at["vdot"] + x, **{"lambda": at["lambda"]})["balance"]
+    arrays = {"q": pose, "v": at["v"] + DAMPING * x, "vdot": at["vdot"] + x, "lambda": at["lambda"]}
+    return system.call("dynamic_residual", **arrays)["force_residual"]
 
 
 def differences(system: System, at: dict[str, Array]) -> Array:
@@ -187,8 +188,8 @@ def test_balance_vanishes_where_the_recursion_says(seed: int) -> None:
     M = system.tangent(
         q=at["q"], v=at["v"], vdot=zero, weights=np.zeros(3), **{"lambda": np.zeros(system.m), "weights.turns": turns(system, zero)}
     )
-    bias = system.call("balance", q=at["q"], v=at["v"], vdot=zero, **{"lambda": np.zeros(system.m)})["balance"]
-    drift = system.call("close", q=at["q"], v=at["v"], vdot=zero)["curvature"]
+    bias = system.call("dynamic_residual", q=at["q"], v=at["v"], vdot=zero, **{"lambda": np.zeros(system.m)})["force_residual"]
+    drift = system.call("constraint_residual", q=at["q"], v=at["v"], vdot=zero)["curvature"]
     saddle = np.block([[M, J.T], [J, np.zeros((system.m, system.m))]])
     solution = np.linalg.lstsq(saddle, -np.concatenate([bias, drift]), rcond=1e-12)[0]
     vdot, multipliers = solution[: system.n], solution[system.n :]
@@ -198,7 +199,7 @@ def test_balance_vanishes_where_the_recursion_says(seed: int) -> None:
         found = oracle.solve(Instant(q=at["q"], v=at["v"], t=TIME_NOW), guess, exact)
         guess = guess + found.correction
     assert vdot == pytest.approx(found.vdot, rel=1e-6, abs=1e-6 * np.abs(found.vdot).max())
-    assert system.call("balance", q=at["q"], v=at["v"], vdot=vdot, **{"lambda": multipliers})["balance"] == pytest.approx(
+    assert system.call("dynamic_residual", q=at["q"], v=at["v"], vdot=vdot, **{"lambda": multipliers})["force_residual"] == pytest.approx(
         zero, abs=1e-8 * np.abs(bias).max()
     )
 
@@ -210,11 +211,11 @@ def test_stretch_and_pull_are_one_matrix(name: str) -> None:
     system = make_system(model, find_scene(model, next(iter(model.scenes))))
     q = design_coordinates(system.equations.start)
     J = system.jacobian(q)
-    stretched = system.call("stretch", q=q, vdot=np.eye(system.n))["change"]
+    stretched = system.call("apply_jacobian", q=q, vdot=np.eye(system.n))["change"]
     assert pytest.approx(J, abs=1e-12) == np.broadcast_to(stretched, (system.n, system.m)).T
     zero, h = np.zeros(system.n), 1e-5
     for e in np.eye(system.n):
-        near, back = (system.call("close", q=moved(system, q, s * h * e), v=zero, vdot=zero)["residual"] for s in (1, -1))
+        near, back = (system.call("constraint_residual", q=moved(system, q, s * h * e), v=zero, vdot=zero)["residual"] for s in (1, -1))
         assert (near - back) / (2 * h) == pytest.approx(J @ e, abs=1e-7)
 
 
@@ -231,13 +232,13 @@ def test_newton_converges_quadratically() -> None:
     for _ in range(8):
         delta = dt * at["v"] + dt**2 / 4 * (at["vdot"] + x)
         pose, v = moved(system, at["q"], delta), at["v"] + dt / 2 * (at["vdot"] + x)
-        balance = system.call("balance", q=pose, v=v, vdot=x, **{"lambda": multipliers})
+        balance = system.call("dynamic_residual", q=pose, v=v, vdot=x, **{"lambda": multipliers})
         T = system.tangent(q=pose, v=v, vdot=x, weights=np.array([dt / 2, dt**2 / 4, 0.0]), **{
             "lambda": multipliers, "weights.turns": turns(system, delta),
         })  # fmt: skip
         J = system.jacobian(pose)
         saddle = np.block([[T, J.T], [J, np.zeros((m, m))]])
-        right = -np.concatenate([balance["balance"], balance["residual"] / (dt**2 / 4)])
+        right = -np.concatenate([balance["force_residual"], balance["residual"] / (dt**2 / 4)])
         step = np.linalg.lstsq(saddle, right, rcond=1e-13)[0]
         x, multipliers = x + step[:n], multipliers + step[n:]
         iterates.append(x)

@@ -87,7 +87,7 @@ class Pair:
         """Phi_q, (m, n)."""
         if self.m == 0:
             return np.zeros((0, self.n))
-        return np.broadcast_to(self.call("pull", q=q, w=np.eye(self.m), t=np.array([t]))["force"], (self.m, self.n))
+        return np.broadcast_to(self.call("apply_jacobian_transposed", q=q, w=np.eye(self.m), t=np.array([t]))["force"], (self.m, self.n))
 
     def tangent(self, q: Array, v: Array, vdot: Array, weights: tuple[float, float, float]) -> Array:
         values = self.call("linearise", q=q, v=v, vdot=vdot, weights=np.array(weights))["tangent"]
@@ -151,16 +151,16 @@ def recursive_report(pair: Pair, at: Instant) -> dict[str, float]:
 def natural_report(pair: Pair, at: Instant) -> dict[str, float]:
     """All quantities, with the accelerations of [M, Phi_q^T; Phi_q, 0]."""
     now = {"t": np.array([at.t])}
-    placed = pair.call("place", relative_q=at.q, relative_v=at.v, **now)
+    placed = pair.call("initial_coordinates", relative_q=at.q, relative_v=at.v, **now)
     q, v = placed["q"], placed["v"]
     zero = np.zeros(pair.n)
-    closed = pair.call("close", q=q, v=v, vdot=zero, **now)
+    closed = pair.call("constraint_residual", q=q, v=v, vdot=zero, **now)
     if pair.m:
         assert np.abs(closed["residual"]).max() < 1e-9
         assert np.abs(closed["rate"]).max() < 1e-8
     M = pair.tangent(q, v, zero, (0.0, 0.0, 0.0))
     J = pair.jacobian(q, at.t)
-    force = pair.call("balance", q=q, v=v, vdot=zero, **now)["balance"]
+    force = pair.call("dynamic_residual", q=q, v=v, vdot=zero, **now)["force_residual"]
     scale = np.abs(M).max()
     K = np.block([[M, scale * J.T], [scale * J, np.zeros((pair.m, pair.m))]])
     bend = closed.get("curvature", np.zeros(0))
@@ -217,7 +217,7 @@ def test_guided_joint(kind: JointKind) -> None:
 
 def determined(pair: Pair, at: Instant) -> set[str]:
     """The columns that multipliers which change no force on the coordinates do not change."""
-    placed = pair.call("place", relative_q=at.q, relative_v=at.v, t=np.array([at.t]))
+    placed = pair.call("initial_coordinates", relative_q=at.q, relative_v=at.v, t=np.array([at.t]))
     J = constraint_jacobian(pair.natural, placed["q"])
     idle = np.linalg.svd(J.T)[2][np.linalg.matrix_rank(J, tol=1e-8) :]
     state = {"q": placed["q"], "v": placed["v"], "vdot": np.zeros(pair.n)}
@@ -311,8 +311,9 @@ def differences(pair: Pair, q: Array, v: Array, vdot: Array) -> tuple[Array, Arr
         for sign in (1, -1):
             moved = {"q": q, "v": v, "vdot": vdot}
             moved[name] = moved[name] + sign * step
-            values.append(pair.call("balance", **moved))
-        return (values[0]["balance"] - values[1]["balance"]) / (2 * h), (values[0]["residual"] - values[1]["residual"]) / (2 * h)
+            values.append(pair.call("dynamic_residual", **moved))
+        slopes = [(values[0][name] - values[1][name]) / (2 * h) for name in ("force_residual", "residual")]
+        return slopes[0], slopes[1]
 
     def matrix(name: str) -> tuple[Array, Array]:
         columns = [column(name, i) for i in range(pair.n)]
@@ -367,10 +368,10 @@ def test_an_open_parameter_moves_the_points() -> None:
     model = without_rod_forces(random_models.random_loops(1))
     pair = make_pair(model, SCENE, ())
     design = design_coordinates(pair.recursive.equations)
-    values = [pair.call("place", relative_q=design, parameters=np.array([size]))["q"] for size in (1.15, 1.4)]
+    values = [pair.call("initial_coordinates", relative_q=design, parameters=np.array([size]))["q"] for size in (1.15, 1.4)]
     assert np.abs(values[0] - values[1]).max() > 0.01
     for q, size in zip(values, (1.15, 1.4), strict=True):
-        shapes = pair.call("close", q=q, parameters=np.array([size]))["residual"]
+        shapes = pair.call("constraint_residual", q=q, parameters=np.array([size]))["residual"]
         guided = [i for i, name in enumerate(pair.natural.equation_names) if "guide" in name]
         assert np.abs(np.delete(shapes, guided)).max() < 1e-9
 

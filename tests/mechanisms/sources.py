@@ -29,7 +29,7 @@ from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Output, Scene
 from cutjoint.pipeline import derive, generate
-from cutjoint.reduce.ladder import STEPS
+from cutjoint.reduce.sequence import STEPS
 from cutjoint.run.scenes import find_scene
 from tests.mechanisms import bouncing, chains, four_bar, overconstrained, planar, random_models, swaying, switching, symmetric
 

@@ -56,7 +56,7 @@ class BlockMechanism:
 
     def solve(self, at: Instant, multipliers: Array, numerics: Numerics) -> Solution:
         """Accelerations, correction, residual and rate."""
-        results = {**self.results("evaluate"), **self.results("close")}
+        results = {**self.results("evaluate"), **self.results("constraint_residual")}
         values = interpret_blocks(results.values(), self.inputs(at, multipliers, numerics), self.roads)
 
         def column(quantity: str, names: list[str]) -> Array:

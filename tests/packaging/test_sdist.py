@@ -10,7 +10,7 @@ from pathlib import Path
 from tests.conftest import ROOT
 
 #: Folders that tests read beside their own.
-READ = ("benchmarks", "compiler", "measuring", "docs", "generated/four_bar", "models", "runtime", "templates")
+READ = ("compiler", "measuring", "docs", "generated/four_bar", "models", "runtime", "templates")
 
 
 def files_of_sdist(project: Path, out: Path) -> set[str]:

@@ -47,6 +47,13 @@ SCENES = [
 ]  # fmt: skip
 
 
+def test_a_mechanism_without_cut_joints_runs_as_with_a_penalty() -> None:
+    run = completed(simulate(compiled(MODELS / "pendulum.yaml"), end=1.0))
+    model = read_model(MODELS / "pendulum.yaml")
+    other = completed(simulate(compile_scene(model, with_closure(find_scene(model, None), "penalty")), end=1.0))
+    assert {name: list(column) for name, column in run.columns.items()} == {name: list(column) for name, column in other.columns.items()}
+
+
 @pytest.mark.parametrize("penalty", [10.0, 100.0, 1e12])
 @pytest.mark.parametrize(("model", "scene", "end"), SCENES)
 def test_constraints_hold_at_any_penalty(tmp_path: Path, model: str, scene: str | None, end: float, penalty: float) -> None:

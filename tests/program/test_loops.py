@@ -29,7 +29,7 @@ CASES: dict[str, Callable[[int], str]] = {
     "masses": lambda n: pendulums_in_a_row(n, masses=True),
     "springs": lambda n: pendulums_in_a_row(n, stiffnesses=True, masses=True),
 }
-FUNCTIONS = ("evaluate", "close", "project", "report")
+FUNCTIONS = ("evaluate", "constraint_residual", "project", "report")
 
 
 def formulate(text: str) -> RecursiveEquations:

@@ -15,9 +15,9 @@ from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.half.means import Nearness
 from cutjoint.reduce.half.nearly import halve_nearly
 from cutjoint.reduce.half.symmetry import halve
-from cutjoint.reduce.ladder import climb
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.records import Outcome
+from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.results import Trajectory
 from tests.conftest import MODELS
 from tests.mechanisms.symmetric import CARRIAGE
@@ -122,11 +122,11 @@ def test_a_standing_car_is_one_body() -> None:
     model = read_model(MODELS / "iltis.yaml")
     scene = model.scenes["iavsd_equilibrium"]
     scene = replace(scene, outputs=tuple(o for o in scene.outputs if o.element == "chassis"))
-    rungs = climb(model, scene, approximate=True)
-    assert [(r.name, r.unknowns) for r in rungs[-3:]] == [("frozen", 6), ("nearly planar", 3), ("rolling", 3)]
+    variants = reduction_sequence(model, scene, approximate=True)
+    assert [(r.name, r.unknowns) for r in variants[-3:]] == [("frozen", 6), ("nearly planar", 3), ("rolling", 3)]
     full = run(model, scene)
-    for rung in rungs[-3:]:
-        assert distance(run(rung.model, rung.scene), full) < 1e-7
+    for variant in variants[-3:]:
+        assert distance(run(variant.model, variant.scene), full) < 1e-7
 
 
 def uneven(share: float) -> tuple[Model, Scene]:

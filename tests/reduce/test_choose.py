@@ -17,7 +17,7 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce import choose as choose_module
-from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_rung
+from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_model
 from cutjoint.reduce.measure import distance
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
@@ -45,8 +45,8 @@ def auto(name: str, tolerance: float, end: float) -> tuple[Model, Scene]:
 
 
 def picked_run(model: Model, scene: Scene, choice: Choice) -> Trajectory:
-    rung = chosen_rung(model, scene, choice)
-    run = simulate(compile_scene(rung.model, rung.scene, method=rung.method))
+    variant = chosen_model(model, scene, choice)
+    run = simulate(compile_scene(variant.model, variant.scene, method=variant.method))
     assert run.failure is None
     return run
 
@@ -74,7 +74,7 @@ def test_the_chain_keeps_its_tolerance_across_its_singular_pose() -> None:
     assert np.abs(run["tip.y"] - np.cos(angle)).max() <= 1e-3
 
 
-MADE = Choice(picked=Candidate(rung="full", method="recursive", dt=0.01, error=1e-4, seconds=0.1), evidence=(), settled=1e-6)
+MADE = Choice(picked=Candidate(variant="full", method="recursive", dt=0.01, error=1e-4, seconds=0.1), evidence=(), settled=1e-6)
 
 
 @pytest.fixture
@@ -216,7 +216,7 @@ def test_the_command_runs_what_it_picks(tmp_path: Path) -> None:
     assert out.read_text().startswith("t,bob.x,bob.z\n")
 
 
-def test_reduce_prints_the_ladder() -> None:
+def test_reduce_prints_the_sequence() -> None:
     result = CliRunner().invoke(main, ["reduce", str(MODELS / "flyball.yaml")])
     assert result.exit_code == 0, result.output
     assert "welded" in result.output

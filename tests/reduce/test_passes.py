@@ -12,11 +12,11 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, RodForce, Scene
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.idle import drop_idle_equations
-from cutjoint.reduce.ladder import climb
 from cutjoint.reduce.light import lighten_links
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Outcome, Pass
+from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.results import Trajectory
 from tests.conftest import MODELS
@@ -208,35 +208,36 @@ def iltis(scene: str) -> tuple[Model, Scene]:
     return model, model.scenes[scene]
 
 
-def test_ladder_of_the_iltis() -> None:
+def test_sequence_of_the_iltis() -> None:
     """Coordinates and equations of design.md."""
-    rungs = climb(*iltis("simul3"))
-    assert [(r.name, r.unknowns, r.equations, r.motion) for r in rungs] == [("full", 42, 36, "exact"), ("links", 22, 12, "exact")]
-    assert [r.operations for r in rungs] == [12129, 8673]
+    variants = reduction_sequence(*iltis("simul3"))
+    assert [(r.name, r.unknowns, r.equations, r.motion) for r in variants] == [("full", 42, 36, "exact"), ("links", 22, 12, "exact")]
+    assert [r.operations for r in variants] == [12129, 8673]
 
 
-def test_ladder_of_half_the_iltis() -> None:
+def test_sequence_of_half_the_iltis() -> None:
     model, scene = iltis("simul1")
-    rungs = climb(model, scene)
-    assert [(r.name, r.unknowns, r.equations) for r in rungs] == [("full", 42, 36), ("welded", 42, 36), ("half", 21, 18), ("links", 11, 6)]
-    assert [r.operations for r in rungs] == [12060, 12045, 5046, 3402]
+    variants = reduction_sequence(model, scene)
+    sizes = [("full", 42, 36), ("welded", 42, 36), ("half", 21, 18), ("links", 11, 6)]
+    assert [(r.name, r.unknowns, r.equations) for r in variants] == sizes
+    assert [r.operations for r in variants] == [12060, 12045, 5046, 3402]
 
 
 def test_outputs_keep_their_columns() -> None:
     model, scene = iltis("simul1")
-    for rung in climb(model, scene):
-        assert [o.column for o in rung.scene.outputs] == [o.column for o in scene.outputs]
+    for variant in reduction_sequence(model, scene):
+        assert [o.column for o in variant.scene.outputs] == [o.column for o in scene.outputs]
 
 
-def test_the_ladder_leaves_what_costs_more() -> None:
+def test_the_sequence_leaves_what_costs_more() -> None:
     model = read_model(MODELS / "four_bar.yaml")
-    (rung,) = climb(model, model.scenes["swing"])
-    assert {note.words for note in rung.left} == {"stays: the pass 'idle equations' would take 490 operations in place of 388"}
+    (variant,) = reduction_sequence(model, model.scenes["swing"])
+    assert {note.words for note in variant.left} == {"stays: the pass 'idle equations' would take 490 operations in place of 388"}
 
 
-def columns_of(rung_of: Callable[[Model, Scene], Outcome], scene: str) -> list[str]:
+def columns_of(reduced: Callable[[Model, Scene], Outcome], scene: str) -> list[str]:
     model, asked = iltis(scene)
-    outcome = rung_of(model, replace(asked, outputs=asked.outputs[:3]))
+    outcome = reduced(model, replace(asked, outputs=asked.outputs[:3]))
     return [o.column for o in outcome.scene.outputs]
 
 

@@ -9,10 +9,10 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Scene
 from cutjoint.pipeline import compile_scene, generate, simulate
 from cutjoint.reduce.half.nearly import flatten_nearly
-from cutjoint.reduce.ladder import climb
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.records import Outcome
+from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.results import Trajectory
 from tests.conftest import MODELS
 from tests.mechanisms.planar import SWING, random_tree
@@ -112,11 +112,11 @@ def test_hinges_are_in_their_plane_already() -> None:
     assert flatten(model, model.scenes["swing"]).done == ()
 
 
-def test_a_rung_that_a_method_refuses_is_left() -> None:
+def test_a_model_that_a_method_refuses_is_left() -> None:
     """Two equations a loop depend on each other where all bars are in line, and the classical method says so."""
     model = read_model(MODELS / "four_bar.yaml")
-    (rung,) = climb(model, model.scenes["swing"], "classical")
-    assert "stays: the method classical does not take what the pass 'idle equations' leaves" in {note.words for note in rung.left}
+    (variant,) = reduction_sequence(model, model.scenes["swing"], "classical")
+    assert "stays: the method classical does not take what the pass 'idle equations' leaves" in {note.words for note in variant.left}
 
 
 def tilted(share: float) -> tuple[Model, Scene]:

@@ -56,7 +56,7 @@ def state(equations: LagrangianEquations) -> tuple[Array, dict[str, float]]:
     """Random coordinates, which satisfy no equation, and the equations' residuals by name."""
     q = np.random.default_rng(1).standard_normal(len(equations.coordinate_names))
     at = {"q": q, "v": 0 * q, "vdot": 0 * q, "t": np.array([NOW]), "motion": np.array([1.0])}
-    return q, dict(zip(equations.equation_names, call(equations, "close", at)["residual"], strict=True))
+    return q, dict(zip(equations.equation_names, call(equations, "constraint_residual", at)["residual"], strict=True))
 
 
 def random_equations(model: Model) -> LagrangianEquations:

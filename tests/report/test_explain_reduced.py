@@ -10,8 +10,8 @@ from cutjoint.export.mechanism import build_mechanism
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.reduce.guards import guard_forces
-from cutjoint.reduce.ladder import climb
 from cutjoint.reduce.links import shorten_links
+from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.explain.document import explain
 from cutjoint.run.errors import RunError
 from tests.conftest import MODELS
@@ -44,8 +44,8 @@ def test_sensors_of_rods() -> None:
 
 def test_columns_that_stand_for_others() -> None:
     model = read_model_text(WELDED, "welded.yaml")
-    rung = climb(model, model.scenes["fall"])[-1]
-    text = explain(rung.model, rung.scene, done=rung.done)
+    variant = reduction_sequence(model, model.scenes["fall"])[-1]
+    text = explain(variant.model, variant.scene, done=variant.done)
     assert "| `bob.roll` | 1 `rod.roll` |" in text
 
 
@@ -54,7 +54,7 @@ def test_a_model_as_its_file_has_it_says_nothing_of_passes() -> None:
     assert "Reduced model" not in explain(model, model.scenes["fall"])
 
 
-def test_the_command_explains_the_last_exact_rung() -> None:
+def test_the_command_explains_the_last_exact_model() -> None:
     done = CliRunner().invoke(main, ["explain", str(MODELS / "flyball.yaml"), "--reduced"])
     assert done.exit_code == 0, done.output
     assert "does not move: 'right.ball' becomes a part of 'right.rod'" in done.output

@@ -29,12 +29,12 @@ Json evaluate(System& system, const Json& state) {
   Array tangent(d.pattern.row.size()), column(d.columns.size());
   const long before = allocations;
   system.begin_step(t, motion);
-  system.place(relative_q.data(), relative_v.data(), placed_q.data(), placed_v.data());
-  system.balance(q.data(), v.data(), vdot.data(), lambda.data(), penalty, balance.data(), residual.data());
+  system.initial_coordinates(relative_q.data(), relative_v.data(), placed_q.data(), placed_v.data());
+  system.dynamic_residual(q.data(), v.data(), vdot.data(), lambda.data(), penalty, balance.data(), residual.data());
   system.linearise(q.data(), v.data(), vdot.data(), lambda.data(), penalty, {weights[0], weights[1], weights[2]}, linear_balance.data(),
                    linear_residual.data(), tangent.data());
-  system.close(q.data(), v.data(), vdot.data(), phi.data(), rate.data(), curvature.data());
-  system.pull(q.data(), w.data(), force.data());
+  system.constraint_residual(q.data(), v.data(), vdot.data(), phi.data(), rate.data(), curvature.data());
+  system.apply_jacobian_transposed(q.data(), w.data(), force.data());
   system.report(q.data(), v.data(), vdot.data(), lambda.data(), column.data());
   const long counted = allocations - before;
   return {{"q", placed_q}, {"v", placed_v}, {"balance", balance}, {"residual", residual}, {"linear_balance", linear_balance},

@@ -144,7 +144,7 @@ def random_state(case: Case, seed: int) -> dict[str, Any]:
     relative_q, relative_v = random_models.state(dense.layout, dense.nq, dense.nv, rng)
     t, motion = np.array([rng.uniform(0.1, 2.0)]), np.array([float(seed != 1)])
     state = {"relative_q": relative_q, "relative_v": relative_v, "t": t, "motion": motion}
-    placed = interpret(case, "place", state)
+    placed = interpret(case, "initial_coordinates", state)
     return {
         **state, "q": placed["q"] + 0.05 * rng.standard_normal(n), "v": placed["v"] + rng.standard_normal(n),
         "vdot": rng.standard_normal(n), "lambda": rng.standard_normal(m), "w": rng.standard_normal(m), "penalty": np.array([0.7]),
@@ -166,7 +166,7 @@ def interpret(case: Case, function: str, state: Mapping[str, np.ndarray]) -> dic
     results = equations.function(function).results
     values = interpret_blocks(results.values(), inputs, dict.fromkeys(equations.roads, Ground(case.road)))
     n, m, c = len(equations.coordinate_names), len(equations.equation_names), len(equations.columns)
-    sizes = {"q": n, "v": n, "balance": n, "force": n, "residual": m, "rate": m, "curvature": m, "column": c}
+    sizes = {"q": n, "v": n, "force_residual": n, "force": n, "residual": m, "rate": m, "curvature": m, "column": c}
     found = {array: np.zeros(size) for array, size in sizes.items()}
     size = n if equations.method == "augmented" else n + m
     found["tangent"] = np.zeros((size, size))
@@ -223,11 +223,13 @@ def check_agreement(program: Path, case: Case, folder: Path, count: int = 2) -> 
 
 def check_state(case: Case, state: Mapping[str, np.ndarray], found: Mapping[str, Any]) -> None:
     place, balance, linear, close, pull, report = (
-        interpret(case, f, state) for f in ("place", "balance", "linearise", "close", "pull", "report")
+        interpret(case, f, state) for f in (
+            "initial_coordinates", "dynamic_residual", "linearise", "constraint_residual", "apply_jacobian_transposed", "report"
+        )
     )
     wanted = {
-        "q": place["q"], "v": place["v"], "balance": balance["balance"], "residual": balance["residual"],
-        "linear_balance": linear["balance"], "linear_residual": linear["residual"], "tangent": linear["tangent"],
+        "q": place["q"], "v": place["v"], "balance": balance["force_residual"], "residual": balance["residual"],
+        "linear_balance": linear["force_residual"], "linear_residual": linear["residual"], "tangent": linear["tangent"],
         "phi": close["residual"], "rate": close["rate"], "curvature": close["curvature"], "force": pull["force"],
     }  # fmt: skip
     for name, value in wanted.items():
@@ -388,13 +390,13 @@ def natural_state(case: Case, at: Instant) -> dict[str, np.ndarray]:
     n, m = len(case.equations.coordinate_names), len(case.equations.equation_names)
     zero = {"vdot": np.zeros(n), "lambda": np.zeros(m), "w": np.zeros(m), "penalty": np.zeros(1), "weights": np.array([0.0, 0.0, 1.0])}
     state = {"relative_q": at.q, "relative_v": at.v, "t": np.array([at.t]), "motion": np.array([at.motion]), **zero}
-    placed = interpret(case, "place", state)
+    placed = interpret(case, "initial_coordinates", state)
     state |= {"q": placed["q"], "v": placed["v"]}
-    linear, close = interpret(case, "linearise", state), interpret(case, "close", state)
+    linear, close = interpret(case, "linearise", state), interpret(case, "constraint_residual", state)
     assert np.abs(close["residual"]).max() < 1e-8
     assert np.abs(close["rate"]).max() < 1e-7
     K = linear["tangent"]
-    vdot, multipliers = solve_motion(K[:n, :n], K[n:, :n], -linear["balance"], -close["curvature"])
+    vdot, multipliers = solve_motion(K[:n, :n], K[n:, :n], -linear["force_residual"], -close["curvature"])
     return {**state, "vdot": vdot, "lambda": multipliers}
 
 

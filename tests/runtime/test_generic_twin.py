@@ -183,7 +183,7 @@ def interpret(case: Case, state: Mapping[str, Any], vdot: np.ndarray) -> dict[st
     """The same results by the interpreter of the block IR; the columns are those of the given accelerations."""
     equations = case.equations
     inputs = block_inputs(case, state, vdot)
-    residuals = {c.joint: equations.function("close").results[f"residual:{c.joint}"] for c in equations.closures}
+    residuals = {c.joint: equations.function("constraint_residual").results[f"residual:{c.joint}"] for c in equations.closures}
     gaps = interpret_blocks(residuals.values(), inputs, {})
     inputs |= {f"gap:{joint}": gaps[block][:, 0] for joint, block in residuals.items()}
     results = {name: block for function in equations.functions for name, block in function.results.items()}

@@ -68,12 +68,12 @@ def check_functions(method: str, state: dict[str, Any], found: dict[str, np.ndar
     weight = 9.81 * np.array([0, 0, 1.5, 0, 0, 0.5])
     forces = spring @ (10 * np.concatenate([p, q]) + 2 * np.concatenate([v, w]))
     expected = {
-        "residual": residual, "rate": J @ np.concatenate([v, w]), "pull": J.T @ pulls,
+        "residual": residual, "rate": J @ np.concatenate([v, w]), "force": J.T @ pulls,
         "curvature": J @ np.concatenate([a, b]) + [v @ v, (w - v) @ (w - v)],
-        "balance": mass @ np.concatenate([a, b]) + weight + forces + J.T @ (penalty * residual + multipliers),
+        "force_residual": mass @ np.concatenate([a, b]) + weight + forces + J.T @ (penalty * residual + multipliers),
         "columns": np.concatenate([p, q, v, w, a, b, multipliers], axis=None),
     }  # fmt: skip
-    expected |= {"linearised_balance": expected["balance"], "linearised_residual": residual, "closed_residual": residual}
+    expected |= {"linearised_force_residual": expected["force_residual"], "linearised_residual": residual, "closed_residual": residual}
     A, c = mass + spring * (WEIGHTS["damping"] * 2 + WEIGHTS["stiffness"] * 10), WEIGHTS["constraint"]
     whole = A + c * J.T @ J if method == AUGMENTED else np.block([[A, c * J.T], [c * J, np.zeros((2, 2))]])
     expected["solution"] = np.linalg.solve(whole, state["right"])

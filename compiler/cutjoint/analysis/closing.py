@@ -46,7 +46,7 @@ def design_coordinates(equations: RecursiveEquations) -> Array:
 
 def evaluate_closures(equations: RecursiveEquations, q: Array, t: float = 0.0) -> tuple[Array, Array]:
     """Residual (equations) and Jacobian (equations, speeds) of the cut joints, guides standing still where they are at ``t`` (s)."""
-    close = next(f for f in equations.functions if f.name == "close").results
+    close = next(f for f in equations.functions if f.name == "constraint_residual").results
     residuals, rates = ([close[f"{quantity}:{c.joint}"] for c in equations.closures] for quantity in ("residual", "rate"))
     values = _interpret(equations, q, [*residuals, *rates], t)
     residual = np.concatenate([np.zeros(0), *(values[block][:, 0] for block in residuals)])
@@ -55,7 +55,7 @@ def evaluate_closures(equations: RecursiveEquations, q: Array, t: float = 0.0) -
 
 def evaluate_guided_rates(equations: RecursiveEquations, q: Array, t: float) -> Array:
     """The rates (equations) at which guides alone open the loops at ``t`` (s)."""
-    close = next(f for f in equations.functions if f.name == "close").results
+    close = next(f for f in equations.functions if f.name == "constraint_residual").results
     rates = [close[f"rate:{c.joint}"] for c in equations.closures]
     inputs = {**make_inputs(equations, q, np.zeros(equations.speeds), t), "motion": np.ones(1)}
     values = interpret_blocks(rates, inputs, _roads(equations))

@@ -1,6 +1,6 @@
 """Guides that contradict each other: loops that cannot stay closed while they move.
 
-The penalty of a cut joint would let such a loop gape without a word, since guides move as they are told.
+The penalty of a cut joint would let such a loop gape without a word, since a guide does not yield to forces.
 """
 
 from __future__ import annotations

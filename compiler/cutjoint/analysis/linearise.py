@@ -30,7 +30,7 @@ def linearise(equations: ImplicitEquations, state: Mapping[str, Any], evaluate: 
     pulls = [{**tangents[0], "w": list(row)} for row in np.eye(m)]
     results = evaluate([*tangents, *pulls])
     M, C, K = (_dense(equations, result["tangent"], n) for result in results[:3])
-    J = np.array([result["pull"] for result in results[3:]]).reshape(m, n)
+    J = np.array([result["force"] for result in results[3:]]).reshape(m, n)
     v = np.asarray(state["v"])
     return Linearisation(
         names=coordinate_names(equations), M=M, C=C - M, K=K - M, W=_turning(equations, v), J=J,

@@ -68,7 +68,7 @@ def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
 def _moving(equations: LagrangianEquations, pose: Pose, rng: np.random.Generator) -> NaturalState:
     free = pose.free
     speeds = free @ rng.standard_normal(free.shape[1])
-    placed = call(equations, "place", {"relative_q": pose.q, "relative_v": speeds})
+    placed = call(equations, "initial_coordinates", {"relative_q": pose.q, "relative_v": speeds})
     return NaturalState(q=placed["q"], v=placed["v"])
 
 
@@ -77,7 +77,7 @@ def constraint_jacobian(equations: LagrangianEquations, q: Array) -> Array:
     m, n = len(equations.equation_names), len(equations.coordinate_names)
     if m == 0:
         return np.zeros((0, n))
-    return np.broadcast_to(call(equations, "pull", {"q": q, "w": np.eye(m)})["force"], (m, n))
+    return np.broadcast_to(call(equations, "apply_jacobian_transposed", {"q": q, "w": np.eye(m)})["force"], (m, n))
 
 
 def dependent_equations(equations: LagrangianEquations, states: Sequence[NaturalState]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import click
 
 from cutjoint.commands import options
 from cutjoint.model.read import read_model
-from cutjoint.reduce.ladder import climb
+from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.explain.document import explain
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
@@ -27,8 +27,8 @@ def command(model: Path, scene: str | None, method: str, reduced: bool, out: Pat
     checked = read_model(model)
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"explaining {model.name}"):
-        rung = climb(checked, chosen, method)[-1] if reduced else None
-        text = explain(rung.model, rung.scene, method, done=rung.done) if rung else explain(checked, chosen, method)
+        variant = reduction_sequence(checked, chosen, method)[-1] if reduced else None
+        text = explain(variant.model, variant.scene, method, done=variant.done) if variant else explain(checked, chosen, method)
     if out is None:
         click.echo(text, nl=False)
     else:

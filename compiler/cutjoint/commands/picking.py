@@ -10,9 +10,9 @@ from cutjoint.commands.preparing import Play, compile_request, prepare, require_
 from cutjoint.methods import AUTO
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import Prepared, Request
-from cutjoint.reduce.choose import choose, chosen_rung
-from cutjoint.reduce.ladder import Rung
-from cutjoint.report.ladder import choice_table
+from cutjoint.reduce.choose import choose, chosen_model
+from cutjoint.reduce.sequence import ReducedModel
+from cutjoint.report.reductions import choice_table
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
@@ -28,18 +28,18 @@ def pick_and_play(
         integrator=asked.integrator, events=asked.events, precision=request.precision, dt=asked.dt, end=asked.end,
         iterations=asked.iterations,
     )  # fmt: skip
-    rung = _pick(model, scene, asked.tolerance, parameters)
-    prepared = prepare(compile_request(request, rung.model, rung.scene, rung.method), Options(), parameters)
+    variant = _pick(model, scene, asked.tolerance, parameters)
+    prepared = prepare(compile_request(request, variant.model, variant.scene, variant.method), Options(), parameters)
     run = play(prepared)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the full model", markup=False)
-        full = replace(scene, numerics=rung.scene.numerics)
-        prepared = prepare(compile_request(request, model, full, rung.method), Options(), parameters)
+        full = replace(scene, numerics=variant.scene.numerics)
+        prepared = prepare(compile_request(request, model, full, variant.method), Options(), parameters)
         run = play(prepared)
     return prepared, run
 
 
-def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> Rung:
+def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> ReducedModel:
     """The model, scene and method that method auto picks; it says what and why."""
     wanted = replace(scene, method=AUTO, tolerance=tolerance or scene.tolerance)
     if wanted.tolerance is None:
@@ -47,4 +47,4 @@ def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mappi
     with options.progress_bar(f"picking what keeps {wanted.tolerance:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
     options.out.print(choice_table(choice, wanted))
-    return chosen_rung(model, wanted, choice)
+    return chosen_model(model, wanted, choice)

@@ -8,9 +8,9 @@ import click
 
 from cutjoint.commands import options
 from cutjoint.model.read import read_model
-from cutjoint.reduce.ladder import climb
-from cutjoint.reduce.measure import measure_rungs
-from cutjoint.report.ladder import ladder_table, note_lines
+from cutjoint.reduce.measure import measure_reduced
+from cutjoint.reduce.sequence import reduction_sequence
+from cutjoint.report.reductions import note_lines, reduction_table
 from cutjoint.run.scenes import find_scene
 
 
@@ -23,11 +23,11 @@ from cutjoint.run.scenes import find_scene
 @options.changes
 @options.reports_errors
 def command(model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...]) -> None:
-    """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every rung."""
+    """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every reduced model."""
     checked = read_model(model)
     with options.progress_bar(f"reducing {model.name}"):
-        rungs = climb(checked, find_scene(checked, scene), method, approximate=approximate)
-        costs = measure_rungs(rungs, dt=dt, parameters=options.read_parameters(changes))
-    options.out.print(ladder_table(rungs, costs))
-    for line in note_lines(rungs[-1]):
+        variants = reduction_sequence(checked, find_scene(checked, scene), method, approximate=approximate)
+        costs = measure_reduced(variants, dt=dt, parameters=options.read_parameters(changes))
+    options.out.print(reduction_table(variants, costs))
+    for line in note_lines(variants[-1]):
         options.out.print(line, markup=False)

@@ -19,18 +19,20 @@ _AXES = {3: ("x", "y", "z"), 6: ("vx", "vy", "vz", "wx", "wy", "wz")}
 
 
 def name_scalars(program: Program) -> dict[int, str]:
-    """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_vx``."""
+    """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_vx``.
+
+    A scalar has the name of its first block; there, of the elements that it is, one with its own sign names it before a negative one.
+    """
     names: dict[int, str] = {}
     taken = set(MACROS)
     for block, label in sorted(program.labels.items(), key=lambda item: item[0].number):
-        if block not in program.elements:
-            continue
-        for i, row in enumerate(program.elements[block]):
-            for j, scalar in enumerate(row):
-                bare = program.graph.signless(scalar)
-                if bare not in names and program.graph.nodes[bare].op not in ("const", "symbol"):
-                    sign = "" if bare == scalar else "_negated"
-                    names[bare] = unique(label.text + _suffix(label, block.shape, i, j) + sign, taken)
+        found = [
+            (program.graph.signless(scalar), scalar, label.text + _suffix(label, block.shape, i, j))
+            for i, row in enumerate(program.elements.get(block, ())) for j, scalar in enumerate(row)
+        ]  # fmt: skip
+        for bare, scalar, name in sorted(found, key=lambda x: x[0] != x[1]):
+            if bare not in names and program.graph.nodes[bare].op not in ("const", "symbol"):
+                names[bare] = unique(name if bare == scalar else f"{name}_negated", taken)
     return names
 
 

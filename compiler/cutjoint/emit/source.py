@@ -193,7 +193,7 @@ def environment() -> jinja2.Environment:
 
 
 def mechanism_class(stem: str) -> str:
-    """The model's name in capitals, unless that or its system's has a meaning of its own where the class stands, or may be a macro."""
+    """The name of a model's class: its parts capitalised, with "Model" at the end where that name is taken there, or may be a macro."""
     name = "".join(part[:1].upper() + part[1:] for part in stem.split("_"))
     taken = not _TAKEN.isdisjoint((name, system_class(name))) or name.startswith("Lanes") or (name.isupper() and len(name) > 1)
     return f"{name}Model" if taken else name

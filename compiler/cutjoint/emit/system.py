@@ -14,12 +14,12 @@ from cutjoint.sparse.pattern import Pattern
 from cutjoint.sparse.plan import Plan
 
 _ABOUT = {
-    "place": "The system's coordinates and their rates from relative coordinates and speeds.",
-    "balance": "M vdot + Phi_q^T (penalty Phi + lambda) - Q, and Phi.",
+    "initial_coordinates": "The system's coordinates and their rates from relative coordinates and speeds.",
+    "dynamic_residual": "M vdot + Phi_q^T (penalty Phi + lambda) - Q, and Phi.",
     "linearise": "The same, and the entries of the tangent.",
-    "close": "Phi, Phid = Phi_q v + Phi_t, and Phidd.",
-    "pull": "Phi_q^T w.",
-    "stretch": "Phi_q x.",
+    "constraint_residual": "Phi, Phid = Phi_q v + Phi_t, and Phidd.",
+    "apply_jacobian_transposed": "Phi_q^T w.",
+    "apply_jacobian": "Phi_q x.",
     "report": "The reported columns.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
     "events": "The values of the switches, at whose changes of sign formulas change.",

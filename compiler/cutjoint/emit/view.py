@@ -20,12 +20,12 @@ from cutjoint.program.scalars import Graph
 
 @dataclass(frozen=True, kw_only=True)
 class SectionView:
-    """One body, joint, cut joint or force of a generated function; with a number it begins that ``stretch`` of a long one.
+    """One body, joint, cut joint or force of a generated function; with a number it begins that ``part`` of a long one.
 
     Inside a loop the first section has the lines that ``opening`` it take, the last ``closes`` it.
     """
 
-    stretch: int
+    part: int
     title: str
     notes: tuple[str, ...]
     statements: tuple[Statement, ...]
@@ -53,8 +53,8 @@ class FunctionView:
 #: Characters of a line of a generated expression.
 LINE = 110
 
-#: A function of more statements is compiled in stretches of about so many: the time of GCC's combiner grows with the square of a stretch.
-LONG, STRETCH = 4000, 1000
+#: A function of more statements is compiled in parts of about so many: the time of GCC's combiner grows with the square of a part.
+LONG, PART = 4000, 1000
 
 #: Symbols whose elements are members of a record among the arguments.
 _MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
@@ -164,7 +164,7 @@ class Viewer:
         printer = self._printer(known, self._program.graph, self._program.sections, self._names, self._taken())
         sections = self._sections(printer.statements(nodes, printer.count_uses(nodes, kept)), self._program.sections)
         results = [f"{self._member(n)} = {printer.text(n)};" for n in kept]
-        return self._view(name, arguments, _in_stretches(sections), [*results, *extra], ())
+        return self._view(name, arguments, _in_parts(sections), [*results, *extra], ())
 
     def function(self, name: str) -> FunctionView:
         """One of the functions that a step calls."""
@@ -189,7 +189,7 @@ class Viewer:
         sections += self._sections(before, rolled.sections)
         results = [f"{self._target(r)} = {printer.text(r.scalar)};" for r in rolled.results]
         results += _stores(rolled, loops, printer)
-        return self._view(name, self._equations.function(name).arguments, _in_stretches(sections), results, loops.arrays)
+        return self._view(name, self._equations.function(name).arguments, _in_parts(sections), results, loops.arrays)
 
     def _loop(self, i: int, rolled: Rolled, loops: Written, printer: Printer) -> list[SectionView]:
         """The sections of a loop's body; none where it only stores results."""
@@ -246,20 +246,20 @@ class Viewer:
         for number, group in groupby(statements, key=lambda s: s.section):
             section, own = sections[number], tuple(_wrapped(s) for s in group)
             notes = tuple(on_one_line(x) for x in (section.equation, section.source) if x)
-            views.append(SectionView(stretch=0, title=section.title, notes=notes, statements=own))
+            views.append(SectionView(part=0, title=section.title, notes=notes, statements=own))
         return views
 
 
-def _in_stretches(sections: Sequence[SectionView]) -> list[SectionView]:
-    """The sections of a long function with the beginnings of its stretches marked."""
+def _in_parts(sections: Sequence[SectionView]) -> list[SectionView]:
+    """The sections of a long function with the beginnings of its parts marked."""
     if sum(len(s.statements) for s in sections) <= LONG:
         return list(sections)
     views: list[SectionView] = []
-    before = stretches = 0
+    before = parts = 0
     for section in sections:
-        begins = before // STRETCH > stretches and not section.indent
-        stretches = before // STRETCH if begins else stretches
-        views.append(replace(section, stretch=stretches if begins else 0))
+        begins = before // PART > parts and not section.indent
+        parts = before // PART if begins else parts
+        views.append(replace(section, part=parts if begins else 0))
         before += len(section.statements)
     return views
 

@@ -21,7 +21,7 @@ from cutjoint.twin.mechanism import describe_generic
 
 Array = NDArray[np.float64]
 
-#: A rotation or a shift nearer to none than this is none: what is left is the rounding of differences of coordinates.
+#: A rotation (rad) or a shift (m) below this is rounding of differences of coordinates, and counts as zero.
 ROUNDING = 1e-14
 
 

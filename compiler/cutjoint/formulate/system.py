@@ -8,17 +8,17 @@ from cutjoint.formulate.records import Function
 from cutjoint.program.blocks import Block
 
 _STATE = ("const Real* q", "const Real* v", "const Real* vdot")
-_BALANCE = (*_STATE, "const Real* lambda", "Real penalty")
-_BALANCED = ("Real* balance", "Real* residual")
+_MOTION = (*_STATE, "const Real* lambda", "Real penalty")
+_RESIDUALS = ("Real* force_residual", "Real* residual")
 
 #: The arguments of each function, results last.
 _ARGUMENTS: Mapping[str, tuple[str, ...]] = {
-    "place": ("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"),
-    "balance": (*_BALANCE, *_BALANCED),
-    "linearise": (*_BALANCE, "const Weights<Real>& weights", *_BALANCED, "Real* tangent"),
-    "close": (*_STATE, "Real* residual", "Real* rate", "Real* curvature"),
-    "pull": ("const Real* q", "const Real* w", "Real* force"),
-    "stretch": ("const Real* q", "const Real* vdot", "Real* change"),
+    "initial_coordinates": ("const Real* relative_q", "const Real* relative_v", "Real* q", "Real* v"),
+    "dynamic_residual": (*_MOTION, *_RESIDUALS),
+    "linearise": (*_MOTION, "const Weights<Real>& weights", *_RESIDUALS, "Real* tangent"),
+    "constraint_residual": (*_STATE, "Real* residual", "Real* rate", "Real* curvature"),
+    "apply_jacobian_transposed": ("const Real* q", "const Real* w", "Real* force"),
+    "apply_jacobian": ("const Real* q", "const Real* vdot", "Real* change"),
     "report": (*_STATE, "const Real* lambda", "Real* column"),
 }
 
@@ -30,12 +30,14 @@ EQUATION_ARRAYS = ("lambda", "w", "residual", "rate", "curvature", "change")
 
 
 def system_functions(
-    place: Mapping[str, Block], balance: Mapping[str, Block], tangent: Mapping[str, Block], close: Mapping[str, Block],
-    pull: Mapping[str, Block], stretch: Mapping[str, Block], report: Mapping[str, Block],
+    *, initial_coordinates: Mapping[str, Block], dynamic_residual: Mapping[str, Block], tangent: Mapping[str, Block],
+    constraint_residual: Mapping[str, Block], apply_jacobian_transposed: Mapping[str, Block], apply_jacobian: Mapping[str, Block],
+    report: Mapping[str, Block],
 ) -> tuple[Function, ...]:  # fmt: skip
-    """The functions with their results; ``linearise`` has those of the balance and of the tangent."""
+    """The functions with their results; ``linearise`` has those of the dynamic residual and of the tangent."""
     results = {
-        "place": place, "balance": balance, "linearise": {**balance, **tangent}, "close": close, "pull": pull, "stretch": stretch,
-        "report": report,
+        "initial_coordinates": initial_coordinates, "dynamic_residual": dynamic_residual, "linearise": {**dynamic_residual, **tangent},
+        "constraint_residual": constraint_residual, "apply_jacobian_transposed": apply_jacobian_transposed,
+        "apply_jacobian": apply_jacobian, "report": report,
     }  # fmt: skip
     return tuple(Function(name=name, arguments=arguments, results=results[name]) for name, arguments in _ARGUMENTS.items())

@@ -30,7 +30,7 @@ WORTH = 20
 #: Iterations side by side.
 LANES = 4
 
-#: A loop whose iterations have fewer statements than this for each table of values is none.
+#: Statements that an iteration of a loop must have for each table of values that the loop reads; with fewer, it stays unrolled.
 COSTLY = 4
 
 _CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})

@@ -1,7 +1,8 @@
 """`method: auto`: the cheapest model, formulation and step that keep a scene's tolerance, found by calibration runs.
 
-The truth is the full model at steps that are halved until nothing changes any more.  Every rung of every method's ladder is then tried with
-steps that are whole fractions or multiples of the distance of the scene's rows, and timed at the longest that keeps the tolerance.
+The truth is the full model at steps that are halved until nothing changes any more.  Every reduced model of every method is then
+tried with steps that are whole fractions or multiples of the distance of the scene's rows, and timed at the longest that keeps the
+tolerance.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
 from cutjoint.prepared import made_with
-from cutjoint.reduce.ladder import Rung, climb
 from cutjoint.reduce.measure import distance, time_run
+from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.truth import Truth, at_step, find_truth, fraction, run_at
 from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError
@@ -38,7 +39,8 @@ LONGEST, SHORTEST = 16, 2**-9
 #: From one step that is tried to the next.
 RATIO = 2**0.5
 
-#: A rung is given up where a run takes so many times as long as the best so far, and an error counts as lower below this share of another.
+#: A reduced model is given up where a run takes so many times as long as the best so far.  An error counts as lower below this share of
+#: another.
 PATIENCE, SETTLING = 3.0, 0.9
 
 #: Rounds in which the fastest are timed in turns.
@@ -46,9 +48,9 @@ ROUNDS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A rung with a method at a step (s): its distance from the truth and its time in s; or why it was left."""
+    """A reduced model with a method at a step (s): its distance from the truth and its time in s; or why it was left."""
 
-    rung: str
+    variant: str
     method: str
     dt: float
     error: float
@@ -58,7 +60,10 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What was picked; ``evidence`` are all candidates, one for each rung of each method, ``settled`` how far the truth still moved."""
+    """What was picked.
+
+    ``evidence`` has a candidate for each reduced model of each method, ``settled`` is how far the truth still moved.
+    """
 
     picked: Candidate
     evidence: tuple[Candidate, ...]
@@ -79,13 +84,13 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
     return kept if kept is not None else _keep(_calibrate(model, scene, parameters or {}), place)
 
 
-def chosen_rung(model: Model, scene: Scene, choice: Choice) -> Rung:
-    """The rung that was picked, with its step as the scene's own."""
+def chosen_model(model: Model, scene: Scene, choice: Choice) -> ReducedModel:
+    """The reduced model that was picked, with its step as the scene's own."""
     picked = choice.picked
-    rung = next(r for r in climb(model, scene, picked.method, approximate=True) if r.name == picked.rung)
-    step = common_step(picked.dt, rung.scene.output_step)
-    numerics = replace(rung.scene.numerics, methods={**rung.scene.numerics.methods, picked.method: _own(rung.scene, picked)})
-    return replace(rung, scene=replace(rung.scene, numerics=numerics, output_step=step))
+    variant = next(r for r in reduction_sequence(model, scene, picked.method, approximate=True) if r.name == picked.variant)
+    step = common_step(picked.dt, variant.scene.output_step)
+    numerics = replace(variant.scene.numerics, methods={**variant.scene.numerics.methods, picked.method: _own(variant.scene, picked)})
+    return replace(variant, scene=replace(variant.scene, numerics=numerics, output_step=step))
 
 
 def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
@@ -128,12 +133,12 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     return Choice(picked=picked, evidence=evidence, settled=truth.settled)
 
 
-def _timed_in_turns(tried: Sequence[tuple[Candidate, Rung | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
+def _timed_in_turns(tried: Sequence[tuple[Candidate, ReducedModel | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
     """The candidates; those that may be the fastest are timed again, in turns, so that all are disturbed alike."""
     fastest = min((c.seconds for c, _ in tried if not c.failure), default=inf)
     close = {
-        c: at_step(compile_scene(rung.model, rung.scene, method=rung.method), c.dt)
-        for c, rung in tried if rung is not None and not c.failure and c.seconds <= PATIENCE * fastest
+        c: at_step(compile_scene(variant.model, variant.scene, method=variant.method), c.dt)
+        for c, variant in tried if variant is not None and not c.failure and c.seconds <= PATIENCE * fastest
     }  # fmt: skip
     if len(close) < 2:
         return tuple(c for c, _ in tried)
@@ -147,38 +152,38 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
     if not ran:
         return "; ".join(f"{c.method}: {c.failure}" for c in evidence)
     best = min(ran, key=lambda c: c.error)
-    return f"{best.method} ({best.rung}) came to {best.error:.2g}; hint: write a larger tolerance"
+    return f"{best.method} ({best.variant}) came to {best.error:.2g}; hint: write a larger tolerance"
 
 
 def _candidates(
     model: Model, scene: Scene, parameters: Mapping[str, float], truth: Truth
-) -> Iterator[tuple[Candidate, Rung | None]]:  # fmt: skip
+) -> Iterator[tuple[Candidate, ReducedModel | None]]:  # fmt: skip
     best = inf
     for method in METHODS:
         try:
-            rungs = climb(model, scene, method, approximate=True)
+            variants = reduction_sequence(model, scene, method, approximate=True)
         except (ModelError, RunError) as error:
-            yield Candidate(rung="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None
+            yield Candidate(variant="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None
             continue
-        last_of = {rung.motion: rung for rung in rungs}
-        for rung in last_of.values():
-            candidate = try_rung(rung, scene, parameters, truth, limit=PATIENCE * best)
+        last_of = {variant.motion: variant for variant in variants}
+        for variant in last_of.values():
+            candidate = try_reduced(variant, scene, parameters, truth, limit=PATIENCE * best)
             best = min(best, inf if candidate.failure else candidate.seconds)
-            yield candidate, rung
+            yield candidate, variant
 
 
-def try_rung(
-    rung: Rung, scene: Scene, parameters: Mapping[str, float], truth: Truth, *, ratio: float = RATIO, limit: float = inf
+def try_reduced(
+    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, *, ratio: float = RATIO, limit: float = inf
 ) -> Candidate:  # fmt: skip
     """The longest step that keeps the scene's tolerance, and what a run takes there; steps fall by ``ratio``.
 
     It gives up where a run takes longer than ``limit`` (s), or where a fourth of the step has not brought the error down: the rest of
-    the error is then the rung's own.
+    the error is then the reduced model's own.
     """
     assert scene.tolerance is not None
-    artifact = compile_scene(rung.model, rung.scene, method=rung.method)
-    best = Candidate(rung=rung.name, method=rung.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
-    for dt in _falling(rung.scene, rung.method, ratio):
+    artifact = compile_scene(variant.model, variant.scene, method=variant.method)
+    best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
+    for dt in _falling(variant.scene, variant.method, ratio):
         try:
             run = run_at(artifact, dt, parameters)
         except SimulatorError as problem:

@@ -65,20 +65,20 @@ def _movement(model: Model, joint: Joint, poses: Mapping[str, Poses]) -> float:
 
 
 def _freeze(outcome: Outcome, frozen: Frozen, moves: Mapping[str, float]) -> Outcome:
-    model, scene, bearer = outcome.model, outcome.scene, frozen.bearers
-    gone = [b for b in model.bodies if bearer[b.name] != b.name]
-    inner = {j.name for j in model.joints if bearer[j.base] == bearer[j.follower]}
+    model, scene, carrier = outcome.model, outcome.scene, frozen.carriers
+    gone = [b for b in model.bodies if carrier[b.name] != b.name]
+    inner = {j.name for j in model.joints if carrier[j.base] == carrier[j.follower]}
     for body in gone:
         model, scene = at_centre(model, scene, body)
-    for name in dict.fromkeys(bearer[b.name] for b in gone if bearer[b.name] != GROUND):
+    for name in dict.fromkeys(carrier[b.name] for b in gone if carrier[b.name] != GROUND):
         model, scene = at_centre(model, scene, next(b for b in model.bodies if b.name == name))
     asked = {o.element for o in scene.outputs}
-    forces = tuple(f for f in model.forces if f.name in asked or not _is_inner(f, bearer, inner))
+    forces = tuple(f for f in model.forces if f.name in asked or not _is_inner(f, carrier, inner))
     reactions = tuple(r for r in model.reactions if getattr(r, "joint", "") not in inner)
     model = replace(model, forces=forces, reactions=reactions, joints=tuple(j for j in model.joints if j.name not in inner))
     for body in gone:
         model = _give_over(model, body, frozen)
-        outputs = tuple(replace(o, element=bearer[body.name], stands_for=o.column) if o.element == body.name else o for o in scene.outputs)
+        outputs = tuple(replace(o, element=carrier[body.name], stands_for=o.column) if o.element == body.name else o for o in scene.outputs)
         scene = replace(scene, outputs=outputs)
     if scene.pose == "equilibrium":
         scene = replace(scene, positions={**_places(model, frozen.poses), **scene.positions})
@@ -102,16 +102,16 @@ def _places(model: Model, poses: Mapping[str, Poses]) -> dict[str, Scalar]:
     return places
 
 
-def _is_inner(force: Force, bearer: Mapping[str, str], inner: Collection[str]) -> bool:
+def _is_inner(force: Force, carrier: Mapping[str, str], inner: Collection[str]) -> bool:
     """Whether a force acts between parts of one body."""
     if isinstance(force, JointForce):
         return force.joint in inner
-    return len(bodies_of(force)) == 2 and len({bearer[body] for body in bodies_of(force)}) == 1
+    return len(bodies_of(force)) == 2 and len({carrier[body] for body in bodies_of(force)}) == 1
 
 
 def _give_over(model: Model, body: Body, frozen: Frozen) -> Model:
-    """The model with a body's mass and all that stands on it on its bearer."""
-    to, turn, way = frozen.bearers[body.name], *frozen.shift(body.name)
+    """The model with a body's mass and all that stands on it on its carrier."""
+    to, turn, way = frozen.carriers[body.name], *frozen.shift(body.name)
     if frozen.is_moved(body.name):
         forces = tuple(_moved_force(f, body.name, turn, way) for f in model.forces)
         markers = tuple(_moved_marker(m, body.name, turn, way) for m in model.markers)

@@ -27,18 +27,18 @@ class Frozen:
     joints: tuple[Joint, ...]
 
     @property
-    def bearers(self) -> Mapping[str, str]:
+    def carriers(self) -> Mapping[str, str]:
         """For each body the one that it becomes a part of, or itself: the ground, or the first in the file."""
         order = {name: i for i, name in enumerate((GROUND, *(b.name for b in self.model.bodies)))}
-        bearer = {name: name for name in order}
+        carrier = {name: name for name in order}
         for joint in self.joints:
-            first, last = sorted((bearer[joint.base], bearer[joint.follower]), key=order.__getitem__)
-            bearer = {name: first if b == last else b for name, b in bearer.items()}
-        return bearer
+            first, last = sorted((carrier[joint.base], carrier[joint.follower]), key=order.__getitem__)
+            carrier = {name: first if b == last else b for name, b in carrier.items()}
+        return carrier
 
     def shift(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The turn (3, 3) and the way (3,) from where the body is drawn to where it is at the start, as seen from its bearer."""
-        seen = self.poses[body].seen_from(self.poses[self.bearers[body]])
+        """The turn (3, 3) and the way (3,) from where the body is drawn to where it is at the start, as seen from its carrier."""
+        seen = self.poses[body].seen_from(self.poses[self.carriers[body]])
         return seen.R[0], seen.r[0]
 
     def is_moved(self, body: str) -> bool:
@@ -48,20 +48,20 @@ class Frozen:
 
     def problem(self, scene: Scene) -> tuple[Note, set[str]] | None:
         """Why some joints cannot be frozen, and which."""
-        bearer = self.bearers
-        if all(bearer[b.name] == GROUND for b in self.model.bodies):
+        carrier = self.carriers
+        if all(carrier[b.name] == GROUND for b in self.model.bodies):
             return self._stays(self.joints[0], "nothing would move"), {j.name for j in self.joints}
-        inner = [j for j in self.model.joints if bearer[j.base] == bearer[j.follower]]
+        inner = [j for j in self.model.joints if carrier[j.base] == carrier[j.follower]]
         for joint in inner:
             if reason := _need(self.model, scene, joint):
                 return self._stays(joint, reason), self._way_around(joint)
         for element in (*self.model.joints, *self.model.forces, *self.model.reactions):
             for body in sorted(_fixed_in(element, {j.name for j in inner}) - {GROUND}):
-                if bearer[body] != body and self.is_moved(body):
+                if carrier[body] != body and self.is_moved(body):
                     return self._body_stays(body, f"'{element.name}' is drawn where '{body}' is not at the start")
-        for output in (o for o in scene.outputs if bearer.get(o.element, o.element) == GROUND):
+        for output in (o for o in scene.outputs if carrier.get(o.element, o.element) == GROUND):
             return self._body_stays(output.element, f"the output '{output.column}' asks for it")
-        for output in (o for o in scene.outputs if o.quantity in _ANGLES and bearer.get(o.element, o.element) != o.element):
+        for output in (o for o in scene.outputs if o.quantity in _ANGLES and carrier.get(o.element, o.element) != o.element):
             if self.is_moved(output.element):
                 return self._body_stays(output.element, f"the output '{output.column}' asks for its attitude")
         return None

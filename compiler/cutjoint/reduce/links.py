@@ -132,18 +132,18 @@ def _moved(force: Force, link: _Link) -> Force:
                 raise _StaysError(f"stays: the force '{force.name}' acts in its joint")
             return force
         case PointSpring() if link.body.name in (force.base, force.follower):
-            base = _bearer(link, force.base, force.start, force)
-            return replace(force, base=base, follower=_bearer(link, force.follower, force.end, force))
+            base = _carrier(link, force.base, force.start, force)
+            return replace(force, base=base, follower=_carrier(link, force.follower, force.end, force))
         case AxialForce() if link.body.name == force.follower:
-            return replace(force, follower=_bearer(link, force.follower, force.point, force))
+            return replace(force, follower=_carrier(link, force.follower, force.point, force))
         case BodyLoad() if link.body.name == force.body and force.point is not None and force.axes == "global":
-            return replace(force, body=_bearer(link, force.body, force.point, force))
+            return replace(force, body=_carrier(link, force.body, force.point, force))
     if link.body.name in bodies_of(force):
         raise _StaysError(f"stays: the force '{force.name}' acts on it")
     return force
 
 
-def _bearer(link: _Link, body: str, point: Vector, element: Force | Marker) -> str:
+def _carrier(link: _Link, body: str, point: Vector, element: Force | Marker) -> str:
     """The body that moves with a point of the link."""
     if body != link.body.name:
         return body
@@ -154,7 +154,7 @@ def _bearer(link: _Link, body: str, point: Vector, element: Force | Marker) -> s
 
 
 def _moved_marker(marker: Marker, link: _Link) -> Marker:
-    return replace(marker, body=_bearer(link, marker.body, marker.point, marker))
+    return replace(marker, body=_carrier(link, marker.body, marker.point, marker))
 
 
 def _told(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], forces: Sequence[Force]) -> Reaction | RodForce:

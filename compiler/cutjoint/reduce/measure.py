@@ -1,4 +1,4 @@
-"""What the rungs of a ladder cost, and how far they are from the full model."""
+"""What the reduced models of a reduction sequence cost, and how far they are from the full model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 
 from cutjoint.pipeline import compile_scene, simulate
-from cutjoint.reduce.ladder import Rung
+from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
@@ -23,7 +23,7 @@ REPETITIONS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """A rung's run at one step: the fastest of several in ``seconds``, and the distance from another run, see `distance`."""
+    """A reduced model's run at one step: the fastest of several in ``seconds``, and the distance from another run, see `distance`."""
 
     seconds: float
     error: float
@@ -49,30 +49,30 @@ def distance(run: Trajectory, truth: Trajectory) -> float:
     return max(float(np.abs(run[name][same] - truth[name][nearest[same]]).max()) for name in names)
 
 
-def measure_rungs(
-    rungs: Sequence[Rung], *, dt: float | None = None, parameters: Mapping[str, float] | None = None
+def measure_reduced(
+    variants: Sequence[ReducedModel], *, dt: float | None = None, parameters: Mapping[str, float] | None = None
 ) -> list[Cost]:
-    """Each rung compiled and run at the same step (s); errors are distances from the first rung's run.
+    """Each reduced model compiled and run at the same step (s); errors are distances from the first reduced model's run.
 
     Raises:
-        RunError: the first rung, the full model, does not run to the end; or as for `distance`.
+        RunError: the first reduced model, the full model, does not run to the end; or as for `distance`.
     """
     costs: list[Cost] = []
     truth: Trajectory | None = None
-    for rung in rungs:
-        artifact = compile_scene(rung.model, rung.scene, method=rung.method)
+    for variant in variants:
+        artifact = compile_scene(variant.model, variant.scene, method=variant.method)
         run = simulate(artifact, dt=dt, parameters=parameters)
-        truth = truth or _finished(run, rung)
+        truth = truth or _finished(run, variant)
         costs.append(replace(time_run(artifact, dt, parameters), error=distance(run, truth)))
     return costs
 
 
-def _finished(run: Trajectory, rung: Rung) -> Trajectory:
+def _finished(run: Trajectory, variant: ReducedModel) -> Trajectory:
     if run.failure is None:
         return run
     joint = run.failure.element.rpartition(".")[0]
-    place = next((j.span for j in rung.model.joints if j.name == joint), rung.scene.span)
-    raise RunError(f"{place}: scene '{rung.scene.name}': the full model has no run to measure by: {run.failure}")
+    place = next((j.span for j in variant.model.joints if j.name == joint), variant.scene.span)
+    raise RunError(f"{place}: scene '{variant.scene.name}': the full model has no run to measure by: {run.failure}")
 
 
 def time_run(artifact: Artifact, dt: float | None, parameters: Mapping[str, float] | None = None) -> Cost:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
-    """A table of names and what is told of each."""
+    """A table of two columns: names and their values."""
     table = Table(title=title, title_justify="left", show_header=False, box=None)
     for name, value in rows:
         table.add_row(name, value)

@@ -110,11 +110,13 @@ def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[
 
 
 def _driver_parts(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
-    """Where the driver's parts stand in the cache; all have integrators with the flags of generated code, those for comparisons and batches
-    nothing else."""
-    told = resolve(flags)
-    launch = [runtime_digest(), *compiler.key, *(told if kind.comparison or source.driver == "batch" else ())]
-    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *told]
+    """The cache entries of the driver's parts.
+
+    Integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts are, too.
+    """
+    resolved = resolve(flags)
+    launch = [runtime_digest(), *compiler.key, *(resolved if kind.comparison or source.driver == "batch" else ())]
+    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *resolved]
     return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in (("launch", launch), ("driver", driver))}
 
 

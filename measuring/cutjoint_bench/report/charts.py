@@ -24,7 +24,7 @@ COLOURS = (
 #: What a group of contenders is drawn with.
 STYLES: Mapping[str, tuple[str, str]] = {
     "generated": ("-", "o"), "scalar": ("-", "x"), "solvers": (":", "."), "generic": ("--", "s"), "precision": ("-", "o"),
-    "peer": ("-.", "^"), "reduced": ("--", "D"), "rungs": ("--", "v"), "integrators": (":", "P"),
+    "peer": ("-.", "^"), "reduced": ("--", "D"), "reductions": ("--", "v"), "integrators": (":", "P"),
 }  # fmt: skip
 
 _ERRORS = {"position": "largest error of position [m]", "velocity": "largest error of velocity [m/s]"}

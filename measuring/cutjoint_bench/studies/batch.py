@@ -22,7 +22,7 @@ from cutjoint.batch import BatchArtifact, compile_batch, simulate_batch
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
-from cutjoint.reduce.ladder import climb
+from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS
@@ -120,7 +120,7 @@ def main() -> None:
     limit = Table("simul1", "width", "operations, 1e9/s", "peak of multiply-adds, 1e9/s", "share")
     model = read_model(MODELS / "iltis.yaml")
     scene, at_most = find_scene(model, "simul1"), peak()
-    reduced = climb(model, scene, "recursive")[-1]
+    reduced = reduction_sequence(model, scene, "recursive")[-1]
     compare("full", model, scene, throughput, limit, at_most)
     compare("reduced", reduced.model, reduced.scene, throughput, limit, at_most)
     millimetre = Table(

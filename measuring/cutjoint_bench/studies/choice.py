@@ -1,8 +1,9 @@
 """What `method: auto` picks beside the best of an exhaustive search: `make choice`.
 
-The search tries every rung of every method with steps that fall by 9 %, where the choice tries the last rung of each kind of motion with
-steps that fall by a factor of 1.4.  Both measure against the same truth and are timed in one run, in turns.  What was measured is kept in
-results/choice, so that an interrupted run goes on; the rows are kept in docs/bench/choice.json, each with its machine and version.
+The search tries every reduced model of every method with steps that fall by 9 %.  The choice tries the last reduced model of each kind of
+motion with steps that fall by a factor of 1.4.  Both measure against the same truth and are timed in one run, in turns.  What was measured
+is kept in results/choice, so that an interrupted run goes on; the rows are kept in docs/bench/choice.json, each with its machine and
+version.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
-from cutjoint.reduce.choose import PATIENCE, Candidate, choose, try_rung
-from cutjoint.reduce.ladder import Rung, climb
+from cutjoint.reduce.choose import PATIENCE, Candidate, choose, try_reduced
 from cutjoint.reduce.measure import time_run
+from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.truth import Truth, at_step, find_truth
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
@@ -89,7 +90,7 @@ class Comparison:
     def _compare(self, picked: Candidate) -> Record:
         tried = list(self._search())
         best = min([*(c for c in tried if not c.failure), picked], key=lambda c: c.seconds)
-        different = list(dict.fromkeys((c.method, c.rung, c.dt) for c in (picked, best)))
+        different = list(dict.fromkeys((c.method, c.variant, c.dt) for c in (picked, best)))
         times = [[self._seconds(*of) for of in different] for _ in range(ROUNDS)]
         fastest = [min(column) for column in zip(*times, strict=True)]
         seconds = [fastest[0], fastest[-1]]
@@ -103,24 +104,24 @@ class Comparison:
     def _search(self) -> Iterator[Candidate]:
         fastest = inf
         for method in METHODS:
-            for rung in self._rungs(method):
-                of = {"rung": rung.name, "method": method, "limit": fastest}
-                found = Candidate(**self._get(of, partial(self._try, rung, fastest)))
+            for variant in self._variants(method):
+                of = {"variant": variant.name, "method": method, "limit": fastest}
+                found = Candidate(**self._get(of, partial(self._try, variant, fastest)))
                 fastest = min(fastest, inf if found.failure else found.seconds)
                 yield found
 
-    def _try(self, rung: Rung, fastest: float) -> Record:
-        return asdict(try_rung(rung, self.scene, {}, self.truth, ratio=FINE, limit=PATIENCE * fastest))
+    def _try(self, variant: ReducedModel, fastest: float) -> Record:
+        return asdict(try_reduced(variant, self.scene, {}, self.truth, ratio=FINE, limit=PATIENCE * fastest))
 
-    def _rungs(self, method: str) -> list[Rung]:
+    def _variants(self, method: str) -> list[ReducedModel]:
         try:
-            return climb(self.model, self.scene, method, approximate=True)
+            return reduction_sequence(self.model, self.scene, method, approximate=True)
         except (ModelError, RunError):
             return []
 
     def _seconds(self, method: str, name: str, dt: float) -> float:
-        rung = next(r for r in self._rungs(method) if r.name == name)
-        return time_run(at_step(compile_scene(rung.model, rung.scene, method=method), dt), dt).seconds
+        variant = next(r for r in self._variants(method) if r.name == name)
+        return time_run(at_step(compile_scene(variant.model, variant.scene, method=method), dt), dt).seconds
 
     def _get(self, of: dict[str, Any], make: Any) -> Record:
         about = {"model": self.model.text, "scene": repr(self.scene), "version": __version__, "runtime": runtime_digest(), **of}
@@ -132,7 +133,7 @@ def _print(rows: list[Record]) -> None:
     for heading in ("scene", "tolerance", "picked", "error", "ms", "best of all", "ms", "ratio"):
         table.add_column(heading, justify="left")
     for row in rows:
-        picked, best = ([c["method"], c["rung"], f"{1e3 * c['dt']:.3g} ms"] for c in (row["picked"], row["best"]))
+        picked, best = ([c["method"], c["variant"], f"{1e3 * c['dt']:.3g} ms"] for c in (row["picked"], row["best"]))
         mine, theirs = (f"{1e3 * seconds:.3g}" for seconds in row["seconds"])
         table.add_row(
             f"{row['model']} {row['scene']}", f"{row['tolerance']:g}", ", ".join(picked), f"{row['picked']['error']:.1e}", mine,

@@ -47,10 +47,11 @@ def paper() -> Plan:
     return Plan(cases=cases, contenders=choose(["generated"]), reference="extended")
 
 
-def ladder() -> Plan:
-    """One of the paper's scenes, with and without lanes, in full and reduced, rung by rung."""
+def reductions() -> Plan:
+    """One of the paper's scenes, with and without lanes, in full and reduced, model by model."""
     case = make_case(MODELS / "iltis.yaml", "simul1", row=0.0075)
-    return Plan(cases=[case], contenders=choose(["generated", "scalar", "rungs"]), reference="extended", title="lanes and reduced models")
+    return Plan(cases=[case], contenders=choose(["generated", "scalar", "reductions"]), reference="extended",
+                title="lanes and reduced models")  # fmt: skip
 
 
 def vehicle() -> Plan:
@@ -91,7 +92,7 @@ def twins() -> Plan:
 
 
 def precisions() -> Plan:
-    """The precision ladder of a small mechanism."""
+    """The number types of a small mechanism."""
     case = make_case(MODELS / "slider_crank.yaml", end=1.0)
     return Plan(cases=[case], contenders=choose(["precision"]), limits=False, title="number types")
 
@@ -133,7 +134,8 @@ def _chain(chain: Chain) -> Case:
 STUDIES: dict[str, Callable[[], Plan]] = {
     study.__name__: study
     for study in (
-        paper, ladder, vehicle, verification, smooth, governor, chain, twins, precisions, ill_conditioned, failures, bumpers, situations,
+        paper, reductions, vehicle, verification, smooth, governor, chain, twins, precisions, ill_conditioned, failures, bumpers,
+        situations,
     )
 }
 

@@ -70,8 +70,8 @@ class Domains {
   }
 
   bool has_forces() {
-    if constexpr (requires { subject_.balance(nullptr, nullptr, nullptr, nullptr, Real(0), nullptr, nullptr); })
-      subject_.balance(at_.q.data(), at_.v.data(), from_.vdot.data(), from_.lambda.data(), Real(0), forces_.data(), residual_.data());
+    if constexpr (requires { subject_.dynamic_residual(nullptr, nullptr, nullptr, nullptr, Real(0), nullptr, nullptr); })
+      subject_.dynamic_residual(at_.q.data(), at_.v.data(), from_.vdot.data(), from_.lambda.data(), Real(0), forces_.data(), residual_.data());
     else
       subject_.evaluate(at_.q.data(), at_.v.data(), from_.lambda.data(), forces_.data(), residual_.data());
     return std::isfinite(static_cast<double>(largest(forces_)));

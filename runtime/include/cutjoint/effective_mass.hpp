@@ -25,7 +25,7 @@ Real stiffness_of_cuts(Real dt) {
 /// Effective masses of the cut joints of a mechanism, kg or kg m^2, by S = Phi_v M^-1 Phi_v^T; a cut joint's is the largest of its equations.
 ///
 /// `project` answers a unit gap of equation k by closing T e_k, T = S a/(1 + S a), with the penalties a that the mechanism was loaded with;
-/// massless bodies, whose S has no bound, have a bounded T.  The velocity part of `close` is linear in the speeds.
+/// massless bodies, whose S has no bound, have a bounded T.  The velocity part of `constraint_residual` is linear in the speeds.
 template <Mechanism M>
 class EffectiveMasses {
  public:
@@ -50,6 +50,7 @@ class EffectiveMasses {
   /// With all other equations held, (S^-1)_kk, of the directions that feel less than the penalty: dependent equations and directions that
   /// nearly vanish are left out.
   std::vector<Real> held() const {
+    if (a_.size() == 0) return {};  // Eigen's solver reads the first entry
     const Vector root = a_.cwiseSqrt();
     const Matrix scaled = root.asDiagonal() * T_ * root.cwiseInverse().asDiagonal();
     const Eigen::SelfAdjointEigenSolver<Matrix> solver((scaled + scaled.transpose()) / Real(2));
@@ -67,11 +68,11 @@ class EffectiveMasses {
     const std::size_t m = mechanism.description().equations.size(), n = mechanism.description().speeds.size();
     Matrix T(m, m);
     Vector gap = Vector::Zero(T.rows()), dz = Vector::Zero(static_cast<Eigen::Index>(n)), residual(gap), rate(gap), rest(gap);
-    mechanism.close(state.q.data(), dz.data(), residual.data(), rest.data());
+    mechanism.constraint_residual(state.q.data(), dz.data(), residual.data(), rest.data());
     for (Eigen::Index k = 0; k < T.cols(); ++k) {
       gap[k] = Real(1);
       mechanism.project(state.q.data(), gap.data(), dz.data());
-      mechanism.close(state.q.data(), dz.data(), residual.data(), rate.data());
+      mechanism.constraint_residual(state.q.data(), dz.data(), residual.data(), rate.data());
       T.col(k) = rest - rate;
       gap[k] = Real(0);
     }

@@ -87,7 +87,7 @@ class Road;
 /// - `load` computes what depends on parameters alone,
 /// - `begin_step` what depends on time; `motion` is 1 in a run and 0 where a mechanism is held at rest, which stops guides and drives,
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
-/// - `close` the residual of the cut joints and its rate,
+/// - `constraint_residual` the residual of the cut joints and its rate,
 /// - `report` the columns,
 /// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
 ///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves,
@@ -100,7 +100,7 @@ concept Mechanism = requires(M& m, typename M::real_type* out, const typename M:
   m.load(in, s, roads);
   m.begin_step(t, t);
   m.evaluate(in, in, in, out, out);
-  m.close(in, in, out, out);
+  m.constraint_residual(in, in, out, out);
   m.report(in, in, in, in, out);
   m.project(in, in, out);
   m.guard(in, in, out);
@@ -122,7 +122,7 @@ class AnyMechanism {
   virtual void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) = 0;
   virtual void begin_step(Real t, Real motion) = 0;
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
-  virtual void close(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
+  virtual void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
   virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_missing("project"); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it

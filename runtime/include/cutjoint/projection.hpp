@@ -79,13 +79,13 @@ class Projection {
     using std::sqrt;
     right_.assign(open.begin(), open.end());
     std::fill(dz_.begin(), dz_.end(), Real(0));
-    mechanism_.close(state.q.data(), still_.data(), scratch_.data(), rest_.data());
+    mechanism_.constraint_residual(state.q.data(), still_.data(), scratch_.data(), rest_.data());
     const Real enough = dot(right_, right_) * Real(1e-12);
     for (std::size_t n = 0; n < tries_.size() && dot(right_, right_) > enough; ++n) {
       Try& now = tries_[n];
       now.gap.assign(right_.begin(), right_.end());
       mechanism_.project(state.q.data(), now.gap.data(), now.step.data());
-      mechanism_.close(state.q.data(), now.step.data(), scratch_.data(), now.closed.data());
+      mechanism_.constraint_residual(state.q.data(), now.step.data(), scratch_.data(), now.closed.data());
       for (std::size_t i = 0; i < rest_.size(); ++i) now.closed[i] = rest_[i] - now.closed[i];
       for (std::size_t k = 0; k < n; ++k) now.add(-dot(now.closed, tries_[k].closed), tries_[k]);
       const Real size = sqrt(dot(now.closed, now.closed));
@@ -125,7 +125,7 @@ class Projection {
   }
 
   Real measure(const State<Real>& state, const std::vector<Real>& open) {
-    mechanism_.close(state.q.data(), state.v.data(), gap_.data(), other_.data());
+    mechanism_.constraint_residual(state.q.data(), state.v.data(), gap_.data(), other_.data());
     return largest(open);
   }
 

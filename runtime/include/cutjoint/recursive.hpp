@@ -74,7 +74,7 @@ class Recursive {
 
   /// The last step's iterations and largest residuals; an evaluation of its own, which the method itself does without.
   const std::vector<double>& measure_step() {
-    mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
     measured_ = {static_cast<double>(integrator_->evaluations() - evaluations_), static_cast<double>(largest(residual_)),
                  static_cast<double>(largest(rate_))};
     evaluations_ = integrator_->evaluations();
@@ -135,7 +135,7 @@ class Recursive {
       std::vector<Real> correction(d_.equations.size()), values(d_.columns.size()), dz(d_.speeds.size());
       mechanism_.begin_step(read_number<Real>(at, "t"), Real(1));
       mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), state_.vdot.data(), correction.data());
-      mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+      mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
       mechanism_.project(state_.q.data(), residual_.data(), dz.data());
       report(values.data());
       results.push_back(Json{{"vdot", state_.vdot},

@@ -14,7 +14,7 @@ enum class PieceKind {
   cosine,  ///< z = a + b (1 - cos(c (x - begin)))
 };
 
-/// One stretch of road from x = begin to the next piece's begin; lengths in m.
+/// One piece of road from x = begin to the next piece's begin; lengths in m.
 template <class Real>
 struct Piece {
   PieceKind kind;

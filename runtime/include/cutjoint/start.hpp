@@ -143,7 +143,7 @@ class Starter {
 
   std::pair<Vector, Vector> closure(const State<Real>& state) const {
     Vector phi(m_), phid(m_);
-    mechanism_.close(state.q.data(), state.v.data(), phi.data(), phid.data());
+    mechanism_.constraint_residual(state.q.data(), state.v.data(), phi.data(), phid.data());
     return {phi, phid};
   }
 

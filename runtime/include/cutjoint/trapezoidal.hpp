@@ -85,7 +85,7 @@ class Trapezoidal {
   }
 
   /// Go on with steps of another length.
-  void stretch(Real dt) { dt_ = dt; }
+  void set_step(Real dt) { dt_ = dt; }
 
   long evaluations() const { return evaluations_; }
 

@@ -11,7 +11,7 @@ class Nothing final : public cutjoint::AnyMechanism<double> {
   void load(const double*, const cutjoint::Stabilisation<double>&, const cutjoint::Road<double>*) override {}
   void begin_step(double, double) override {}
   void evaluate(const double*, const double*, const double*, double*, double*) const override {}
-  void close(const double*, const double*, double*, double*) const override {}
+  void constraint_residual(const double*, const double*, double*, double*) const override {}
   void report(const double*, const double*, const double*, const double*, double*) const override {}
 
  private:

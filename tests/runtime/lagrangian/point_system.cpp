@@ -107,12 +107,12 @@ void PointSystem::begin_step(double t, double motion) {
   motion_ = motion;
 }
 
-void PointSystem::place(const double*, const double*, double* q, double* v) const {
+void PointSystem::initial_coordinates(const double*, const double*, double* q, double* v) const {
   std::copy(at_.begin(), at_.end(), q);
   std::copy(rate_.begin(), rate_.end(), v);
 }
 
-void PointSystem::close(const double* q, const double* v, const double* vdot, double* residual, double* rate, double* curvature) const {
+void PointSystem::constraint_residual(const double* q, const double* v, const double* vdot, double* residual, double* rate, double* curvature) const {
   for (std::size_t e = 0; e < equations_.size(); ++e) {
     const Equation& x = equations_[e];
     const Vector r = place_of(x.a, q, t_, motion_, 0) - place_of(x.b, q, t_, motion_, 0);
@@ -135,7 +135,7 @@ void PointSystem::differentiate(const Equation& x, const double* q, int index) c
   }
 }
 
-void PointSystem::pull(const double* q, const double* w, double* force) const {
+void PointSystem::apply_jacobian_transposed(const double* q, const double* w, double* force) const {
   const auto n = static_cast<int>(at_.size());
   std::fill_n(force, n, 0.0);
   for (int e = 0; e < static_cast<int>(equations_.size()); ++e) {
@@ -144,7 +144,7 @@ void PointSystem::pull(const double* q, const double* w, double* force) const {
   }
 }
 
-void PointSystem::stretch(const double* q, const double* x, double* change) const {
+void PointSystem::apply_jacobian(const double* q, const double* x, double* change) const {
   const auto n = static_cast<int>(at_.size());
   for (int e = 0; e < static_cast<int>(equations_.size()); ++e) {
     differentiate(equations_[static_cast<std::size_t>(e)], q, e);
@@ -153,31 +153,31 @@ void PointSystem::stretch(const double* q, const double* x, double* change) cons
   }
 }
 
-void PointSystem::add_spring(const Spring& s, const double* q, const double* v, double* balance) const {
+void PointSystem::add_spring(const Spring& s, const double* q, const double* v, double* force_residual) const {
   const Vector r = place_of(s.a, q, t_, motion_, 0) - place_of(s.b, q, t_, motion_, 0);
   const Vector rd = place_of(s.a, v, t_, motion_, 1) - place_of(s.b, v, t_, motion_, 1);
   for (int k = 0; k < 3; ++k) {
     const double tension = s.stiffness * r[static_cast<std::size_t>(k)] + s.damping * rd[static_cast<std::size_t>(k)];
-    if (s.a.point >= 0) balance[3 * s.a.point + k] += tension;
-    if (s.b.point >= 0) balance[3 * s.b.point + k] -= tension;
+    if (s.a.point >= 0) force_residual[3 * s.a.point + k] += tension;
+    if (s.b.point >= 0) force_residual[3 * s.b.point + k] -= tension;
   }
-  if (s.root) balance[3 * s.a.point + 2] += std::sqrt(q[3 * s.a.point + 2]);
+  if (s.root) force_residual[3 * s.a.point + 2] += std::sqrt(q[3 * s.a.point + 2]);
 }
 
-void PointSystem::balance(const double* q, const double* v, const double* vdot, const double* lambda, double penalty, double* balance,
+void PointSystem::dynamic_residual(const double* q, const double* v, const double* vdot, const double* lambda, double penalty, double* force_residual,
                           double* residual) const {
   const auto n = static_cast<int>(at_.size());
   for (int i = 0; i < n; ++i) {
     const double mass = mass_[static_cast<std::size_t>(i / 3)];
-    balance[i] = mass * vdot[i] + (i % 3 == 2 ? 9.81 * mass : 0.0);
+    force_residual[i] = mass * vdot[i] + (i % 3 == 2 ? 9.81 * mass : 0.0);
   }
-  for (const Spring& spring : springs_) add_spring(spring, q, v, balance);
+  for (const Spring& spring : springs_) add_spring(spring, q, v, force_residual);
   for (int e = 0; e < static_cast<int>(equations_.size()); ++e) {
     const Equation& x = equations_[static_cast<std::size_t>(e)];
     const Vector r = place_of(x.a, q, t_, motion_, 0) - place_of(x.b, q, t_, motion_, 0);
     residual[e] = x.plane ? dot(x.normal, r) - x.length : (dot(r, r) - x.length * x.length) / 2;
     differentiate(x, q, e);
-    for (int i = 0; i < n; ++i) balance[i] += jacobian_[static_cast<std::size_t>(e * n + i)] * (penalty * residual[e] + lambda[e]);
+    for (int i = 0; i < n; ++i) force_residual[i] += jacobian_[static_cast<std::size_t>(e * n + i)] * (penalty * residual[e] + lambda[e]);
   }
 }
 
@@ -195,9 +195,9 @@ void PointSystem::add_tangent(const Spring& s, const double* q, const cutjoint::
 }
 
 void PointSystem::linearise(const double* q, const double* v, const double* vdot, const double* lambda, double penalty,
-                            const cutjoint::Weights<double>& weights, double* balance, double* residual, double* tangent) const {
+                            const cutjoint::Weights<double>& weights, double* force_residual, double* residual, double* tangent) const {
   const auto n = static_cast<int>(at_.size()), m = static_cast<int>(equations_.size());
-  this->balance(q, v, vdot, lambda, penalty, balance, residual);
+  this->dynamic_residual(q, v, vdot, lambda, penalty, force_residual, residual);
   std::fill(matrix_.begin(), matrix_.end(), 0.0);
   for (int i = 0; i < n; ++i) dense(i, i) = mass_[static_cast<std::size_t>(i / 3)];
   for (const Spring& spring : springs_)

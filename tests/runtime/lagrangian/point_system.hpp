@@ -45,14 +45,14 @@ class PointSystem final : public cutjoint::AnySystem<double> {
   const cutjoint::SystemDescription& description() const override { return d_; }
   void load(const double*, const cutjoint::Road<double>*) override {}
   void begin_step(double t, double motion) override;
-  void place(const double* relative_q, const double* relative_v, double* q, double* v) const override;
-  void balance(const double* q, const double* v, const double* vdot, const double* lambda, double penalty, double* balance,
+  void initial_coordinates(const double* relative_q, const double* relative_v, double* q, double* v) const override;
+  void dynamic_residual(const double* q, const double* v, const double* vdot, const double* lambda, double penalty, double* force_residual,
                double* residual) const override;
   void linearise(const double* q, const double* v, const double* vdot, const double* lambda, double penalty,
-                 const cutjoint::Weights<double>& weights, double* balance, double* residual, double* tangent) const override;
-  void close(const double* q, const double* v, const double* vdot, double* residual, double* rate, double* curvature) const override;
-  void pull(const double* q, const double* w, double* force) const override;
-  void stretch(const double* q, const double* x, double* change) const override;
+                 const cutjoint::Weights<double>& weights, double* force_residual, double* residual, double* tangent) const override;
+  void constraint_residual(const double* q, const double* v, const double* vdot, double* residual, double* rate, double* curvature) const override;
+  void apply_jacobian_transposed(const double* q, const double* w, double* force) const override;
+  void apply_jacobian(const double* q, const double* x, double* change) const override;
   void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const override;
   int factor(const double* tangent, double* factors) const override;
   void solve(const double* factors, double* x) const override;
@@ -63,7 +63,7 @@ class PointSystem final : public cutjoint::AnySystem<double> {
   void lay_out();
   double& dense(int row, int column) const { return matrix_[static_cast<std::size_t>(row * d_.pattern.size + column)]; }
   void differentiate(const Equation& equation, const double* q, int index) const;
-  void add_spring(const Spring& spring, const double* q, const double* v, double* balance) const;
+  void add_spring(const Spring& spring, const double* q, const double* v, double* force_residual) const;
   void add_tangent(const Spring& spring, const double* q, const cutjoint::Weights<double>& weights) const;
 
   cutjoint::SystemDescription d_{};

@@ -4,9 +4,9 @@ With the joints' unknowns and the cut joints' Phi = 0, a step solves
 
     S^T sum F + J^T (penalty Phi + lambda) = tau
 
-The balance is that of the Newton-Euler recursion, and its tangent
+The dynamic residual is that of the Newton-Euler recursion, and its tangent
 
-    (balance)_vdot + damping (balance)_v + stiffness (balance)_q + constraint J^T J
+    (residual)_vdot + damping (residual)_v + stiffness (residual)_q + constraint J^T J
 
 is complete: it has the turning of the joints' axes and of the multipliers' directions.  (The semi-recursive method of Cuadrado, Dopico,
 Gonzalez, Naya, Multibody System Dynamics 12 (2004) 117-132, leaves those out.)
@@ -60,12 +60,13 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         Zdd=given_accelerations(k), M=masses, Q=weights_of_masses,
     )  # fmt: skip
     reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
-    balance = system_of.balance()
-    switches = find_switches(b, balance.values())
-    domains = find_domains(b, balance.values())
+    dynamic_residual = system_of.dynamic_residual()
+    switches = find_switches(b, dynamic_residual.values())
+    domains = find_domains(b, dynamic_residual.values())
     functions = system_functions(
-        place=_place(b, start), balance=balance, tangent=system_of.tangent(), close=system_of.closure(), pull=system_of.pull(),
-        stretch=system_of.stretch(), report=report_columns(b, reporter.quantity, outputs),
+        initial_coordinates=_initial_coordinates(b, start), dynamic_residual=dynamic_residual, tangent=system_of.tangent(),
+        constraint_residual=system_of.constraint_residual(), apply_jacobian_transposed=system_of.apply_jacobian_transposed(),
+        apply_jacobian=system_of.apply_jacobian(), report=report_columns(b, reporter.quantity, outputs),
     )  # fmt: skip
     return ImplicitEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
@@ -94,7 +95,7 @@ class _System:
     M: Mapping[str, Block]
     Q: Mapping[str, Block]
 
-    def balance(self) -> dict[str, Block]:
+    def dynamic_residual(self) -> dict[str, Block]:
         """S^T sum F + J^T (penalty Phi + lambda) - tau, and Phi."""
         b, k = self.b, self.k
         carried: dict[str, Block] = {}
@@ -103,7 +104,7 @@ class _System:
         for body, motion in reversed(k.motions.items()):
             joint = motion.tree_joint.joint
             with b.section(
-                "balance", joint.name, "F^c = M Zdd - Q + A^T (penalty Phi + lambda) + sum F^c,  S^T F^c - tau", joint.span.place
+                "force_residual", joint.name, "F^c = M Zdd - Q + A^T (penalty Phi + lambda) + sum F^c,  S^T F^c - tau", joint.span.place
             ):
                 own = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
                 above = [carried[c] for c in carried if k.motions[c].tree_joint.parent == body]
@@ -112,7 +113,7 @@ class _System:
                     value = b.mul(b.transpose(motion.b), carried[body])
                     if body in self.system.joint_forces:
                         value = b.sub(value, self.system.joint_forces[body])
-                    results[f"balance:{joint.name}"] = b.record(value, "balance", joint.name)
+                    results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
         return results | {f"residual:{c.name}": b.record(c.loop.residual, "residual", c.name) for c in self.closed}
 
     def _by_body(self, shares: Iterable[Mapping[str, Block]]) -> dict[str, Block]:
@@ -124,7 +125,7 @@ class _System:
         return sums
 
     def tangent(self) -> dict[str, Block]:
-        """The derivative of the balance by the unknowns."""
+        """The derivative of the dynamic residual by the unknowns."""
         motions = self._motions()
         entries: dict[tuple[Motion, Motion], Block] = {}
         by_row: dict[tuple[int, int], tuple[Motion, Motion]] = {}
@@ -169,7 +170,7 @@ class _System:
                     for k in motions.of_body[body]:
                         yield j, k, b.neg(b.element(variations[k.key].of(force), j.index))
 
-    def closure(self) -> dict[str, Block]:
+    def constraint_residual(self) -> dict[str, Block]:
         """Phi, Phid and Phidd."""
         b, results = self.b, {}
         for loop in self.loops:
@@ -181,7 +182,7 @@ class _System:
                 results[f"{name}:{joint.name}"] = b.record(block, name, joint.name)
         return results
 
-    def stretch(self) -> dict[str, Block]:
+    def apply_jacobian(self) -> dict[str, Block]:
         """J x, x in the place of the accelerations."""
         b, moved, results = self.b, {GROUND: self.b.zero(6)}, {}
         for body, motion in self.k.motions.items():
@@ -197,7 +198,7 @@ class _System:
             results[f"change:{joint.name}"] = b.record(change, "change", joint.name)
         return results
 
-    def pull(self) -> dict[str, Block]:
+    def apply_jacobian_transposed(self) -> dict[str, Block]:
         """J^T w."""
         b, motions = self.b, self._motions()
         forces = {c.joint: b.zero(len(c.speed_names)) for c in self.start.charts}
@@ -211,7 +212,7 @@ class _System:
         return {f"force:{joint}": b.record(block, "force", joint) for joint, block in forces.items()}
 
 
-def _place(b: Builder, start: RecursiveEquations) -> dict[str, Block]:
+def _initial_coordinates(b: Builder, start: RecursiveEquations) -> dict[str, Block]:
     """The coordinates and speeds of the start are the system's own."""
     results = {}
     for c in start.charts:
@@ -226,7 +227,7 @@ def _slots(start: RecursiveEquations) -> dict[str, Slot]:
     for c in start.charts:
         for symbol, array in (("relative_q", "relative_q"), ("placed", "q")):
             slots[f"{symbol}:{c.joint}"] = Slot(array=array, offset=c.q, names=c.coordinate_names)
-        for symbol, array in (("relative_v", "relative_v"), ("placed_rate", "v"), ("balance", "balance"), ("force", "force")):
+        for symbol, array in (("relative_v", "relative_v"), ("placed_rate", "v"), ("force_residual", "force_residual"), ("force", "force")):
             slots[f"{symbol}:{c.joint}"] = Slot(array=array, offset=c.v, names=c.speed_names)
         if c.ball:
             names = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")

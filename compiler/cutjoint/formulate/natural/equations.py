@@ -22,7 +22,7 @@ from cutjoint.formulate.natural.forces import Element, ForceMaker
 from cutjoint.formulate.natural.layout import Layout, lay_out
 from cutjoint.formulate.natural.mass import mass_matrix
 from cutjoint.formulate.natural.motion import NodeMotions
-from cutjoint.formulate.natural.needs import require_told
+from cutjoint.formulate.natural.needs import require_coordinates
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
 from cutjoint.formulate.natural.outputs import NaturalReporter
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -50,7 +50,7 @@ def formulate_lagrangian(
     """
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
-    require_told(model, scene, outputs)
+    require_coordinates(model, scene, outputs)
     translator = make_translator(b, model, scene)
     k = derive_kinematics(b, translator, topology, scene, {c.joint: c for c in start.charts})
     layout = lay_out(topology, scene, outputs)
@@ -61,19 +61,20 @@ def formulate_lagrangian(
         elements={e.name: e for e in maker.all()}, masses=tuple(_masses(layout, model)), maker=maker, start=start,
     )  # fmt: skip
     guarded, margins = maker.guarded()
-    told = system.elements | {e.name: e for e in guarded}
+    reported = system.elements | {e.name: e for e in guarded}
     reporter = NaturalReporter(
-        model=model, scene=scene, motions=motions, elements=told, constraints=system.constraints
+        model=model, scene=scene, motions=motions, elements=reported, constraints=system.constraints
     )  # fmt: skip
     tangent = system.classical() if METHODS[method].saddle_point else system.augmented()
     placed = {
         f"{kind}:{node.name}": block for node, *blocks in place_nodes(k, topology, layout)
         for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
     }  # fmt: skip
-    balance = system.balance()
-    domains = find_domains(b, balance.values())
+    dynamic_residual = system.dynamic_residual()
+    domains = find_domains(b, dynamic_residual.values())
     functions = system_functions(
-        place=placed, balance=balance, tangent=tangent, close=system.closure(), pull=system.pull(), stretch=system.stretch(),
+        initial_coordinates=placed, dynamic_residual=dynamic_residual, tangent=tangent, constraint_residual=system.constraint_residual(),
+        apply_jacobian_transposed=system.apply_jacobian_transposed(), apply_jacobian=system.apply_jacobian(),
         report=report_columns(b, reporter.quantity, outputs),
     )  # fmt: skip
     return LagrangianEquations(
@@ -124,7 +125,7 @@ class _System:
     maker: ForceMaker
     start: RecursiveEquations
 
-    def balance(self) -> dict[str, Block]:
+    def dynamic_residual(self) -> dict[str, Block]:
         """M qdd + Phi_q^T (penalty Phi + lambda) - Q, and Phi."""
         b, force = self.b, NodalForce(motions=self.motions)
         with b.section("inertia", "", "M qdd", ""):
@@ -139,7 +140,7 @@ class _System:
         for element, form, push in self._pushes():
             force.add(element, form, b.neg(push))
         residuals = {f"residual:{c.symbol}": c.residual for c in self.constraints}
-        return {f"balance:{node.name}": block for node, block in force.by_coordinate().items()} | residuals
+        return {f"force_residual:{node.name}": block for node, block in force.by_coordinate().items()} | residuals
 
     def _pushes(self) -> Iterable[tuple[str, Form, Block]]:
         for body in self.start.topology.model.bodies:
@@ -237,7 +238,7 @@ class _System:
                         results[f"tangent:{row},{column}"] = self.b.element(block, i, j)
         return results
 
-    def closure(self) -> dict[str, Block]:
+    def constraint_residual(self) -> dict[str, Block]:
         """Phi, Phid and Phidd."""
         b = self.b
         results: dict[str, Block] = {}
@@ -253,11 +254,11 @@ class _System:
         b = self.b
         return b.total([b.zero(len(c.names)), *(b.mul(gradient, self.motions.node(node).a) for node, gradient in c.gradient.items())])
 
-    def stretch(self) -> dict[str, Block]:
+    def apply_jacobian(self) -> dict[str, Block]:
         """Phi_q x, x in the place of the accelerations."""
         return {f"change:{c.symbol}": self._stretched(c) for c in self.constraints}
 
-    def pull(self) -> dict[str, Block]:
+    def apply_jacobian_transposed(self) -> dict[str, Block]:
         """Phi_q^T w."""
         b, force = self.b, NodalForce(motions=self.motions)
         for c in self.constraints:
@@ -271,7 +272,7 @@ class _System:
         slots = {}
         for node, offset in self._offsets().items():
             arrays = {"node": "q", "node_rate": "v", "node_acceleration": "vdot", "placed": "q", "placed_rate": "v",
-                      "balance": "balance", "force": "force"}  # fmt: skip
+                      "force_residual": "force_residual", "force": "force"}  # fmt: skip
             for kind, array in arrays.items():
                 slots[f"{kind}:{node.name}"] = Slot(array=array, offset=offset, names=components(node))
         first = 0

@@ -224,7 +224,7 @@ class ForceMaker:
         if joint.guide is None and not self._is_angle(force):
             return self._along(force.name, *self._slide(joint, force.coordinate), force.law, POSITION)
         values = law_of(self._m.translator, force.law, self._coordinate(force), POSITION)
-        if joint.guide is not None:  # a guided joint moves as it is told
+        if joint.guide is not None:  # a force does not move a guided joint
             return Element(name=force.name, quantities=values)
         node = self._m.layout.angles[joint.name, force.coordinate]
         action = Action(body=joint.follower, form={node: 1}, force=values["force"])

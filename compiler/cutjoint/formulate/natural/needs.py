@@ -73,7 +73,7 @@ class Needs:
         self.span(NodeKind.VECTOR, GLOBAL_AXES, body)
 
 
-def require_told(model: Model, scene: Scene, outputs: Sequence[Output]) -> None:
+def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -> None:
     """Natural coordinates do not have all angles: a rod of a distance joint has no attitude.
 
     Raises:

@@ -1,7 +1,8 @@
 """Joint reactions in natural coordinates.
 
-A joint with equations on the way between its points pulls with -(dPhi/dway)^T lambda.  One that only shares a point is told by one of its
-bodies: by the multipliers that hold it to the point, or by M qdd + Phi_q^T lambda - Q of all that moves with it, see `parting.py`.
+A joint with equations on the way between its points pulls with -(dPhi/dway)^T lambda.  The force of one that only shares a point is found
+from one of its bodies (`free_bodies.py`): by the multipliers that hold the body to the point, or by M qdd + Phi_q^T lambda - Q of all that
+moves with it.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from dataclasses import dataclass
 
 from cutjoint.formulate.natural.constraints import Constraint, multipliers
 from cutjoint.formulate.natural.forces import Element
+from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, share
 from cutjoint.formulate.natural.mass import mass_matrix
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Use, is_nought
-from cutjoint.formulate.natural.parting import Bearer, find_bearer, share
 from cutjoint.model.records import Model, Reaction, Scalar
 from cutjoint.program.blocks import Block
 
@@ -39,47 +40,47 @@ class ReactionMaker:
         own = [self._pulled(c, c.by_way) for c in self.constraints if c.element == joint.name and c.by_way is not None]
         if own:
             return b.neg(b.total(own))
-        bearer = find_bearer(self.motions.layout, self.model, reaction, joint)
-        force = self._holding(bearer) if bearer.held else self._moved(bearer)
-        return force if bearer.sign > 0 else b.neg(force)
+        free_body = find_free_body(self.motions.layout, self.model, reaction, joint)
+        force = self._holding(free_body) if free_body.held else self._moved(free_body)
+        return force if free_body.sign > 0 else b.neg(force)
 
     def _pulled(self, constraint: Constraint, gradient: Block) -> Block:
         b = self.motions.builder
         return b.mul(b.transpose(gradient), multipliers(b, constraint))
 
-    def _holding(self, bearer: Bearer) -> Block:
+    def _holding(self, free_body: FreeBody) -> Block:
         """The multipliers of a node less the group's own combination."""
         rows = [
-            self._pulled(c, gradient) for c in self.constraints if c.element == bearer.group
-            for use, gradient in c.by_use if use.form == {bearer.node: 1} and use.sign > 0 and gradient.shape[1] == 3
+            self._pulled(c, gradient) for c in self.constraints if c.element == free_body.group
+            for use, gradient in c.by_use if use.form == {free_body.node: 1} and use.sign > 0 and gradient.shape[1] == 3
         ]  # fmt: skip
         return self.motions.builder.total(rows) if rows else self.motions.builder.zero(3)
 
-    def _moved(self, bearer: Bearer) -> Block:
+    def _moved(self, free_body: FreeBody) -> Block:
         """M qdd + Phi_q^T lambda - Q in the displacement of a node that its group moves alone."""
         m, b = self.motions, self.motions.builder
-        terms = self._inertia(bearer)
+        terms = self._inertia(free_body)
         for c in self.constraints:
             for use, gradient in c.by_use:
                 if gradient.shape[1] == 3:
-                    terms += self._weighted(share((use,), bearer), self._pulled(c, gradient))
+                    terms += self._weighted(share((use,), free_body), self._pulled(c, gradient))
         for body in self.model.bodies:
             if body.mass != 0:
                 weight = b.scale(m.translator.scalar(body.mass), m.vector(self.model.gravity))
                 centre = m.layout.use(body.name, m.layout.point(body.name, body.centre_of_mass))
-                terms += self._weighted(share((centre,), bearer), b.neg(weight))
+                terms += self._weighted(share((centre,), free_body), b.neg(weight))
         for element in self.elements.values():
             for action in element.actions:
                 if action.force.shape == (3, 1):
-                    terms += self._weighted(share((m.layout.use(action.body, action.form),), bearer), b.neg(action.force))
+                    terms += self._weighted(share((m.layout.use(action.body, action.form),), free_body), b.neg(action.force))
         return b.total(terms) if terms else b.zero(3)
 
-    def _inertia(self, bearer: Bearer) -> list[Block]:
+    def _inertia(self, free_body: FreeBody) -> list[Block]:
         m, terms = self.motions, []
         bodies = {body.name: body for body in self.model.bodies}
         for group in m.layout.groups.values():
             for (i, j), mass in mass_matrix(group, [bodies[name] for name in group.bodies]).items():
-                terms += self._weighted(share((Use(1, group.name, {i: 1}),), bearer), m.times(mass, m.node(j).a))
+                terms += self._weighted(share((Use(1, group.name, {i: 1}),), free_body), m.times(mass, m.node(j).a))
         return terms
 
     def _weighted(self, part: Scalar, block: Block) -> list[Block]:

@@ -41,7 +41,7 @@ def formulate_recursive(
 ) -> RecursiveEquations:  # fmt: skip
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
-    The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``close``: q, v -> residual and its
+    The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``constraint_residual``: q, v -> residual and its
     rate; ``report``: q, v, vdot, lambda -> the outputs; ``project``: q, gap -> the step of the speeds' integrals that closes the gaps of
     the cut joints and moves the masses least; with guards ``guard``: q, v -> margins; with switches ``events``: q, v -> their values; with
     laws that may have no value ``domains``: q, v -> the margins of their arguments.
@@ -71,7 +71,7 @@ def formulate_recursive(
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
             **accelerations, **{f"correction:{loop.joint.name}": correction[loop.joint.name] for loop in loops},
         }),
-        Function(name="close", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
+        Function(name="constraint_residual", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
             **{f"residual:{loop.joint.name}": loop.residual for loop in loops},
             **{f"rate:{loop.joint.name}": loop.rate for loop in loops},
         }),

@@ -265,7 +265,7 @@ def _of_coordinate(k: Kinematics, force: JointForce) -> tuple[JointMotion, int, 
 def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[str, Block]:
     motion, index, values = _of_coordinate(k, force)
     body, law = motion.tree_joint.child, law_of(k.translator, force.law, values, POSITION)
-    if motion.chart is not None:  # a guided joint moves as it is told
+    if motion.chart is not None:  # a force does not move a guided joint
         b, before = k.builder, system.joint_forces.get(body)
         speeds = range(len(motion.chart.speed_names))
         column = b.column([law["force"] if i == index else b.zero(1) for i in speeds])

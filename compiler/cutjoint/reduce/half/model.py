@@ -79,7 +79,7 @@ def half_model(half: Half, scene: Scene) -> Model:
     """The model of the half, with its ``scene`` alone.
 
     Raises:
-        AsymmetryError: a reaction cannot be told in the half.
+        AsymmetryError: the half does not have a reaction.
     """
     model = half.model
     kept = [b for b in model.bodies if b.name not in half.removed]
@@ -104,11 +104,11 @@ def _forces(half: Half) -> Iterator[Force]:
 
 
 def _reaction(half: Half, reaction: Reaction | RodForce) -> Reaction | RodForce:
-    """A reaction as it is; that of a joint that is left out is told by the joint's image, along the image of its direction."""
+    """A reaction as it is; that of a joint that is left out is that of the joint's image, along the image of its direction."""
     if half.flat:
         return reaction
     if isinstance(reaction, RodForce):
-        raise AsymmetryError(reaction.name, "is told by distances that already stand for a link", reaction.span)
+        raise AsymmetryError(reaction.name, "is measured by distances that already stand for a link", reaction.span)
     is_removed = reaction.joint in half.removed
     if not is_removed and reaction.body not in half.removed:
         return reaction

@@ -103,7 +103,7 @@ def _output(half: Half, output: Output) -> Output:
         case Joint():
             return _joint_output(half, element, output)
         case RodForce() if not half.flat:
-            raise AsymmetryError(element.name, "is told by distances that already stand for a link", element.span)
+            raise AsymmetryError(element.name, "is measured by distances that already stand for a link", element.span)
     return output if isinstance(element, RodForce) else _force_output(half, element, output)
 
 

@@ -83,8 +83,8 @@ def _axial(force: AxialForce, model: Model) -> Manner:
 def _joint(force: JointForce, model: Model) -> Manner:
     return Manner(
         title="Joint force",
-        notes=("$F$ joins the generalised force of the coordinate $z$ where the joint is eliminated; a guided joint moves as it is "
-               "told.",),
+        notes=("$F$ joins the generalised force of the coordinate $z$ where the joint is eliminated; a guided joint follows its "
+               "guide.",),
         actions=(r"D e = b^T (Q_i - M_i d) + F",), laws=explain_law("F", force.law, "position", "z", model),
         places=(("joint", code(force.joint)), ("coordinate $z$", code(force.coordinate))), constants=(),
     )  # fmt: skip

@@ -8,11 +8,11 @@ from cutjoint.report.explain.views import Chapter, Entry, make_table
 from cutjoint.systems import formulate_system
 
 _ABOUT = {
-    "balance": r"$f$ and $\Phi$",
+    "dynamic_residual": r"$f$ and $\Phi$",
     "linearise": r"the same and $T$",
-    "close": r"$\Phi$, $\dot \Phi$, $\ddot \Phi$",
-    "pull": r"$\Phi_z^T w$",
-    "stretch": r"$\Phi_z x$",
+    "constraint_residual": r"$\Phi$, $\dot \Phi$, $\ddot \Phi$",
+    "apply_jacobian_transposed": r"$\Phi_z^T w$",
+    "apply_jacobian": r"$\Phi_z x$",
 }
 
 _STEP = (

@@ -11,8 +11,8 @@ import sympy
 from cutjoint.formulate.attitude import ATTITUDE
 from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, share
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
-from cutjoint.formulate.natural.parting import Bearer, find_bearer, share
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reported_element, unit_of
 from cutjoint.model.records import Body, Joint, Marker, Output, Reaction, Scalar, Vector
@@ -93,7 +93,7 @@ class Reports:
     def _reaction(self, reaction: Reaction) -> Json:
         """The force of a joint on its follower along a direction.
 
-        A joint whose equations hold the way between its points pulls with their multipliers; else see formulate/natural/parting.py.
+        A joint whose equations hold the way between its points pulls with their multipliers; else see formulate/natural/free_bodies.py.
         """
         model, layout = self.trees.model, self.table.layout
         joint = next(j for j in model.joints if j.name == reaction.joint)
@@ -102,39 +102,39 @@ class Reports:
         if held:
             rows = [[i, [int(uses is row.forms[0]) for uses in row.forms]] for i, row in held]
             return {**direction, "sign": -1, "rows": rows, "masses": [], "forces": [], "weight": 0}
-        bearer = find_bearer(layout, model, reaction, joint)
-        if not bearer.held:
-            return {**direction, "sign": bearer.sign, **self._parted(bearer)}
+        free_body = find_free_body(layout, model, reaction, joint)
+        if not free_body.held:
+            return {**direction, "sign": free_body.sign, **self._of_free_body(free_body)}
         rows = [
             [i, [1]] for i, row in enumerate(self.rows)
-            if row.element == bearer.group and row.name in [f"{bearer.node.name}.{axis}" for axis in "xyz"]
+            if row.element == free_body.group and row.name in [f"{free_body.node.name}.{axis}" for axis in "xyz"]
         ]  # fmt: skip
-        return {**direction, "sign": bearer.sign, "rows": rows, "masses": [], "forces": [], "weight": 0}
+        return {**direction, "sign": free_body.sign, "rows": rows, "masses": [], "forces": [], "weight": 0}
 
-    def _parted(self, bearer: Bearer) -> Json:
+    def _of_free_body(self, free_body: FreeBody) -> Json:
         """How all equations, masses and forces share in the displacement of a node that one group moves alone."""
-        shares = [(i, self._shares(row.forms, bearer)) for i, row in enumerate(self.rows)]
-        pushes = [(i, self._shares(force.forms, bearer)) for i, force in enumerate(self.forces)]
+        shares = [(i, self._shares(row.forms, free_body)) for i, row in enumerate(self.rows)]
+        pushes = [(i, self._shares(force.forms, free_body)) for i, force in enumerate(self.forces)]
         return {
             "rows": [[i, by_form] for i, by_form in shares if any(by_form)],
             "forces": [[i, by_form] for i, by_form in pushes if any(by_form)],
-            "masses": self._inertia(bearer),
-            "weight": self.trees.one(self._weight(bearer)),
+            "masses": self._inertia(free_body),
+            "weight": self.trees.one(self._weight(free_body)),
         }
 
-    def _shares(self, forms: tuple[Uses, ...], bearer: Bearer) -> list[Any]:
-        return self.trees.all(share(uses, bearer) for uses in forms)
+    def _shares(self, forms: tuple[Uses, ...], free_body: FreeBody) -> list[Any]:
+        return self.trees.all(share(uses, free_body) for uses in forms)
 
-    def _inertia(self, bearer: Bearer) -> list[Any]:
+    def _inertia(self, free_body: FreeBody) -> list[Any]:
         """Accelerations of nodes, each with the mass that it moves there."""
         terms: dict[Node, Scalar] = {}
         for owner, i, j, mass in masses_of(self.table.layout, self.trees.model):
-            part = share((Use(1, owner.name, {i: 1}),), bearer)
+            part = share((Use(1, owner.name, {i: 1}),), free_body)
             if part != 0:
                 terms[j] = terms.get(j, 0) + part * mass
         return [[self.table.number_of({j: 1}), self.trees.one(mass)] for j, mass in terms.items()]
 
-    def _weight(self, bearer: Bearer) -> Scalar:
+    def _weight(self, free_body: FreeBody) -> Scalar:
         """The mass whose weight rests there."""
         centres = ((body.mass, self.table.point(body.name, body.centre_of_mass)) for body in self.trees.model.bodies if body.mass != 0)
-        return sum((mass * share(uses, bearer) for mass, uses in centres), sympy.Integer(0))
+        return sum((mass * share(uses, free_body) for mass, uses in centres), sympy.Integer(0))

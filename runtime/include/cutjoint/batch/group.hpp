@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/batch/abreast.hpp"
+#include "cutjoint/batch/side_by_side.hpp"
 #include "cutjoint/batch/road.hpp"
 #include "cutjoint/batch/trapezoidal.hpp"
 #include "cutjoint/domains.hpp"
@@ -27,7 +27,7 @@ namespace cutjoint::batch {
 class Group {
  public:
   Group(AnyMechanism<double>& alone, Instances& instances, const Json& file)
-      : alone_(alone), abreast_(alone, instances), instances_(instances), d_(instances.description()), file_(file), state_(d_),
+      : alone_(alone), side_by_side_(alone, instances), instances_(instances), d_(instances.description()), file_(file), state_(d_),
         parameters_(d_.parameters.size()), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
         largest_(values_) {}
 
@@ -57,11 +57,11 @@ class Group {
       Json own = file_;
       own.update(cases[k]);
       try {
-        Launch<Abreast> launch(abreast_, own);
+        Launch<SideBySide> launch(side_by_side_, own);
         const State<double> state = launch.in_motion();
         // the first to start also stands in for those that do not
         for (std::size_t lane = any(going_) ? k : 0; lane < width; ++lane) {
-          Abreast::put(state, static_cast<int>(lane), state_);
+          SideBySide::put(state, static_cast<int>(lane), state_);
           cases_[lane] = {read_parameters<double>(d_.parameters, own), read_roads<double>(d_.roads, own)};
         }
         results_[k]["undetermined"] = launch.undetermined();
@@ -129,7 +129,7 @@ class Group {
   /// The state of a case, and the mechanism alone with its inputs.
   void take_alone(int k, State<double>& state) {
     const Case& own = cases_[static_cast<std::size_t>(k)];
-    Abreast::take(state_, k, state);
+    SideBySide::take(state_, k, state);
     alone_.load(own.parameters.data(), {}, own.roads.data());
     alone_.begin_step(state.t, 1.0);
   }
@@ -182,7 +182,7 @@ class Group {
   }
 
   AnyMechanism<double>& alone_;
-  Abreast abreast_;
+  SideBySide side_by_side_;
   Instances& instances_;
   const Description& d_;
   const Json& file_;

@@ -83,8 +83,8 @@ void add_body(BodySystem<Real>& system, const Kinematics<Real>& k, const Vector3
   M.template topRightCorner<3, 3>() -= moment;
   M.template bottomLeftCorner<3, 3>() += moment;
   M.template bottomRightCorner<3, 3>() += J - moment * arm;
-  const Vector3<Real> pull = inertia.mass * (gravity - w.cross(k.velocity(i, c)));
-  Vector6<Real> wrench = wrench_of<Real>(c, pull);
+  const Vector3<Real> weight = inertia.mass * (gravity - w.cross(k.velocity(i, c)));
+  Vector6<Real> wrench = wrench_of<Real>(c, weight);
   wrench.template tail<3>() -= w.cross(Vector3<Real>(J * w));
   system.Q(i) += wrench;
 }

@@ -37,7 +37,7 @@ inline Operation operation_of(const std::string& name) {
   return found->second;
 }
 
-/// A stretch of the instructions that run at each evaluation.
+/// A part of the instructions that run at each evaluation.
 struct Routine {
   std::size_t first = 0, last = 0;
 };

@@ -57,7 +57,7 @@ class GenericMechanism {
   }
 
   /// Residual of the cut joints and its rate.
-  void close(const Real* q, const Real* v, Real* residual, Real* rate) {
+  void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) {
     kinematics_.update(q, v);
     closures_.update();
     for (std::size_t i = 0; i < model_.cuts.size(); ++i) {

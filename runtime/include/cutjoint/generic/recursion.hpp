@@ -162,12 +162,12 @@ class Recursion {
     pivot.own = B_at;
     forward_columns<3>(pivot.lower, pivot.own);
     const Vector6<Real> force = system.Q(i) - M * k_.motion(i).d;
-    const Vector3<Real> pull = force.template head<3>();
+    const Vector3<Real> load = force.template head<3>();
     auto g = pivot.g.template head<3>();
-    g = force.template tail<3>() - centre.cross(pull);
+    g = force.template tail<3>() - centre.cross(load);
     forward<3>(pivot.lower, g);
     const Matrix3<Real> weighed = pivot.own * pivot.inverse.template head<3>().asDiagonal();
-    system.Q(parent) += wrench_of<Real>(centre, pull - weighed * g);
+    system.Q(parent) += wrench_of<Real>(centre, load - weighed * g);
     add_mass_at(system.M(parent), Matrix3<Real>(A - weighed * pivot.own.transpose()), arm);
     pass_couplings(system, i, arm, weighed);
     pass_rows<3>(system, i);

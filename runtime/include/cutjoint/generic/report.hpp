@@ -88,9 +88,9 @@ class Reporter {
   Real reaction(const Output& output, const Real* lambda) const {
     const Cut& cut = model_.cuts[static_cast<std::size_t>(output.cut)];
     const Equations<Real>& equations = closures_[static_cast<std::size_t>(output.cut)].equations;
-    Vector3<Real> pull = Vector3<Real>::Zero();
-    for (int n = 0; n < cut.size; ++n) pull -= lambda[cut.first + n] * equations.At.col(n).template head<3>();
-    return k_.direction(output.at).dot(pull);
+    Vector3<Real> force = Vector3<Real>::Zero();
+    for (int n = 0; n < cut.size; ++n) force -= lambda[cut.first + n] * equations.At.col(n).template head<3>();
+    return k_.direction(output.at).dot(force);
   }
 
   const Model<Real>& model_;

@@ -52,7 +52,7 @@ class AugmentedNewton : public Newton<S> {
   /// (M + alpha Phi_q^T Phi_q) dvdot = -(M vdot + Phi_q^T (lambda + alpha Phidd) - Q) with the alpha of the start
   void right_of_start(const State<Real>& state) override {
     for (std::size_t i = 0; i < m_; ++i) weight_[i] = start_alpha_ * phidd_[i];
-    system_.pull(state.q.data(), weight_.data(), x_.data());
+    system_.apply_jacobian_transposed(state.q.data(), weight_.data(), x_.data());
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i] - x_[i];
   }
 

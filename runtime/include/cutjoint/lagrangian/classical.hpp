@@ -65,7 +65,7 @@ class ClassicalNewton final : public Newton<S> {
       this->solve();
       require_small(values);
       for (std::size_t i = 0; i < n_; ++i) values[i] += x_[i];
-      this->close(state);
+      this->constraint_residual(state);
     }
   }
 

@@ -53,8 +53,8 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   std::vector<Real> f(d.unknowns().size()), phi(d.equations.size()), phid(phi.size()), phidd(phi.size()), tangent(d.pattern.row.size());
   Json result;
   system.begin_step(x.t, at.contains("motion") ? read_number<Real>(at, "motion") : Real(1));
-  system.balance(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, f.data(), phi.data());
-  result["balance"] = f;
+  system.dynamic_residual(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty, f.data(), phi.data());
+  result["force_residual"] = f;
   result["residual"] = phi;
   system.linearise(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), penalty,
                    {.damping = read_number<Real>(weights, "damping"),
@@ -62,24 +62,24 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
                     .constraint = read_number<Real>(weights, "constraint"),
                     .turns = turns.data()},
                    f.data(), phi.data(), tangent.data());
-  result["linearised_balance"] = f;
+  result["linearised_force_residual"] = f;
   result["linearised_residual"] = phi;
   result["tangent"] = tangent;
-  system.close(x.q.data(), x.v.data(), x.vdot.data(), phi.data(), phid.data(), phidd.data());
+  system.constraint_residual(x.q.data(), x.v.data(), x.vdot.data(), phi.data(), phid.data(), phidd.data());
   result["closed_residual"] = phi;
   result["rate"] = phid;
   result["curvature"] = phidd;
-  system.pull(x.q.data(), read_array<Real>(at, "w").data(), f.data());
-  result["pull"] = f;
-  system.stretch(x.q.data(), x.vdot.data(), phi.data());
-  result["stretch"] = phi;
+  system.apply_jacobian_transposed(x.q.data(), read_array<Real>(at, "w").data(), f.data());
+  result["force"] = f;
+  system.apply_jacobian(x.q.data(), x.vdot.data(), phi.data());
+  result["change"] = phi;
   std::vector<Real> columns(d.columns.size());
   system.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), columns.data());
   result["columns"] = columns;
   if (at.contains("relative")) {
     const Json& relative = at.at("relative");
     std::vector<Real> q(d.coordinates.size()), v(f.size());
-    system.place(read_array<Real>(relative, "q").data(), read_array<Real>(relative, "v").data(), q.data(), v.data());
+    system.initial_coordinates(read_array<Real>(relative, "q").data(), read_array<Real>(relative, "v").data(), q.data(), v.data());
     result["placed"] = Json{{"q", q}, {"v", v}};
   }
   if (at.contains("right")) {
@@ -106,7 +106,7 @@ double seconds_of(int batches, int repetitions, Call call) {
   return *middle;
 }
 
-/// Seconds a call of each part of an iteration, the others left out: analysis (with its memory), assembly of balance and tangent, numerical
+/// Seconds a call of each part of an iteration, the others left out: analysis (with its memory), assembly of residual and tangent, numerical
 /// factorisation, and solution of one right-hand side.  The run file may have `repetitions` and `batches`.
 template <class S>
 Json time_parts(S& system, std::string_view name, const State<typename S::real_type>& x, const Weights<typename S::real_type>& weights,

@@ -53,7 +53,7 @@ class LagrangianMethod {
     const State<Real> relative(start);
     state_.t = origin_ = relative.t;
     system_.begin_step(origin_, Real(motion));
-    system_.place(relative.q.data(), relative.v.data(), state_.q.data(), state_.v.data());
+    system_.initial_coordinates(relative.q.data(), relative.v.data(), state_.q.data(), state_.v.data());
     newton_->begin(state_, Real(motion));
     note_residuals();
     guards_.check(state_, 0);

@@ -84,11 +84,11 @@ class Newton : public Workspace<S> {
     examine();
     bool settled = false;
     for (int iteration = 0;; ++iteration) {
-      this->close(state);
+      this->constraint_residual(state);
       if (iteration > 0) correct_start();
       if (settled) break;
       if (iteration == 200) fail("the accelerations at the start do not settle", d_.unknowns()[worst()], change_, "take a larger penalty");
-      this->balance(state, Real(0));
+      this->dynamic_residual(state, Real(0));
       right_of_start(state);
       this->solve();
       take(Real(1), state);
@@ -113,7 +113,7 @@ class Newton : public Workspace<S> {
   }
 
   /// Go on with steps of another length.
-  void stretch(Real length) {
+  void set_step(Real length) {
     if (length == length_) return;
     length_ = length;
     stride(Real(1));
@@ -232,7 +232,7 @@ class Newton : public Workspace<S> {
         iterate(state);
       else
         iterate_warily(state);
-      this->close(state);
+      this->constraint_residual(state);
       settle(state);
       project(state);
       if (figures_.rule.averages())
@@ -387,7 +387,7 @@ class Newton : public Workspace<S> {
   /// gaps, with the factors of the last iteration.  Phid is linear in the rates and Phidd in the accelerations: what is left is known.
   void project(State<Real>& state) {
     project_on(state, state.v, phid_);
-    this->close(state);
+    this->constraint_residual(state);
     project_on(state, state.vdot, phidd_);
     residuals_ = measure();
     const double sum = residuals_.position + residuals_.velocity + residuals_.acceleration;
@@ -400,7 +400,7 @@ class Newton : public Workspace<S> {
 
   void require_start(const State<Real>& state) {
     using std::abs;
-    this->close(state);
+    this->constraint_residual(state);
     for (std::size_t i = 0; i < m_; ++i) {
       const Real gap = std::max(abs(phi_[i]) / (Real(1) + largest(state.q)), abs(phid_[i]) / (Real(1) + largest(state.v)));
       if (!(gap <= std::max(Real(1e-6), rounding_like(1e-14)))) fail("the start does not satisfy an equation", d_.equations[i], gap, "please report this");

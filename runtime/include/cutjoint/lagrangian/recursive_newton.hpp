@@ -7,7 +7,7 @@
 
 namespace cutjoint {
 
-/// The balance is cheap beside its tangent, so that factors are kept, over steps too, while they bring the iteration on; a step that fails
+/// The residual is cheap beside its tangent, so that factors are kept, over steps too, while they bring the iteration on; a step that fails
 /// even with a tangent in each iteration is taken in halves.
 ///
 /// What violates the equations is then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
@@ -45,7 +45,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
       this->linearise(state, Real(0), this->step_weights());
       pose_ = state.q;
     } else {
-      this->balance(state, Real(0));
+      this->dynamic_residual(state, Real(0));
     }
     const bool updated = this->is_near() && updates_ < figures_.multiplier_updates;
     for (std::size_t i = 0; i < m_; ++i) {
@@ -53,7 +53,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
       if (updated) lambda_[i] += alpha_ * phi_[i];
     }
     updates_ += updated;
-    system_.pull(pose_.data(), push_.data(), penalised_.data());
+    system_.apply_jacobian_transposed(pose_.data(), push_.data(), penalised_.data());
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * (f_[i] + penalised_[i]);
   }
 
@@ -89,12 +89,12 @@ class RecursiveNewton final : public AugmentedNewton<S> {
     const Real rounding = this->rounding_like(1e-13) * (Real(1) + largest(state.q));
     for (std::size_t pass = 0; pass < Base::passes && largest(phi_) > rounding; ++pass) {
       for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phi_[i];
-      system_.pull(pose_.data(), push_.data(), x_.data());
+      system_.apply_jacobian_transposed(pose_.data(), push_.data(), x_.data());
       this->solve();
       for (std::size_t i = 0; i < n_; ++i) state.vdot[i] -= x_[i];
       for (std::size_t i = 0; i < m_; ++i) lambda_[i] += push_[i];
       this->follow(state);
-      this->close(state);
+      this->constraint_residual(state);
     }
     Base::settle(state);
   }

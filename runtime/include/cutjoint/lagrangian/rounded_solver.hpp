@@ -9,7 +9,7 @@
 namespace cutjoint {
 
 /// A solver in double for matrices and right-hand sides of another type.  Newton's iteration corrects what the rounding leaves, as it
-/// corrects an inexact tangent: the balance is evaluated in the longer type.
+/// corrects an inexact tangent: the residual is evaluated in the longer type.
 template <class Solver, class Real>
 class RoundedSolver final : public LinearSolver<Real> {
  public:

@@ -38,7 +38,7 @@ struct SystemDescription {
   Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
   int factors;                                ///< length of the array that `factor` fills
 
-  /// Names of v, vdot and the balance.
+  /// Names of v, vdot and the force residual.
   const std::vector<std::string_view>& unknowns() const { return charts.empty() ? coordinates : speeds; }
 };
 
@@ -72,11 +72,11 @@ class Road;
 /// natural coordinates, lambda, residuals and multiplier-like arrays m; all arrays belong to the caller and nothing allocates.
 ///
 /// - `load` computes what depends on parameters alone, `begin_step` what depends on time (`motion` as in `Mechanism`),
-/// - `place` finds natural coordinates and their rates from relative coordinates and speeds (those of the mechanism that starts the run),
-/// - `balance` is M vdot + Phi_q^T (penalty Phi + lambda) - Q, with Phi as `residual`,
+/// - `initial_coordinates` finds natural coordinates and their rates from relative coordinates and speeds (those of the mechanism that starts the run),
+/// - `dynamic_residual` is M vdot + Phi_q^T (penalty Phi + lambda) - Q, with Phi as `residual`,
 /// - `linearise` is the same and the values of the tangent's entries,
-/// - `close` is Phi, Phid = Phi_q v + Phi_t and Phidd = Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t),
-/// - `pull` is Phi_q^T w, `stretch` Phi_q x,
+/// - `constraint_residual` is Phi, Phid = Phi_q v + Phi_t and Phidd = Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t),
+/// - `apply_jacobian_transposed` is Phi_q^T w, `apply_jacobian` Phi_q x,
 /// - `report` is the columns, `guard` the margins as in `Mechanism`, `events` the values of the switches,
 /// - `factor` is the emitted factorisation with its static pivot order: L D L^T (augmented) or L U (classical); it returns -1, or the row
 ///   of the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
@@ -90,14 +90,14 @@ class AnySystem {
   virtual const SystemDescription& description() const = 0;
   virtual void load(const Real* parameters, const Road<Real>* roads) = 0;
   virtual void begin_step(Real t, Real motion) = 0;
-  virtual void place(const Real* relative_q, const Real* relative_v, Real* q, Real* v) const = 0;
-  virtual void balance(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, Real* balance,
+  virtual void initial_coordinates(const Real* relative_q, const Real* relative_v, Real* q, Real* v) const = 0;
+  virtual void dynamic_residual(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, Real* force_residual,
                        Real* residual) const = 0;
   virtual void linearise(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, const Weights<Real>& weights,
-                         Real* balance, Real* residual, Real* tangent) const = 0;
-  virtual void close(const Real* q, const Real* v, const Real* vdot, Real* residual, Real* rate, Real* curvature) const = 0;
-  virtual void pull(const Real* q, const Real* w, Real* force) const = 0;
-  virtual void stretch(const Real* q, const Real* x, Real* change) const = 0;
+                         Real* force_residual, Real* residual, Real* tangent) const = 0;
+  virtual void constraint_residual(const Real* q, const Real* v, const Real* vdot, Real* residual, Real* rate, Real* curvature) const = 0;
+  virtual void apply_jacobian_transposed(const Real* q, const Real* w, Real* force) const = 0;
+  virtual void apply_jacobian(const Real* q, const Real* x, Real* change) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with switches have it

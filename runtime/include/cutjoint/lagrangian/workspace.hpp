@@ -46,13 +46,13 @@ class Workspace {
                       tangent_.data());
   }
 
-  void balance(const State<Real>& state, Real penalty) {
+  void dynamic_residual(const State<Real>& state, Real penalty) {
     ++evaluations_;
-    system_.balance(state.q.data(), state.v.data(), state.vdot.data(), lambda_.data(), penalty, f_.data(), phi_.data());
+    system_.dynamic_residual(state.q.data(), state.v.data(), state.vdot.data(), lambda_.data(), penalty, f_.data(), phi_.data());
   }
 
-  void close(const State<Real>& state) {
-    system_.close(state.q.data(), state.v.data(), state.vdot.data(), phi_.data(), phid_.data(), phidd_.data());
+  void constraint_residual(const State<Real>& state) {
+    system_.constraint_residual(state.q.data(), state.v.data(), state.vdot.data(), phi_.data(), phid_.data(), phidd_.data());
   }
 
   void factor() {
@@ -68,10 +68,10 @@ class Workspace {
   /// way = A^-1 Phi_q^T w and closing = Phi_q way, the first Phi_q that of a pose, with the factors of A.
   void follow_weight(const std::vector<Real>& pose, const State<Real>& state, const std::vector<Real>& w, std::span<Real> way,
                      std::span<Real> closing) {
-    system_.pull(pose.data(), w.data(), x_.data());
+    system_.apply_jacobian_transposed(pose.data(), w.data(), x_.data());
     solve();
     std::copy_n(x_.begin(), n_, way.begin());
-    system_.stretch(state.q.data(), way.data(), closing.data());
+    system_.apply_jacobian(state.q.data(), way.data(), closing.data());
   }
 
   /// Close the loops of a state, positions first, then speeds, with the factors of a tangent that belongs to a pose and has the weight `constraint`
@@ -83,7 +83,7 @@ class Workspace {
                     [&](const auto& weight, auto along, auto closed) { follow_weight(pose, state, weight, along, closed); });
     };
     for (int round = 0;; ++round) {
-      close(state);
+      constraint_residual(state);
       const Real rounding = rounding_like(1e-13) * (Real(1) + largest(state.q));
       if (!(largest(phi_) > rounding) || round == 4) break;
       std::fill(way.begin(), way.end(), Real(0));
@@ -92,7 +92,7 @@ class Workspace {
       retract<Real>(d_.charts, from.data(), way.data(), state.q.data());
     }
     bring(state.v, phid_, rounding_like(1e-12) * (Real(1) + largest(state.v)));
-    close(state);
+    constraint_residual(state);
     return {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), 0.0};
   }
 
@@ -101,10 +101,10 @@ class Workspace {
                   static_cast<double>(residual), advice);
   }
 
-  /// Throws Failure where the balance or the tangent has an entry that is no number.
+  /// Throws Failure where the residual or the tangent has an entry that is no number.
   void require_finite() const {
     for (std::size_t i = 0; i < n_; ++i)
-      if (!finite(f_[i])) fail("the balance has no finite value", d_.unknowns()[i], f_[i], advice_finite());
+      if (!finite(f_[i])) fail("the equations of motion have no finite value", d_.unknowns()[i], f_[i], advice_finite());
     bool all = true;
     for (const Real value : tangent_) all &= value - value == Real(0);  // without branches, since this is asked of every tangent
     if (all) return;
@@ -130,7 +130,7 @@ class Workspace {
   LinearSolver<Real>& solver_;
   const SystemDescription& d_;
   std::size_t n_, m_;                                  ///< unknowns and equations
-  std::vector<Real> f_, phi_, phid_, phidd_, weight_;  ///< balance, equations and their rates, and room for what pulls on the equations
+  std::vector<Real> f_, phi_, phid_, phidd_, weight_;  ///< force residual, equations and their rates, and room for what pulls on the equations
   std::vector<Real> lambda_;
   std::vector<Real> x_, tangent_;  ///< right-hand side and then solution, and the matrix
   Real time_{0};

@@ -57,7 +57,7 @@ class NaturalReference : public RowByRow<Natural<S>, Controlled<Natural<S>, Fehl
     State<Real> natural(d.coordinates.size(), d.coordinates.size(), d.equations.size());
     natural.t = relative.t;
     system_.begin_step(relative.t, Real(motion));
-    system_.place(relative.q.data(), relative.v.data(), natural.q.data(), natural.v.data());
+    system_.initial_coordinates(relative.q.data(), relative.v.data(), natural.q.data(), natural.v.data());
     Base::begin(natural);
   }
 

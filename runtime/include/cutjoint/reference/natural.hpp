@@ -41,11 +41,11 @@ class Natural : public Workspace<S> {
     for (int pass = 0; pass < 3; ++pass) {
       take(t, y);
       factor_masses();
-      this->close(state_);
+      this->constraint_residual(state_);
       correct(phi_, y.data());
     }
     take(t, y);
-    this->close(state_);
+    this->constraint_residual(state_);
     correct(phid_, y.data() + n_);
   }
 
@@ -86,7 +86,7 @@ class Natural : public Workspace<S> {
 
   void accelerate() {
     factor_masses();
-    this->close(state_);
+    this->constraint_residual(state_);
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i];
     for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -phidd_[i];
     this->solve();

@@ -61,7 +61,7 @@ class Watched : public Relative<M> {
   std::pair<double, double> residuals(Real t, const std::vector<Real>& y) {
     this->take(t, y);
     mechanism_.begin_step(t, Real(1));
-    mechanism_.close(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
     return {static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_))};
   }
 

@@ -54,7 +54,7 @@ class Stages : public Workspace<S> {
   /// Take over a start in relative coordinates.
   std::vector<Real> begin(const State<Real>& start) {
     system_.begin_step(start.t, Real(1));
-    system_.place(start.q.data(), start.v.data(), start_.q.data(), start_.v.data());
+    system_.initial_coordinates(start.q.data(), start.v.data(), start_.q.data(), start_.v.data());
     start_.t = start.t;
     single_.begin(start_, Real(1));
     alpha_ = single_.step_weights().constraint;
@@ -254,7 +254,7 @@ class Stages : public Workspace<S> {
     add_slopes(h / w, Table::error, slopes_, probe_.vdot);
     for (std::size_t i = 0; i < n_; ++i) trial_[i] = -way_[i];
     retract<Real>(d_.charts, at_.q.data(), trial_.data(), probe_.q.data());
-    this->balance(probe_, Real(0));
+    this->dynamic_residual(probe_, Real(0));
     for (std::size_t i = 0; i < n_; ++i) x_[i] = w * f_[i];
     this->solve();
     for (std::size_t i = 0; i < n_; ++i) way_[i] += w * x_[i];
@@ -325,7 +325,7 @@ class Stages : public Workspace<S> {
   /// An iteration.  What violates the equations is corrected along their directions in the pose of the tangent, Phi_q; and so are the multipliers,
   /// by alpha (Phidd + Phi_q dvdot): the new Phidd is another one where Phi_q has turned, and alpha would make much of that.
   void correct(bool renew, Real w) {
-    this->close(at_);
+    this->constraint_residual(at_);
     if (renew) {
       this->linearise(at_, Real(0), {w, w * w, alpha_, turns_.data()});
       pose_ = at_.q;
@@ -333,13 +333,13 @@ class Stages : public Workspace<S> {
       factored_ = true;
       factored_w_ = w;
     } else {
-      this->balance(at_, Real(0));
+      this->dynamic_residual(at_, Real(0));
     }
     for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phidd_[i];
-    system_.pull(pose_.data(), push_.data(), x_.data());
+    system_.apply_jacobian_transposed(pose_.data(), push_.data(), x_.data());
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i] - x_[i];
     this->solve();
-    system_.stretch(pose_.data(), x_.data(), push_.data());
+    system_.apply_jacobian(pose_.data(), x_.data(), push_.data());
     for (std::size_t i = 0; i < m_; ++i) lambda_[i] += alpha_ * (phidd_[i] + push_[i]);
     for (std::size_t i = 0; i < n_; ++i) at_.vdot[i] += x_[i];
     ++iterations_;

@@ -37,7 +37,7 @@ class NewtonRule {
   void begin(const State<Real>& start, State<Real>& state) {
     state.t = start.t;
     system_.begin_step(start.t, Real(1));
-    system_.place(start.q.data(), start.v.data(), state.q.data(), state.v.data());
+    system_.initial_coordinates(start.q.data(), start.v.data(), state.q.data(), state.v.data());
     restart(state);
   }
 
@@ -53,7 +53,7 @@ class NewtonRule {
     const Real rounding = 16 * std::numeric_limits<Real>::epsilon() * (abs(state.t) + h);  // of times, whose difference h is
     if (abs(h - h_) > h_ * Real(1e-9) + rounding) {
       newton_.stay(state);
-      newton_.stretch(h_ = h);
+      newton_.set_step(h_ = h);
     }
     newton_.step(state, number);
     if (h < dt_ / 100) restart(state);  // the square of a short step, by which penalties are divided, leaves accelerations few digits

@@ -198,7 +198,7 @@ class Stepper {
     scheme_.restart();
   }
 
-  /// A step too short to be told from none leaves the regime.
+  /// A step that rounding would swallow leaves the regime.
   void pass(Real h) {
     scheme_.regime().advance();
     scheme_.accept(h);
@@ -217,8 +217,8 @@ class Stepper {
     hold_up();
   }
 
-  /// An event, or a step as short as they get before one: many in the time of a thousandth of a step each do not come to an end, where they are more
-  /// than each switch has with one event and its return.
+  /// Count an event, or a shortest step before one, if the last one was less than a thousandth of a step ago.  The run fails when the count
+  /// is so large that some switch must have changed again and again.
   void hold_up() {
     const Real since = time() - held_;
     held_up_ = since <= Real(1e-3) * h_ ? held_up_ + 1 : 0;

@@ -59,7 +59,7 @@ class TrapezoidalRule {
   }
 
   void step(State<Real>& state, Real h, long number) {
-    steps_.stretch(h);
+    steps_.set_step(h);
     steps_.step(state, number);
   }
 
@@ -81,7 +81,7 @@ class TrapezoidalRule {
   }
 
   Residuals measure(const State<Real>& state) {
-    mechanism_.close(state.q.data(), state.v.data(), residual_.data(), rate_.data());
+    mechanism_.constraint_residual(state.q.data(), state.v.data(), residual_.data(), rate_.data());
     const Residuals now{static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_))};
     worst_ = {std::max(worst_.position, now.position), std::max(worst_.velocity, now.velocity)};
     measured_ = true;

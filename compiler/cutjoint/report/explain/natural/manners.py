@@ -61,7 +61,7 @@ def _axial(force: AxialForce, model: Model, manner: Manner) -> _Acts:
 def _joint(force: JointForce, model: Model, manner: Manner) -> _Acts:
     joint = next(j for j in model.joints if j.name == force.joint)
     if joint.guide is not None:
-        return ("A guided joint moves as it is told; $F$ is reported and does nothing.",), ()
+        return ("A guided joint follows its guide; $F$ is reported and does nothing.",), ()
     if force.coordinate in joint.element.measures:
         return ("The angle $z$ is a coordinate of its own, on which $F$ works.",), (_gets("z", "+", "F"),)
     note = (

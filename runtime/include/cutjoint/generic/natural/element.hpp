@@ -37,7 +37,7 @@ class Element {
   /// Reports the derivatives of its law, after `act`.
   virtual void report_tangents(const Setting<Real>&) {}
 
-  /// balance -= Q.
+  /// force_residual -= Q.
   virtual void subtract_force(Real*) const {}
   virtual void add_tangent(Real*) {}
 
@@ -81,8 +81,8 @@ class FormElement : public Element<Real> {
     scatter_.settle(pattern, scalars_);
   }
 
-  void subtract_force(Real* balance) const override {
-    for (const LocalTerm& t : terms_) Eigen::Map<Vector3<Real>>(balance + t.at) -= t.coefficient * force_.col(t.form / 3);
+  void subtract_force(Real* force_residual) const override {
+    for (const LocalTerm& t : terms_) Eigen::Map<Vector3<Real>>(force_residual + t.at) -= t.coefficient * force_.col(t.form / 3);
   }
 
   /// The local matrix over the coordinates, first its columns, then its rows.

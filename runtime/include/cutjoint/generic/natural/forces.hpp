@@ -61,19 +61,19 @@ class Forces {
     for (const auto& element : elements_) element->settle(pattern);
   }
 
-  /// balance -= Q.
-  void act(const Setting<Real>& at, Real* balance) {
+  /// force_residual -= Q.
+  void act(const Setting<Real>& at, Real* force_residual) {
     for (const auto& element : elements_) {
       element->act(at);
-      element->subtract_force(balance);
+      element->subtract_force(force_residual);
     }
   }
 
   /// The same, and values += damping C + stiffness K.
-  void linearise(const Setting<Real>& at, Real damping, Real stiffness, Real* balance, Real* values) {
+  void linearise(const Setting<Real>& at, Real damping, Real stiffness, Real* force_residual, Real* values) {
     for (const auto& element : elements_) {
       element->linearise(at, damping, stiffness);
-      element->subtract_force(balance);
+      element->subtract_force(force_residual);
       element->add_tangent(values);
     }
   }

@@ -70,7 +70,7 @@ class BodyLoad final : public FormElement<Real> {
     };
     std::array<S, 9> place;
     place.fill(S(0));
-    Vector3<S> pull, turn = Vector3<S>::Zero();
+    Vector3<S> load, turn = Vector3<S>::Zero();
     if (torque_) {
       if constexpr (K >= 3)
         for (std::size_t i = axes; i < axes + 3; ++i) turn += x[i].cross(v[i]) / Real(2);
@@ -80,13 +80,13 @@ class BodyLoad final : public FormElement<Real> {
       const Vector3<S> speed = in_body_ ? in_axes(v[0]) : v[0];
       for (std::size_t i = 0; i < 3; ++i) place[i] = x[0][static_cast<int>(i)], place[3 + i] = speed[static_cast<int>(i)];
     }
-    pull = components(at, place);
+    load = components(at, place);
     if constexpr (K >= 3)
-      if (in_body_) pull = (pull[0] * x[axes] + pull[1] * x[axes + 1] + pull[2] * x[axes + 2]).eval();
+      if (in_body_) load = (load[0] * x[axes] + load[1] * x[axes + 1] + load[2] * x[axes + 2]).eval();
     for (Vector3<S>& f : force) f.setZero();
-    if (!torque_) force[0] = pull;
+    if (!torque_) force[0] = load;
     else if constexpr (K >= 3)
-      for (std::size_t i = axes; i < axes + 3; ++i) force[i] = pull.cross(x[i]) / Real(2);
+      for (std::size_t i = axes; i < axes + 3; ++i) force[i] = load.cross(x[i]) / Real(2);
   }
 
   template <class S>

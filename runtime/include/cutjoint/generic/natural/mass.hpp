@@ -51,11 +51,11 @@ class Masses {
       }
   }
 
-  /// balance = M vdot - weight.
-  void balance(const Real* vdot, Real* balance) const {
-    for (std::size_t i = 0; i < weight_.size(); ++i) balance[i] = -weight_[i];
+  /// force_residual = M vdot - weight.
+  void add_inertial_forces(const Real* vdot, Real* force_residual) const {
+    for (std::size_t i = 0; i < weight_.size(); ++i) force_residual[i] = -weight_[i];
     for (const Entry& entry : entries_)
-      Eigen::Map<Vector3<Real>>(balance + entry.row) += entry.mass * Eigen::Map<const Vector3<Real>>(vdot + entry.column);
+      Eigen::Map<Vector3<Real>>(force_residual + entry.row) += entry.mass * Eigen::Map<const Vector3<Real>>(vdot + entry.column);
   }
 
   /// The tangent's values with M alone.

@@ -130,7 +130,7 @@ class Reporter {
       case Quantity::slide: return forms_.x(o.form).dot(forms_.x(o.other));
       case Quantity::slide_rate: return forms_.v(o.form).dot(forms_.x(o.other)) + forms_.x(o.form).dot(forms_.v(o.other));
       case Quantity::course: return e_[o.form];
-      case Quantity::reaction: return forms_.x(o.form).dot(pull(reactions_[o.number], lambda, gravity));
+      case Quantity::reaction: return forms_.x(o.form).dot(reaction_force(reactions_[o.number], lambda, gravity));
       default: return attitude(o);
     }
   }
@@ -152,7 +152,7 @@ class Reporter {
     return atan2(x.y(), x.x());
   }
 
-  Vector3<Real> pull(const Reaction& reaction, const Real* lambda, const Vector3<Real>& gravity) const {
+  Vector3<Real> reaction_force(const Reaction& reaction, const Real* lambda, const Vector3<Real>& gravity) const {
     Vector3<Real> sum = -e_[reaction.weight] * gravity;
     for (const auto& [form, mass] : reaction.masses) sum += e_[mass] * forms_.a(form);
     for (const Share& s : reaction.rows) sum += e_[s.share] * lambda[s.of] * rows_.by_form(s.of, s.form);

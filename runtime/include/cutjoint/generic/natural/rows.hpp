@@ -65,7 +65,7 @@ class Rows {
 
   /// Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t).
   /// Its share of Phi_q x.
-  Real stretch(std::size_t i, const Real* x) const { return along(i, x); }
+  Real directional_derivative(std::size_t i, const Real* x) const { return along(i, x); }
 
   Real curvature(std::size_t i, const Real* v, const Real* vdot) const { return along(i, vdot) + drift(rows_[i], state_[i], v); }
 
@@ -73,7 +73,7 @@ class Rows {
   const Vector3<Real>& by_form(std::size_t i, std::size_t slot) const { return state_[i].by_form[slot]; }
 
   /// force += Phi_q^T w for one row.
-  void pull(std::size_t i, Real w, Real* force) const {
+  void add_gradient(std::size_t i, Real w, Real* force) const {
     for (std::size_t k = rows_[i].first; k < rows_[i].last; ++k) force[columns_[k]] += gradient_[k] * w;
   }
 

@@ -200,7 +200,7 @@ class AngleForce final : public Element<Real> {
   }
 
   void report_tangents(const Setting<Real>& at) override { report_law(at, law_, quantity_); }
-  void subtract_force(Real* balance) const override { balance[angle_] -= force_; }
+  void subtract_force(Real* force_residual) const override { force_residual[angle_] -= force_; }
   void add_tangent(Real* values) override { values[entry_] += tangent_; }
 
  private:

@@ -29,7 +29,7 @@ class Start {
     kinematics_.begin_step();
   }
 
-  void place(const Real* relative_q, const Real* relative_v, Real* q, Real* v) {
+  void initial_coordinates(const Real* relative_q, const Real* relative_v, Real* q, Real* v) {
     kinematics_.update(relative_q, relative_v);
     for (const Coordinate& c : coordinates_) {
       if (c.mark >= 0) {

@@ -52,27 +52,27 @@ class GenericSystem {
     start_.begin_step(t, motion);
   }
 
-  void place(const Real* relative_q, const Real* relative_v, Real* q, Real* v) { start_.place(relative_q, relative_v, q, v); }
+  void initial_coordinates(const Real* relative_q, const Real* relative_v, Real* q, Real* v) { start_.initial_coordinates(relative_q, relative_v, q, v); }
 
-  void balance(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, Real* balance, Real* residual) {
+  void dynamic_residual(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, Real* force_residual, Real* residual) {
     forms_.update(q, v);
-    masses_.balance(vdot, balance);
-    forces_.act(setting(q, v), balance);
-    add_constraints(q, lambda, penalty, balance, residual);
+    masses_.add_inertial_forces(vdot, force_residual);
+    forces_.act(setting(q, v), force_residual);
+    add_constraints(q, lambda, penalty, force_residual, residual);
   }
 
   void linearise(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, const Weights<Real>& weights,
-                 Real* balance, Real* residual, Real* tangent) {
+                 Real* force_residual, Real* residual, Real* tangent) {
     forms_.update(q, v);
-    masses_.balance(vdot, balance);
+    masses_.add_inertial_forces(vdot, force_residual);
     std::copy(masses_.tangent().begin(), masses_.tangent().end(), tangent);
-    forces_.linearise(setting(q, v), weights.damping, weights.stiffness, balance, tangent);
-    add_constraints(q, lambda, penalty, balance, residual);
+    forces_.linearise(setting(q, v), weights.damping, weights.stiffness, force_residual, tangent);
+    add_constraints(q, lambda, penalty, force_residual, residual);
     if (is_augmented()) rows_.add_squares(weights.constraint, tangent);
     else rows_.add_borders(weights.constraint, tangent);
   }
 
-  void close(const Real* q, const Real* v, const Real* vdot, Real* residual, Real* rate, Real* curvature) {
+  void constraint_residual(const Real* q, const Real* v, const Real* vdot, Real* residual, Real* rate, Real* curvature) {
     forms_.update(q, v);
     rows_.update(q);
     for (std::size_t i = 0; i < rows_.size(); ++i) {
@@ -82,17 +82,17 @@ class GenericSystem {
     }
   }
 
-  void pull(const Real* q, const Real* w, Real* force) {
+  void apply_jacobian_transposed(const Real* q, const Real* w, Real* force) {
     forms_.update(q, q);  // the rates do not matter
     rows_.update(q);
     std::fill_n(force, description_.coordinates.size(), Real(0));
-    for (std::size_t i = 0; i < rows_.size(); ++i) rows_.pull(i, w[i], force);
+    for (std::size_t i = 0; i < rows_.size(); ++i) rows_.add_gradient(i, w[i], force);
   }
 
-  void stretch(const Real* q, const Real* x, Real* change) {
+  void apply_jacobian(const Real* q, const Real* x, Real* change) {
     forms_.update(q, q);  // the rates do not matter
     rows_.update(q);
-    for (std::size_t i = 0; i < rows_.size(); ++i) change[i] = rows_.stretch(i, x);
+    for (std::size_t i = 0; i < rows_.size(); ++i) change[i] = rows_.directional_derivative(i, x);
   }
 
   void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) {
@@ -149,12 +149,12 @@ class GenericSystem {
 
   Setting<Real> setting(const Real* q, const Real* v) { return {forms_, e_, roads_, q, v, forces_.values()}; }
 
-  /// Phi, and balance += Phi_q^T (penalty Phi + lambda).
-  void add_constraints(const Real* q, const Real* lambda, Real penalty, Real* balance, Real* residual) {
+  /// Phi, and force_residual += Phi_q^T (penalty Phi + lambda).
+  void add_constraints(const Real* q, const Real* lambda, Real penalty, Real* force_residual, Real* residual) {
     rows_.update(q);
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       residual[i] = rows_.residual(i);
-      rows_.pull(i, penalty * residual[i] + lambda[i], balance);
+      rows_.add_gradient(i, penalty * residual[i] + lambda[i], force_residual);
     }
   }
 

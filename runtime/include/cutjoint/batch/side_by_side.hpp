@@ -13,11 +13,11 @@
 namespace cutjoint::batch {
 
 /// A mechanism with the penalty closure, as a search for equilibrium takes it: most of that is accelerations of neighbouring states.
-class Abreast {
+class SideBySide {
  public:
   using real_type = double;
 
-  Abreast(AnyMechanism<double>& alone, Instances& instances) : alone_(alone), instances_(instances) {}
+  SideBySide(AnyMechanism<double>& alone, Instances& instances) : alone_(alone), instances_(instances) {}
 
   const Description& description() const { return alone_.description(); }
 
@@ -35,7 +35,7 @@ class Abreast {
     alone_.evaluate(q, v, lambda, vdot, correction);
   }
 
-  void close(const double* q, const double* v, double* residual, double* rate) const { alone_.close(q, v, residual, rate); }
+  void constraint_residual(const double* q, const double* v, double* residual, double* rate) const { alone_.constraint_residual(q, v, residual, rate); }
 
   void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const {
     alone_.report(q, v, vdot, lambda, column);

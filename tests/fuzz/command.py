@@ -1,4 +1,4 @@
-"""Fuzzes expressions, files, calls, disks, caches and signals: `make fuzz`, or `python -m benchmarks.fuzz SECONDS [SEED]`.
+"""Fuzzes expressions, files, calls, disks, caches and signals: `make fuzz`, or `python -m tests.fuzz SECONDS [SEED]`.
 
 Prints what was tried, accepted and refused, and the slowest inputs; every input that fails is kept in tests/fuzz/corpus with its seed.
 """
@@ -14,8 +14,11 @@ from itertools import islice
 from multiprocessing import get_context
 
 import click
-from tests.fuzz.kinds import KINDS
-from tests.fuzz.tally import Tally
+
+from cutjoint_bench.ready import end_with_parent
+
+from .kinds import KINDS
+from .tally import Tally
 
 #: Model files that a process tries at once; of other kinds by their `Kind.share` more or less.
 CHUNK = 10
@@ -70,7 +73,7 @@ def fuzz(progress: Progress, *, seconds: float, jobs: int) -> None:
     end, report = time.monotonic() + seconds, time.monotonic() + REPORT
     chunks = progress.chunks()
     while time.monotonic() < end and (first := list(islice(chunks, jobs * CHUNKS))):
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
             waiting, running = iter(first), dict[Future[tuple[str, Tally]], tuple[str, range]]()
             while True:
                 while time.monotonic() < end and len(running) < 2 * jobs and (chunk := next(waiting, None)):
@@ -118,7 +121,3 @@ def main(seconds: float, seed: int, jobs: int, kinds: tuple[str, ...], counts: d
     finally:
         progress.print()
     sys.exit(1 if any(tally.failed for tally in progress.tallies.values()) else 0)
-
-
-if __name__ == "__main__":
-    main()

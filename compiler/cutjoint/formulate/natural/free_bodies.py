@@ -1,7 +1,7 @@
-"""Which body tells a joint's force, and what moves along when it alone moves the joint's point.
+"""The free body from whose equations the force of a joint is found, if the joint has no equations of its own but only shares a point.
 
-A joint without equations of its own only shares a point.  It is parted in thought: one of its bodies moves the point, the others stay.
-What the masses, equations and forces that move along do in that displacement is the joint's force on the body.
+The joint is cut by a virtual displacement: one of its bodies moves the point, the others stay.  The virtual work of the masses, equations
+and forces that move with that body gives the joint's force on it.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from cutjoint.model.records import Joint, Model, Reaction, Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bearer:
-    """A group that tells a joint's force, at ``node``; ``sign`` is 1 of the follower's, -1 of the base's.
+class FreeBody:
+    """The group of bodies on one side of a joint, and the ``node`` at which the joint's force acts on it.
 
-    ``held`` says that the group's equations hold its own combination to the node, else the node is of its basis.
+    ``sign`` is 1 for the follower's group and -1 for the base's.  If ``held``, the group has equations that hold a combination of its
+    basis to the node; otherwise the node is part of its basis.
     """
 
     group: str
@@ -27,23 +28,23 @@ class Bearer:
     held: bool
 
 
-def find_bearer(layout: Layout, model: Model, reaction: Reaction, joint: Joint) -> Bearer:
-    """Who tells the force of a joint that only shares a point.
+def find_free_body(layout: Layout, model: Model, reaction: Reaction, joint: Joint) -> FreeBody:
+    """The free body for the reaction of a joint that only shares a point.
 
     Raises:
-        ModelError: no body does: it is fixed, or another joint shares the point, or a further point of both bodies.
+        ModelError: there is none: the body is fixed, or another joint shares the point, or both bodies share a further point.
     """
     for body, sign in ((joint.follower, 1), (joint.base, -1)) if joint.element.shares_point else ():
         group, node = layout.groups.get(layout.group_of[body]), layout.find(body, NodeKind.POINT, joint.at)
         if group is None or node is None:
             continue
         if node in group.surplus:
-            return Bearer(group=group.name, node=node, sign=sign, held=True)
+            return FreeBody(group=group.name, node=node, sign=sign, held=True)
         if node in group.basis and _meets_alone(layout, model, joint, node, group.name) and not _is_held_twice(layout, node):
-            return Bearer(group=group.name, node=node, sign=sign, held=False)
+            return FreeBody(group=group.name, node=node, sign=sign, held=False)
     problem = Problem(
         span=reaction.span, element=f"reaction '{reaction.name}'",
-        message=f"natural coordinates do not tell the force of joint '{joint.name}': it is fixed, or another joint shares its point",
+        message=f"natural coordinates do not give the force of joint '{joint.name}': it is fixed, or another joint shares its point",
         hint="use --method recursive, or leave this output out",
     )  # fmt: skip
     raise ModelError([problem])
@@ -62,19 +63,19 @@ def _is_held_twice(layout: Layout, node: Node) -> bool:
     return any(len(layout.carriers[n] & layout.carriers[node]) > 1 for n in others)
 
 
-def share(uses: Uses, bearer: Bearer) -> Scalar:
-    """How much a sum moves when the bearer's group alone moves its node by one.
+def share(uses: Uses, free_body: FreeBody) -> Scalar:
+    """The displacement of a sum if the free body alone moves its node by one.
 
-    What is laid out after the group on combinations of its basis moves along.
+    Nodes that are combinations of the group's basis move with it.
     """
-    return sum((use.sign * _share(use.group, use.form, bearer) for use in uses), 0.0)
+    return sum((use.sign * _share(use.group, use.form, free_body) for use in uses), 0.0)
 
 
-def _share(user: str, form: Form, bearer: Bearer) -> Scalar:
+def _share(user: str, form: Form, free_body: FreeBody) -> Scalar:
     moved: Scalar = 0.0
     for node, coefficient in form.items():
-        if node is bearer.node:
-            moved += coefficient if user == bearer.group else 0.0
+        if node is free_body.node:
+            moved += coefficient if user == free_body.group else 0.0
         elif node.parts is not None:
-            moved += coefficient * _share(node.body, node.parts, bearer)
+            moved += coefficient * _share(node.body, node.parts, free_body)
     return moved

@@ -9,8 +9,8 @@ from rich.table import Table
 
 from cutjoint.model.records import Scene
 from cutjoint.reduce.choose import Candidate, Choice
-from cutjoint.reduce.ladder import Rung
 from cutjoint.reduce.measure import Cost
+from cutjoint.reduce.sequence import ReducedModel
 
 
 def _table(title: str, headings: Sequence[str], left: int) -> Table:
@@ -20,24 +20,24 @@ def _table(title: str, headings: Sequence[str], left: int) -> Table:
     return table
 
 
-def ladder_table(rungs: Sequence[Rung], costs: Sequence[Cost]) -> Table:
-    """One row a rung: what is left of the model, what it costs, and how far it is from the full one."""
-    full = rungs[0]
-    headings = ("rung", "motion", "unknowns", "equations", "ops", "share", "ms", "faster", "error")
+def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> Table:
+    """One row a model: what is left of the model, what it costs, and how far it is from the full one."""
+    full = variants[0]
+    headings = ("model", "motion", "unknowns", "equations", "ops", "share", "ms", "faster", "error")
     table = _table(f"{full.model.name}, scene {full.scene.name}, method {full.method}", headings, 2)
-    for rung, cost in zip(rungs, costs, strict=True):
+    for variant, cost in zip(variants, costs, strict=True):
         table.add_row(
-            rung.name, rung.motion, str(rung.unknowns), str(rung.equations), str(rung.operations),
-            f"{100 * rung.operations / full.operations:.0f} %", f"{1e3 * cost.seconds:.2f}",
+            variant.name, variant.motion, str(variant.unknowns), str(variant.equations), str(variant.operations),
+            f"{100 * variant.operations / full.operations:.0f} %", f"{1e3 * cost.seconds:.2f}",
             "-" if cost.failure else f"{costs[0].seconds / cost.seconds:.2f}",
-            cost.failure or (f"{cost.error:.1e}" if rung is not full else "-"),
+            cost.failure or (f"{cost.error:.1e}" if variant is not full else "-"),
         )  # fmt: skip
     return table
 
 
-def note_lines(rung: Rung) -> Iterator[str]:
+def note_lines(variant: ReducedModel) -> Iterator[str]:
     """What was done element by element, then what was left and why, each with its place in the file."""
-    yield from (f"{note.span}: '{note.element}' {note.words}" for note in (*rung.done, *rung.left))
+    yield from (f"{note.span}: '{note.element}' {note.words}" for note in (*variant.done, *variant.left))
 
 
 def choice_table(choice: Choice, scene: Scene) -> Table:
@@ -45,7 +45,7 @@ def choice_table(choice: Choice, scene: Scene) -> Table:
     title = f"scene {scene.name}: the fastest within {scene.tolerance:g} m and rad (the truth still moves by {choice.settled:.0e})"
     table = _table(title, ("", "method", "model", "dt / ms", "error", "ms", "of real time"), 3)
     for candidate in choice.evidence:
-        table.add_row("picked" if candidate == choice.picked else "", candidate.method, candidate.rung, *_figures(candidate, scene))
+        table.add_row("picked" if candidate == choice.picked else "", candidate.method, candidate.variant, *_figures(candidate, scene))
     return table
 
 

@@ -1,4 +1,4 @@
-"""The ladder: the full model and what is left of it after more and more passes."""
+"""The reduction sequence: the full model and what is left of it after more and more passes."""
 
 from __future__ import annotations
 
@@ -68,8 +68,10 @@ ROLLING = Step(name="rolling", reduce=roll_straight, motion="approximate")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rung:
-    """A model of the ladder: ``name`` is the last pass that changed it, ``done`` what the passes up to it did, ``left`` what it left.
+class ReducedModel:
+    """A model of the reduction sequence.
+
+    ``name`` is the last pass that changed it, ``done`` what the passes up to it did, ``left`` what it left.
 
     ``motion`` is one of MOTIONS; ``operations`` are those of an evaluation, ``unknowns`` and ``equations`` the numbers of coordinates and
     of the cut joints' equations.
@@ -87,8 +89,8 @@ class Rung:
     left: tuple[Note, ...] = ()
 
 
-def climb(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, approximate: bool = False) -> list[Rung]:
-    """The full model first, then a rung for every pass that lowers the operations of a method.
+def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, approximate: bool = False) -> list[ReducedModel]:
+    """The full model first, then a reduced model for every pass that lowers the operations of a method.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the full model is wrong.
@@ -97,60 +99,60 @@ def climb(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, approxima
         ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
     """
     whole = Outcome(model=model, scene=scene)
-    rungs = _descend("full", "exact", whole, method)
+    variants = _descend("full", "exact", whole, method)
     if approximate:
-        _approximate(whole, rungs, method)
-        _take(rungs, ROLLING)
-    return rungs
+        _approximate(whole, variants, method)
+        _take(variants, ROLLING)
+    return variants
 
 
-def _descend(name: str, motion: str, outcome: Outcome, method: str) -> list[Rung]:
-    """A rung for the model as it is, and those of the passes that are exact or guarded."""
-    rungs = [_rung(name, outcome, method, motion=motion)]
+def _descend(name: str, motion: str, outcome: Outcome, method: str) -> list[ReducedModel]:
+    """A reduced model for the model as it is, and those of the passes that are exact or guarded."""
+    variants = [_variant(name, outcome, method, motion=motion)]
     for step in STEPS:
-        _take(rungs, step)
-    return rungs
+        _take(variants, step)
+    return variants
 
 
-def _take(rungs: list[Rung], step: Step) -> None:
-    """Add a rung for a pass on what the last one leaves, or say there why not."""
-    below = rungs[-1]
+def _take(variants: list[ReducedModel], step: Step) -> None:
+    """Add a reduced model for a pass on what the last one leaves, or say there why not."""
+    below = variants[-1]
     reduced = step.reduce(below.model, below.scene)
     left, above = reduced.left, None
     if reduced.done:
         try:
-            above = _rung(step.name, reduced, below.method, motion=max(below.motion, step.motion, key=MOTIONS.index))
+            above = _variant(step.name, reduced, below.method, motion=max(below.motion, step.motion, key=MOTIONS.index))
         except _REFUSALS:
             left = tuple(_refused(reduced.done, step.name, below.method))
     if above is not None and above.operations >= below.operations:
         left, above = tuple(_dearer(reduced.done, step.name, above.operations, below.operations)), None
     if above is None:
-        rungs[-1] = replace(below, left=below.left + left)
+        variants[-1] = replace(below, left=below.left + left)
     else:
-        rungs.append(replace(above, done=below.done + above.done, left=below.left + above.left))
+        variants.append(replace(above, done=below.done + above.done, left=below.left + above.left))
 
 
-def _approximate(whole: Outcome, rungs: list[Rung], method: str) -> None:
-    """Add the rungs of the approximations of a whole model, one on the other, that cost less than the rung below."""
+def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> None:
+    """Add the reduced models of the approximations of a whole model, one on the other, that cost less than the reduced model below."""
     for step in APPROXIMATIONS:
-        changed, below = step.reduce(whole.model, whole.scene), rungs[-1]
+        changed, below = step.reduce(whole.model, whole.scene), variants[-1]
         if not changed.done:
-            rungs[-1] = replace(below, left=tuple(dict.fromkeys((*below.left, *changed.left))))
+            variants[-1] = replace(below, left=tuple(dict.fromkeys((*below.left, *changed.left))))
             continue
         changed = replace(changed, done=whole.done + changed.done, left=whole.left + changed.left)
         try:
             above = _descend(step.name, step.motion, changed, method)[-1]
         except _REFUSALS:
-            rungs[-1] = replace(below, left=(*below.left, *_refused(changed.done, step.name, method)))
+            variants[-1] = replace(below, left=(*below.left, *_refused(changed.done, step.name, method)))
             continue
         if above.operations < below.operations:
             whole = changed
-            rungs.append(replace(above, name=step.name))
+            variants.append(replace(above, name=step.name))
 
 
-def _rung(name: str, outcome: Outcome, method: str, *, motion: str) -> Rung:
+def _variant(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedModel:
     equations, program, _ = generate(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
-    return Rung(
+    return ReducedModel(
         name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=equations.unknowns,
         operations=program.operations(METHODS[method].iteration), equations=len(equations.equation_names), done=outcome.done,
         left=outcome.left,

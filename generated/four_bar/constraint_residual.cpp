@@ -5,7 +5,7 @@
 namespace cutjoint::generated {
 
 template <class Real>
-void FourBar<Real>::close(const Real* q, const Real* v, Real* residual, Real* rate) const {
+void FourBar<Real>::constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const {
   using std::cos, std::sin;
 
   // inputs
@@ -24,61 +24,61 @@ void FourBar<Real>::close(const Real* q, const Real* v, Real* residual, Real* ra
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_0_pin_xx = cos(q_crank_0_pin_angle);
-  const Real R_crank_0_pin_xy_negated = sin(q_crank_0_pin_angle);
+  const Real R_crank_0_pin_yx = sin(q_crank_0_pin_angle);
 
   // kinematics: coupler_1.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_coupler_1_pin_xx = cos(q_coupler_1_pin_angle);
-  const Real R_coupler_1_pin_xy_negated = sin(q_coupler_1_pin_angle);
-  const Real R_coupler_1_bar_xx = R_crank_0_pin_xx*R_coupler_1_pin_xx - R_crank_0_pin_xy_negated*R_coupler_1_pin_xy_negated;
-  const Real R_coupler_1_bar_xy_negated = R_crank_0_pin_xx*R_coupler_1_pin_xy_negated + R_crank_0_pin_xy_negated*R_coupler_1_pin_xx;
+  const Real R_coupler_1_pin_yx = sin(q_coupler_1_pin_angle);
+  const Real R_coupler_1_bar_xx = R_crank_0_pin_xx*R_coupler_1_pin_xx - R_crank_0_pin_yx*R_coupler_1_pin_yx;
+  const Real R_coupler_1_bar_yx = R_crank_0_pin_xx*R_coupler_1_pin_yx + R_crank_0_pin_yx*R_coupler_1_pin_xx;
   const Real bv_coupler_1_pin_vx = R_crank_0_pin_xx*v_coupler_1_pin_angle_rate;
-  const Real bv_coupler_1_pin_vy = R_crank_0_pin_xy_negated*v_coupler_1_pin_angle_rate;
+  const Real bv_coupler_1_pin_vy = R_crank_0_pin_yx*v_coupler_1_pin_angle_rate;
   const Real Z_coupler_1_bar_wz = v_crank_0_pin_angle_rate + v_coupler_1_pin_angle_rate;
 
   // kinematics: crank_1.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_1_pin_xx = cos(q_crank_1_pin_angle);
-  const Real R_crank_1_pin_xy_negated = sin(q_crank_1_pin_angle);
+  const Real R_crank_1_pin_yx = sin(q_crank_1_pin_angle);
 
   // kinematics: coupler_2.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_coupler_2_pin_xx = cos(q_coupler_2_pin_angle);
-  const Real R_coupler_2_pin_xy_negated = sin(q_coupler_2_pin_angle);
-  const Real R_coupler_2_bar_xx = R_crank_1_pin_xx*R_coupler_2_pin_xx - R_crank_1_pin_xy_negated*R_coupler_2_pin_xy_negated;
-  const Real R_coupler_2_bar_xy_negated = R_crank_1_pin_xx*R_coupler_2_pin_xy_negated + R_crank_1_pin_xy_negated*R_coupler_2_pin_xx;
+  const Real R_coupler_2_pin_yx = sin(q_coupler_2_pin_angle);
+  const Real R_coupler_2_bar_xx = R_crank_1_pin_xx*R_coupler_2_pin_xx - R_crank_1_pin_yx*R_coupler_2_pin_yx;
+  const Real R_coupler_2_bar_yx = R_crank_1_pin_xx*R_coupler_2_pin_yx + R_crank_1_pin_yx*R_coupler_2_pin_xx;
   const Real bv_coupler_2_pin_vx = R_crank_1_pin_xx*v_coupler_2_pin_angle_rate;
-  const Real bv_coupler_2_pin_vy = R_crank_1_pin_xy_negated*v_coupler_2_pin_angle_rate;
+  const Real bv_coupler_2_pin_vy = R_crank_1_pin_yx*v_coupler_2_pin_angle_rate;
   const Real Z_coupler_2_bar_wz = v_crank_1_pin_angle_rate + v_coupler_2_pin_angle_rate;
 
   // kinematics: crank_2.pin
   //   R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)
   //   four_bar.yaml:20
   const Real R_crank_2_pin_xx = cos(q_crank_2_pin_angle);
-  const Real R_crank_2_pin_xy_negated = sin(q_crank_2_pin_angle);
+  const Real R_crank_2_pin_yx = sin(q_crank_2_pin_angle);
 
   // closure: closure_1
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
   //   four_bar.yaml:30
   const Real Z_base_closure_1_vy = bv_coupler_1_pin_vy + Z_coupler_1_bar_wz;
   const Real Z_closure_1_wz = v_crank_1_pin_angle_rate - Z_coupler_1_bar_wz;
-  const Real Phid_closure_1_y_negated = Z_base_closure_1_vy + R_crank_1_pin_xy_negated*Z_closure_1_wz;
+  const Real Phid_closure_1_y_negated = Z_base_closure_1_vy + R_crank_1_pin_yx*Z_closure_1_wz;
   const Real Phid_closure_1_x_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
-  const Real Phi_closure_1_x_negated = R_crank_1_pin_xy_negated + (R_coupler_1_bar_xx - R_crank_0_pin_xy_negated - Real(1.0));
-  const Real Phi_closure_1_y = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_xy_negated);
+  const Real Phi_closure_1_x_negated = R_crank_1_pin_yx + (R_coupler_1_bar_xx - R_crank_0_pin_yx - Real(1.0));
+  const Real Phi_closure_1_y = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_yx);
 
   // closure: closure_2
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
   //   four_bar.yaml:31
   const Real Z_base_closure_2_vy = bv_coupler_2_pin_vy + Z_coupler_2_bar_wz;
   const Real Z_closure_2_wz = v_crank_2_pin_angle_rate - Z_coupler_2_bar_wz;
-  const Real Phid_closure_2_y_negated = Z_base_closure_2_vy + R_crank_2_pin_xy_negated*Z_closure_2_wz;
+  const Real Phid_closure_2_y_negated = Z_base_closure_2_vy + R_crank_2_pin_yx*Z_closure_2_wz;
   const Real Phid_closure_2_x_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
-  const Real Phi_closure_2_x_negated = R_crank_2_pin_xy_negated + (R_coupler_2_bar_xx - R_crank_1_pin_xy_negated - Real(1.0));
-  const Real Phi_closure_2_y = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_xy_negated);
+  const Real Phi_closure_2_x_negated = R_crank_2_pin_yx + (R_coupler_2_bar_xx - R_crank_1_pin_yx - Real(1.0));
+  const Real Phi_closure_2_y = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_yx);
 
   residual[0] = -Phi_closure_1_x_negated;
   residual[1] = Phi_closure_1_y;
@@ -106,6 +106,6 @@ void FourBar<Real>::close(const Real* q, const Real* v, Real* residual, Real* ra
   rate[11] = Real(0.0);
 }
 
-template void FourBar<Precision>::close(const Precision* q, const Precision* v, Precision* residual, Precision* rate) const;
+template void FourBar<Precision>::constraint_residual(const Precision* q, const Precision* v, Precision* residual, Precision* rate) const;
 
 }  // namespace cutjoint::generated

@@ -1,0 +1,5 @@
+"""`python -m tests.fuzz`."""
+
+from .command import main
+
+main()
