@@ -121,6 +121,39 @@ class Joint:
 
 
 @dataclass(frozen=True, kw_only=True)
+class JointCoordinate:
+    """A scalar coordinate of a tree joint, named as in :data:`COORDINATES`, with its unit, "rad" or "m"."""
+
+    joint: str
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gear:
+    """A linear relation: the first coordinate is ``ratio`` times the second one, of another joint.
+
+    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero.
+    """
+
+    name: str
+    first: JointCoordinate
+    second: JointCoordinate
+    ratio: Scalar
+    span: Span
+
+    @property
+    def joints(self) -> tuple[str, str]:
+        """The names of its joints."""
+        return self.first.joint, self.second.joint
+
+    @property
+    def terms(self) -> tuple[tuple[JointCoordinate, Scalar], ...]:
+        """The coordinates with their factors in its equation: their sum is zero."""
+        return (self.first, 1), (self.second, -self.ratio)
+
+
+@dataclass(frozen=True, kw_only=True)
 class PointSpring:
     """Force along the line from ``start`` on ``base`` to ``end`` on ``follower``.
 
@@ -421,7 +454,7 @@ class Scene:
 class Model:
     """A validated model: what the file says, flat and in SI units.
 
-    Element names are unique over bodies, joints, forces, reactions and markers.  An element of a submodel's
+    Element names are unique over bodies, joints, gears, forces, reactions and markers.  An element of a submodel's
     instance is called ``instance.element``.  ``guards`` stand for forces that a pass took out: a run stops where one of them would act.
     """
 
@@ -437,6 +470,7 @@ class Model:
     span: Span
     text: str = field(repr=False)
     guards: tuple[Guard, ...] = ()
+    gears: tuple[Gear, ...] = ()
 
     @property
     def force_elements(self) -> tuple[Force, ...]:

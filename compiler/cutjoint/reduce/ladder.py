@@ -9,7 +9,7 @@ from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.methods import ITERATIONS
 from cutjoint.model.errors import ModelError
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Gear, Model, Scene
 from cutjoint.pipeline import generate
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
@@ -97,11 +97,17 @@ def climb(model: Model, scene: Scene, method: str = "recursive", *, approximate:
         ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
     """
     whole = Outcome(model=model, scene=scene)
+    if model.gears:
+        return [_rung("full", replace(whole, left=tuple(map(_geared, model.gears))), method, motion="exact")]
     rungs = _descend("full", "exact", whole, method)
     if approximate:
         _approximate(whole, rungs, method)
         _take(rungs, ROLLING)
     return rungs
+
+
+def _geared(gear: Gear) -> Note:
+    return Note(element=gear.name, words="stays as all of the model does: no pass knows gears", span=gear.span)
 
 
 def _descend(name: str, motion: str, outcome: Outcome, method: str) -> list[Rung]:

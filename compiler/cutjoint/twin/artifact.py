@@ -66,6 +66,8 @@ def _require_twin(model: Model, scene: Scene, method: str) -> None:
         raise RunError(f"{method} has no generic twin: there is one of {', '.join(TWINS)}; use --implementation generated")
     if is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
+    for gear in model.gears:
+        raise RunError(f"{gear.span}: gear '{gear.name}': the generic twin does not know gears; use --implementation generated")
     if method == "recursive" and scene.numerics.closure != "penalty":
         raise RunError(f"the generic twin knows closure: penalty only, not {scene.numerics.closure}; use --implementation generated")
 
