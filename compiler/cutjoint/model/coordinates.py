@@ -13,10 +13,12 @@ from cutjoint.model.source import Path
 
 @dataclass(frozen=True)
 class Naming:
-    """How an element names a coordinate: why it needs one, what stands before it, where the joint and the coordinate stand."""
+    """How an element names a coordinate: why it needs one, the field and what stands before a name in it, and where joint and coordinate
+    stand."""
 
     need: str
-    written: str
+    field: str
+    before: str
     joint: Path
     coordinate: Path
 
@@ -28,7 +30,8 @@ def read_coordinate(element: Element, name: str, joint: joint_parts.Joint, coord
     if not known:
         element.fail(f"{what} has no coordinates", naming.need, naming.joint)
     elif coordinate is None and len(known) > 1:
-        element.fail(f"{what} has {len(known)} coordinates", f"write {naming.written}{' or '.join(known)}", naming.joint)
+        options = " or ".join(naming.before + one for one in known)
+        element.fail(f"{what} has {len(known)} coordinates", f"write {naming.field}{options}", naming.joint)
     elif coordinate is not None and coordinate not in known:
         element.fail(f"{what} has no coordinate '{coordinate}'", nearest(coordinate, known, "coordinates"), naming.coordinate)
     else:

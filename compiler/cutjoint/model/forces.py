@@ -141,7 +141,7 @@ def _read_joint_force(element: Element, force: force_parts.JointForce) -> JointF
 
 
 def _naming(joint: Path, coordinate: Path) -> Naming:
-    return Naming("a force needs one to act on", "coordinate: ", joint, coordinate)
+    return Naming("a force needs one to act on", "coordinate: ", "", joint, coordinate)
 
 
 def _law_of(coordinate: str) -> LawKind:

