@@ -74,8 +74,9 @@ class Artifact:
 
     @property
     def places(self) -> dict[str, str]:
-        """Where each joint stands in the model file."""
-        return {joint.name: str(joint.span) for joint in self.topology.model.joints}
+        """Where each joint and gear stands in the model file."""
+        model = self.topology.model
+        return {name: str(span) for name, span in ((e.name, e.span) for group in (model.joints, model.gears) for e in group)}
 
     @property
     def iteration(self) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+import sympy
 
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import Artifact, compile_scene, simulate
@@ -43,6 +45,25 @@ def test_tight_integrators(method: str, integrator: str) -> None:
     run = finished(method, integrator=integrator)
     assert np.ptp(run["pinion.angle"]) > 4 * np.pi
     verify(dict(run.columns), run.t, 2e-8)
+
+
+def test_given_coordinates_that_contradict_a_gear_name_it() -> None:
+    artifact = compiled("recursive")
+    positions = {"pinion.angle": 1.0, "rack.displacement": 0.3}
+    run = simulate(replace(artifact, scene=replace(artifact.scene, positions={n: sympy.Float(x) for n, x in positions.items()})), end=0.01)
+    assert run.failure is not None
+    assert run.failure.element == "mesh.ratio"
+    assert run.failure.residual == pytest.approx(0.2)
+    assert artifact.places["mesh"] == "gears.yaml:35:3"
+
+
+def test_a_given_coordinate_turns_what_a_gear_couples_it_to() -> None:
+    """Several turns, which no closing of the gear takes back."""
+    artifact = compiled("recursive")
+    run = simulate(replace(artifact, scene=replace(artifact.scene, positions={"pinion.angle": sympy.Float(20)}, rates={})), end=0.01)
+    assert run.failure is None
+    assert run["rack.displacement"][0] == pytest.approx(2.0, abs=1e-9)
+    assert run["pinion.angle"][0] == pytest.approx(20.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented", "classical"])
