@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from cutjoint.analysis.guides import GuideError
 from cutjoint.export.mechanism import build_mechanism
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
@@ -93,6 +94,17 @@ def test_two_guides_leave_nothing_to_a_gear() -> None:
     text = TEXT.replace("axis: [0, 1, 0]}", "axis: [0, 1, 0], guide: t}").replace("GEAR", "{joints: [pinion, drive], ratio: 1}")
     with pytest.raises(ModelError, match=r"gear 'mesh': both its joints are guided; leave one of them unguided, or remove the gear"):
         read_model_text(text, "gears.yaml")
+
+
+def test_guides_that_contradict_gears_are_refused() -> None:
+    text = TEXT.replace("gears:\n  mesh: GEAR\n", "\n".join((
+        "  driven: {kind: revolute, bodies: [ground, other], at: [0, 0, 0], axis: [1, 0, 0], guide: 3*t}", "gears:",
+        "  first: {joints: [pinion, drive], ratio: 2}", "  last: {joints: [driven, pinion], ratio: 1}", "scenes: {run: {end: 1}}", "",
+    )))  # fmt: skip
+    text = text.replace("bodies:\n", "bodies:\n  other: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}\n")
+    model = read_model_text(text, "gears.yaml")
+    with pytest.raises(GuideError, match=r"the guides of 'drive', 'driven' contradict the gear '(first|last)': no motion of the other"):
+        generate(model, model.scenes["run"], ())
 
 
 def test_mirror_image_turns_with_its_joints() -> None:

