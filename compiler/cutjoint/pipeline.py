@@ -74,9 +74,8 @@ class Artifact:
 
     @property
     def places(self) -> dict[str, str]:
-        """Where each joint and gear stands in the model file."""
-        model = self.topology.model
-        return {name: str(span) for name, span in ((e.name, e.span) for group in (model.joints, model.gears) for e in group)}
+        """Where each body, joint and gear stands in the model file."""
+        return {name: str(span) for name, span in self.topology.model.constraint_spans.items()}
 
     @property
     def iteration(self) -> str:

@@ -11,10 +11,11 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.pipeline import generate
 from cutjoint.reduce.ladder import climb
+from cutjoint.report.explain.document import explain
 from cutjoint.run.run_file import RunError
 from cutjoint.topology.build import build_topology
 from cutjoint.twin.artifact import compile_generic
-from tests.mechanisms import gears
+from tests.mechanisms.gears import TEXT as GEARED
 
 TEXT = """
 cutjoint: 1
@@ -132,7 +133,7 @@ def test_gears_keep_their_joints_in_the_tree() -> None:
 
 
 def test_what_has_no_gears_refuses_them() -> None:
-    model = read_model_text(gears.TEXT, "gears.yaml")
+    model = read_model_text(GEARED, "gears.yaml")
     scene = model.scenes["run"]
     with pytest.raises(RunError, match=r"gears.yaml:35:3: gear 'mesh': the generic twin does not know gears; use --implementation"):
         compile_generic(model, scene)
@@ -141,7 +142,7 @@ def test_what_has_no_gears_refuses_them() -> None:
 
 
 def test_passes_leave_a_model_with_gears_as_it_is() -> None:
-    model = read_model_text(gears.TEXT, "gears.yaml")
+    model = read_model_text(GEARED, "gears.yaml")
     (rung,) = climb(model, model.scenes["run"], approximate=True)
     assert rung.model is model
     assert [note.element for note in rung.left] == [gear.name for gear in model.gears]
@@ -154,3 +155,13 @@ def test_natural_coordinates_refuse_gears_on_coordinates_that_they_do_not_have()
     assert generate(model, model.scenes["run"], ())
     with pytest.raises(ModelError, match="gear 'mesh': natural coordinates do not have the coordinates of a constant_velocity joint"):
         generate(model, model.scenes["run"], (), method="augmented")
+
+
+@pytest.mark.parametrize("method", ["recursive", "classical"])
+def test_explain_has_gears_and_what_follows_from_them(method: str) -> None:
+    gears = "  mesh: {joints: [pinion, slide.angle], ratio: 2}\n  again: {joints: [slide.angle, pinion], ratio: 0.5}"
+    text = TEXT.replace("  mesh: GEAR", gears)
+    model = read_model_text(text + "scenes: {run: {end: 1}}\n", "gears.yaml")
+    page = explain(model, model.scenes["run"], method)
+    assert "| `mesh` | gears.yaml:21 | `pinion.angle` | `slide.angle` | 2 |" in page
+    assert ("| `again.ratio` | gears.yaml:22 |" in page) == (method == "classical")

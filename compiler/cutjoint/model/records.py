@@ -473,6 +473,12 @@ class Model:
     gears: tuple[Gear, ...] = ()
 
     @property
+    def constraint_spans(self) -> Mapping[str, Span]:
+        """Where all that may have equations stands: bodies, joints and gears by their names."""
+        bodies, joints = {b.name: b.span for b in self.bodies}, {j.name: j.span for j in self.joints}
+        return {**bodies, **joints, **{g.name: g.span for g in self.gears}}
+
+    @property
     def force_elements(self) -> tuple[Force, ...]:
         """The forces with those that were taken out, each in its place."""
         forces = list(self.forces)
