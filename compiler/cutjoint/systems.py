@@ -115,7 +115,7 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
 def _singular(equations: LagrangianEquations, names: Sequence[str]) -> str:
     """What to say of coordinates and equations that have no equation of their own near the design position."""
     model = equations.topology.model
-    spans = {body.name: body.span for body in model.bodies} | {joint.name: joint.span for joint in model.joints}
+    spans = model.constraint_spans
     lines = []
     for name in names:
         element = max((e for e in spans if name.startswith(f"{e}.")), key=len, default="")

@@ -16,7 +16,7 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Scene, Tyre
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models
-from tests.mechanisms.random_models import CLOSINGS, CUT_KINDS, TIME, TREE_KINDS, K, scene, stop, variable, workshop
+from tests.mechanisms.random_models import CLOSINGS, CUT_KINDS, TIME, TREE_KINDS, K, scene, stop, variable, with_gears, workshop
 from tests.oracles.dense import Array, DenseMechanism, Instant, Numerics, Solution
 from tests.oracles.evaluation import BlockMechanism, both
 from tests.oracles.tyre import Flat
@@ -107,6 +107,20 @@ def test_random_tree(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(12))
 def test_coupled_loops(seed: int) -> None:
     compare(random_models.random_loops(seed), seed)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_geared_tree(seed: int) -> None:
+    """Gears between any coordinates, of guided joints too, in branches of more unknowns than others have."""
+    model = with_gears(random_models.random_tree(seed), seed)
+    inside = {name for branch in build_topology(model).branches for name in branch.gears}
+    assert inside == {gear.name for gear in model.gears}
+    compare(model, seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_geared_loops(seed: int) -> None:
+    compare(with_gears(random_models.random_loops(seed), seed), seed)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -171,6 +171,13 @@ def test_tangent_of_random_loops(seed: int) -> None:
     verify_tangent(make_system(random_models.random_loops(seed), random_models.scene()), seed)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_tangent_with_gears(seed: int) -> None:
+    """Gears in trees and beside loops."""
+    for model in (random_models.random_tree(seed), random_models.random_loops(seed)):
+        verify_tangent(make_system(random_models.with_gears(model, seed), random_models.scene()), seed)
+
+
 @pytest.mark.parametrize(("name", "scene"), [("iltis", "simul1s"), ("slider_crank", None), ("flyball", None)])
 def test_tangent_of_models(name: str, scene: str | None) -> None:
     """The vehicle on hills, with tyres and bumpers."""

@@ -17,6 +17,7 @@ import sympy
 from cutjoint.analysis.closing import design_coordinates, evaluate_closures, retract
 from cutjoint.analysis.natural import call, closed_states, constraint_jacobian, dependent_equations
 from cutjoint.analysis.poses import explore
+from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -112,7 +113,7 @@ def told(model: Model) -> tuple[Output, ...]:
     rods = {j.name for j in model.joints if not j.element.is_measured}
     tree = [t.joint for t in build_topology(model).tree if t.joint.name not in rods]
     forces = [f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)]
-    elements = (*model.bodies, *model.markers, *forces, *tree)
+    elements = (*model.bodies, *model.markers, *forces, *tree, *model.gears)
     return tuple(Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e))
 
 
@@ -213,6 +214,12 @@ def test_guided_joint(kind: JointKind) -> None:
     w.grow(w.guided(w.guided(w.grow("ground"), kind), kind))
     w.load_all()
     compare(w.model(), 0)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_geared_tree(seed: int) -> None:
+    model = random_models.random_tree(seed)
+    compare(random_models.with_gears(model, seed, [kind for kind in JOINTS if JOINTS[kind].is_measured]), seed)
 
 
 def determined(pair: Pair, at: Instant) -> set[str]:

@@ -89,10 +89,12 @@ def test_a_heavy_penalty_loses_digits(name: str) -> None:
     assert all(x > 1e-9 for x in errors(blocks, dense, closed(dense, np.random.default_rng(0)), 1e9, 4))
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_correction_inside_is_a_correction_outside(seed: int) -> None:
-    """Two evaluations of the closure "penalty" without stabilisation are one of "proximal", of loops inside branches and across them."""
+@pytest.mark.parametrize(("seed", "geared"), [*((seed, False) for seed in range(6)), *((seed, True) for seed in range(3))])
+def test_a_correction_inside_is_a_correction_outside(seed: int, geared: bool) -> None:
+    """Two evaluations of the closure "penalty" without stabilisation are one of "proximal", of loops inside branches and across them, and
+    of gears."""
     model: Model = random_models.random_loops(seed)
+    model = random_models.with_gears(model, seed) if geared else model
     topology = build_topology(model)
     plain, dense = both(topology, SCENE, parameters=PARAMETERS)
     proximal = BlockMechanism(topology, SCENE, parameters=PARAMETERS, closure="proximal")

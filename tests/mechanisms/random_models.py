@@ -6,7 +6,8 @@ body which could be built, and a massless body is placed only where a loop or wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,9 @@ from cutjoint.model.records import (
     BodyLoad,
     Bushing,
     Force,
+    Gear,
     Joint,
+    JointCoordinate,
     JointForce,
     JointKind,
     Marker,
@@ -436,6 +439,26 @@ def chosen_loops(seed: int) -> Model:
         w.close(w.pick(PLAIN_CUTS), *w.two(), cut=None)
     w.load_all()
     return w.model()
+
+
+def with_gears(model: Model, seed: int, kinds: Sequence[JointKind] = TREE_KINDS) -> Model:
+    """The model with up to three gears between joints of its tree, of these kinds; none follows from the others or from the guides."""
+    rng = np.random.default_rng([seed, *b"gears"])
+    ends = [(j, name) for j in model.joints if not j.cut and j.kind in kinds for name in COORDINATES[j.kind]]
+    group = {j.name: "guided" if j.guide is not None else j.name for j, _ in ends}
+    gears: list[Gear] = []
+    for _ in range(20):
+        pair = [ends[int(i)] for i in rng.choice(len(ends), 2, replace=False)]
+        one, other = (group[joint.name] for joint, _ in pair)
+        if one != other and len(gears) <= seed % 3:
+            group = {name: one if g == other else g for name, g in group.items()}
+            gears.append(_gear(f"gear_{len(gears)}", pair, float(rng.uniform(0.3, 3) * rng.choice((1, -1)))))
+    return replace(model, gears=tuple(gears))
+
+
+def _gear(name: str, ends: Sequence[tuple[Joint, str]], ratio: float) -> Gear:
+    first, second = (JointCoordinate(joint=joint.name, name=end, unit=joint.element.units[end]) for joint, end in ends)
+    return Gear(name=name, first=first, second=second, ratio=ratio * SIZE.symbol, span=NOWHERE)
 
 
 def state(layouts: Any, nq: int, nv: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

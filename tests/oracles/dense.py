@@ -28,6 +28,7 @@ from cutjoint.model.records import (
     Body,
     BodyLoad,
     Bushing,
+    Gear,
     Joint,
     JointForce,
     JointKind,
@@ -165,6 +166,9 @@ class DenseMechanism:
         for cut in topology.cuts:
             self.equations[cut.name] = slice(first, first + ROWS[cut.kind])
             first += ROWS[cut.kind]
+        for gear in self.model.gears:
+            self.equations[gear.name] = slice(first, first + 1)
+            first += 1
         self.m = first
 
     # Numbers and functions of the model
@@ -395,18 +399,30 @@ class DenseMechanism:
     # Closures
 
     def closures(self, at: Instant) -> Closures:
-        """The cut joints' residuals and their derivatives."""
-        here = self._residuals(self.poses(at.q, at.t))
-        by_v = self._residuals(self.poses(*self.along_coordinates(at))).imag / TINY
-        rates = self._residuals(self.poses(*self.along_path(at))).imag / TINY
+        """The residuals of cut joints and gears, and their derivatives."""
+        here = self._residuals(at.q, at.t)
+        by_v = self._residuals(*self.along_coordinates(at)).imag / TINY
+        rates = self._residuals(*self.along_path(at)).imag / TINY
         turn = self.base_turn(at)
         return Closures(residual=turn @ here, jacobian=turn @ by_v.T, rate=turn @ rates[0], drift=turn @ difference(rates))
 
-    def _residuals(self, poses: Poses) -> Array:
+    def _residuals(self, q: Array, t: Array | float) -> Array:
         """The residuals (..., m); vectors in the axes of the cut joint's base."""
+        poses = self.poses(q, t)
         parts = [self._residual(cut, poses) for cut in self.topology.cuts]
+        parts += [self._gap_of_teeth(gear, q, t) for gear in self.model.gears]
         shape = poses[GROUND][1].shape[:-1]
         return np.concatenate(parts, axis=-1) if parts else np.zeros((*shape, 0))
+
+    def _gap_of_teeth(self, gear: Gear, q: Array, t: Array | float) -> Array:
+        """The first coordinate less the ratio times the second one, (..., 1)."""
+        trees = {x.joint.name: x for x in self.topology.tree}
+        of, ratio = (trees[name] for name in gear.joints), self.number(gear.ratio)
+        first, second = (
+            self._coordinates(x, q, t)[..., COORDINATES[x.joint.kind].index(end.name)]
+            for x, end in zip(of, (gear.first, gear.second), strict=True)
+        )
+        return (first - ratio * second)[..., np.newaxis]
 
     def _residual(self, cut: Joint, poses: Poses) -> Array:
         at, axes, to, pitch = self.geometry[cut.name]

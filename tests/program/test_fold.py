@@ -42,10 +42,18 @@ def pendulums(count: int) -> str:
     return f"cutjoint: 1\nname: pendulums\ngravity: [0, -9.81, 0]\nbodies:\n{arms}joints:\n{joints}scenes:\n  swing: {{end: 1}}\n"
 
 
+def geared(count: int) -> str:
+    """The same with hinges in place of balls, and a gear of its own ratio between the two of each pendulum."""
+    hinge = "axis: [0, 0, 1], kind: revolute,"
+    gears = "".join(f"  mesh_{i}: {{joints: [ball_{i}, pin_{i}], ratio: {1 + i / 10}}}\n" for i in range(count))
+    return pendulums(count).replace("kind: spherical,", hinge).replace("scenes:", f"gears:\n{gears}scenes:")
+
+
 CASES = {
     "iltis, straight": (lambda: (MODELS / "iltis.yaml").read_text(), "simul1s"),
     "iltis, steering": (lambda: (MODELS / "iltis.yaml").read_text(), "iavsd_sine_2mm"),
     "7 pendulums in groups of 4, 2 and 1": (lambda: pendulums(7), "swing"),
+    "4 geared pendulums": (lambda: geared(4), "swing"),
 }
 
 

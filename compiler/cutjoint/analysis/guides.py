@@ -26,7 +26,7 @@ class GuideError(ValueError):
 
 
 def require_guides(equations: RecursiveEquations) -> None:
-    """Refuse guides that tear a loop open in the equations' scene.
+    """Refuse guides that tear a loop open, or a gear, in the equations' scene.
 
     They do if the loops can be closed at none of several times, and at none of them the other joints' speeds make up for the guides'.
 
@@ -72,6 +72,12 @@ def _not_made_up_for(jacobian: Array, rates: Array) -> Array:
 def _words(equations: RecursiveEquations, moving: list[Joint], gaps: Array) -> str:
     worst = int(np.argmax(gaps))
     torn = next(c.joint for c in equations.closures if c.first <= worst < c.first + len(c.names))
+    if any(gear.name == torn for gear in equations.topology.model.gears):
+        names = ", ".join(f"'{joint.name}'" for joint in moving)
+        return (
+            f"{moving[0].span}: scene '{equations.scene.name}': the guides of {names} contradict the gear '{torn}': "
+            "no motion of the other joints goes with them; leave out a guide or the gear"
+        )
     loop = next(loop for loop in equations.topology.loops if loop.cut == torn)
     joint_of = equations.topology.joint_of
     guided = [joint_of[body].joint for body in loop.bodies if joint_of[body].joint.guide is not None]

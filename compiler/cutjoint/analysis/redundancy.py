@@ -90,7 +90,7 @@ def _name(
     equations: RecursiveEquations, rows: Sequence[int], kept: Sequence[int], jacobians: Sequence[Array]
 ) -> tuple[RedundantEquation, ...]:
     names = [(c.joint, name) for c in equations.closures for name in c.names]
-    places = {cut.name: cut.span.place for cut in equations.topology.cuts}
+    places = {element.name: element.span.place for element in equations.topology.closing}
     taking_part = _combinations(rows, kept, jacobians)
     return tuple(
         RedundantEquation(

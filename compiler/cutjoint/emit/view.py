@@ -125,7 +125,7 @@ class Viewer:
         if symbol in _MEMBERS:
             return _MEMBERS[symbol][1][index]
         if symbol == "penalties":
-            return f"penalty_{self._equations.topology.cuts[index].name.replace('.', '_')}"
+            return f"penalty_{self._equations.topology.closing[index].name.replace('.', '_')}"
         return f"p_{self._equations.parameters[index].name}" if symbol == "parameters" else f"{symbol}_now"
 
     def members(self, binding: BindingTime) -> tuple[tuple[str, str], ...]:

@@ -32,6 +32,9 @@ def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float])
     """
     if is_reduced(model, scene):
         raise RunError(f"{model.span.file}: peers know neither guards nor sensors of rods of reduced models; export the full model")
+    for gear in model.gears:
+        message = f"gear '{gear.name}': exports do not have gears; leave it out, or couple the joints there by hand"
+        raise RunError(f"{gear.span}: {message}")
     topology = build_topology(model)
     starts, coordinates = find_start(topology, scene, parameters)
     return _Builder(topology, scene, Numbers.of(model, scene, parameters), starts, coordinates).build()

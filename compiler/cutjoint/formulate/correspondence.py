@@ -40,6 +40,8 @@ def _touched(topology: Topology, member: tuple[str, ...]) -> set[str]:
     """The outside bodies of a member's joints; a body whose motion is known counts as the one that carries it."""
     joint_of = topology.joint_of
     bodies = {b for c in topology.cuts if c.name in member for b in (c.base, c.follower)}
+    geared = {name for g in topology.model.gears if g.name in member for name in g.joints}
+    bodies |= {t.child for t in topology.tree if t.joint.name in geared}
     touched = {joint_of[member[0]].parent}
     for body in bodies - set(member):
         while body != GROUND and degrees(joint_of[body].joint) == 0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy
@@ -10,7 +10,7 @@ import sympy
 from cutjoint.formulate.records import Chart, Slot
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import CLOSURES
-from cutjoint.model.records import Binding, Joint, Model, Output, Parameter, Scalar, Scene
+from cutjoint.model.records import Binding, Gear, Joint, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.topology.records import Topology
 
@@ -19,7 +19,7 @@ TIME = sympy.Symbol("t", real=True)
 
 @dataclass(frozen=True, kw_only=True)
 class Numbers:
-    """Blocks of the numerical parameters of the cut joints; ``penalties`` by their names."""
+    """Blocks of the numerical parameters of cut joints and gears; ``penalties`` by their names."""
 
     penalties: Mapping[str, Block]
     damping_ratio: Block
@@ -61,16 +61,16 @@ def guide_rates(guide: Scalar, model: Model, scene: Scene) -> tuple[Scalar, Scal
     return position, rate, sympy.diff(rate, TIME)
 
 
-def make_numbers(builder: Builder, cuts: tuple[Joint, ...], closure: str) -> Numbers:
-    """The numerical parameters; with a closure that finds its penalties one for each cut joint and no stabilisation."""
+def make_numbers(builder: Builder, closing: Sequence[Joint | Gear], closure: str) -> Numbers:
+    """The numerical parameters; with a closure that finds its penalties one for each cut joint and gear, and no stabilisation."""
     if CLOSURES[closure].finds_penalty:
-        own = builder.symbol("penalties", max(len(cuts), 1), BindingTime.PARAM)
-        penalties = {cut.name: builder.name(builder.element(own, i), "penalty", cut.name) for i, cut in enumerate(cuts)}
+        own = builder.symbol("penalties", max(len(closing), 1), BindingTime.PARAM)
+        penalties = {cut.name: builder.name(builder.element(own, i), "penalty", cut.name) for i, cut in enumerate(closing)}
         return Numbers(penalties=penalties, damping_ratio=builder.number(0.0), frequency=builder.number(0.0))
     column = builder.symbol("numerics", 3, BindingTime.PARAM)
     names = ("penalty", "damping_ratio", "frequency")
     penalty, ratio, frequency = (builder.label(builder.element(column, i), n) for i, n in enumerate(names))
-    return Numbers(penalties={cut.name: penalty for cut in cuts}, damping_ratio=ratio, frequency=frequency)
+    return Numbers(penalties={cut.name: penalty for cut in closing}, damping_ratio=ratio, frequency=frequency)
 
 
 def make_charts(topology: Topology) -> tuple[Chart, ...]:

@@ -30,7 +30,7 @@ class Chart:
 
 @dataclass(frozen=True, kw_only=True)
 class Closure:
-    """The equations of one cut joint: rows ``first`` to ``first + len(names)`` of the residual."""
+    """The equations of one cut joint or gear, ``joint``: rows ``first`` to ``first + len(names)`` of the residual."""
 
     joint: str
     first: int
@@ -137,7 +137,8 @@ class Equations:
 
 @dataclass(frozen=True, kw_only=True)
 class RecursiveEquations(Equations):
-    """The recursive formulation: joint coordinates by ``charts``, cut joints by ``closures``, the values of ``events`` by ``switches``.
+    """The recursive formulation: joint coordinates by ``charts``, cut joints and gears by ``closures``, the values of ``events`` by
+    ``switches``.
 
     Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``gap:joint``, ``numerics``
     (penalty, damping ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,

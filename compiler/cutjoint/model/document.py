@@ -21,6 +21,7 @@ from cutjoint.model.values import (
     Name,
     Number,
     OneOf,
+    Pair,
     ParameterName,
     Part,
     Point,
@@ -29,6 +30,13 @@ from cutjoint.model.values import (
     shape_error,
     told_by,
 )
+
+
+class Gear(Part):
+    """The first joint's coordinate is the ratio times the second one's; joint.coordinate where a joint has several."""
+
+    joints: Pair
+    ratio: Number
 
 
 class Reaction(Part):
@@ -52,6 +60,7 @@ class Elements(Part):
     points: dict[Name, Point] = Field(default={})
     bodies: dict[Name, Body] = Field(default={})
     joints: dict[Name, Joint] = Field(default={})
+    gears: dict[Name, Gear] = Field(default={})
     forces: dict[Name, Force] = Field(default={})
     reactions: dict[Name, Reaction] = Field(default={})
     markers: dict[Name, Marker] = Field(default={})

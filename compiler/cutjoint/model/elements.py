@@ -11,10 +11,11 @@ from cutjoint.elements.joint import PERPENDICULAR, JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model import body_parts, document, joint_parts
 from cutjoint.model.forces import joint_forces, read_force
+from cutjoint.model.gears import read_gear
 from cutjoint.model.geometry import coincide, perpendicular, read_direction, read_point, unit
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.mass import read_mass
-from cutjoint.model.records import Body, Force, Joint, JointKind, Marker, Reaction, Scalar, Vector
+from cutjoint.model.records import Body, Force, Gear, Joint, JointKind, Marker, Reaction, Scalar, Vector
 from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
 from cutjoint.model.units import ANGLE, LENGTH, TIME
 
@@ -28,6 +29,7 @@ class Elements:
     forces: tuple[Force, ...]
     reactions: tuple[Reaction, ...]
     markers: tuple[Marker, ...]
+    gears: tuple[Gear, ...] = ()
 
 
 def read_elements(scope: Scope, part: document.Elements) -> Elements:
@@ -39,6 +41,7 @@ def read_elements(scope: Scope, part: document.Elements) -> Elements:
         tuple(_read_forces(scope, part)),
         tuple(_read_reaction(element(scope, "reaction", "reactions", name), r) for name, r in part.reactions.items()),
         tuple(_read_marker(element(scope, "marker", "markers", name), m) for name, m in part.markers.items()),
+        tuple(read_gear(element(scope, "gear", "gears", name), gear) for name, gear in part.gears.items()),
     )
 
 

@@ -57,6 +57,7 @@ def _joined(groups: list[Elements]) -> Elements:
         tuple(force for group in groups for force in group.forces),
         tuple(reaction for group in groups for reaction in group.reactions),
         tuple(marker for group in groups for marker in group.markers),
+        tuple(gear for group in groups for gear in group.gears),
     )
 
 
@@ -143,7 +144,7 @@ def _instances(scope: Scope, model: document.Document) -> Iterator[Elements]:
 
 def _count(part: document.Elements) -> int:
     sections: tuple[Sized, ...] = (
-        part.points, part.bodies, part.joints, part.forces, part.reactions, part.markers, part.outputs,
+        part.points, part.bodies, part.joints, part.gears, part.forces, part.reactions, part.markers, part.outputs,
     )  # fmt: skip
     return sum(len(section) for section in sections)
 

@@ -6,19 +6,17 @@ from collections.abc import Iterator
 from typing import Any
 
 from cutjoint.model import force_parts, joint_parts
-from cutjoint.model.errors import nearest
+from cutjoint.model.coordinates import Naming, read_coordinate
 from cutjoint.model.expressions import variable
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
 from cutjoint.model.laws import LawKind, read_law, soft_stops
 from cutjoint.model.names import name_problem
 from cutjoint.model.records import (
-    COORDINATES,
     AxialForce,
     BodyLoad,
     Bushing,
     Force,
     JointForce,
-    JointKind,
     PointSpring,
     Scalar,
     Tyre,
@@ -137,31 +135,18 @@ def _read_joint_force(element: Element, force: force_parts.JointForce) -> JointF
     name, joint = element.joint(force.joint, ("joint",))
     coordinate = ""
     if joint is not None:
-        coordinate = _coordinate(element, name, joint, force.coordinate, ("joint",), ("coordinate",))
+        coordinate = read_coordinate(element, name, joint, force.coordinate, _naming(("joint",), ("coordinate",)))
     law = read_law(element, force.law, _law_of(coordinate), ("law",))
     return JointForce(name=element.name, joint=name, coordinate=coordinate, law=law, active=force.active, span=element.span)
+
+
+def _naming(joint: Path, coordinate: Path) -> Naming:
+    return Naming("a force needs one to act on", "coordinate: ", "", joint, coordinate)
 
 
 def _law_of(coordinate: str) -> LawKind:
     """Over angles a law gives torques."""
     return _TURN if coordinate.startswith("angle") or not coordinate else _SLIDE
-
-
-def _coordinate(
-    element: Element, name: str, joint: joint_parts.Joint, coordinate: str | None, joint_keys: Path, keys: Path
-) -> str:
-    """The coordinate of a joint that an element names, its only one if it names none; empty when there is none."""
-    known = () if joint.cut else COORDINATES[JointKind(joint.kind)]
-    what = f"the {'cut' if joint.cut else joint.kind} joint '{name}'"
-    if not known:
-        element.fail(f"{what} has no coordinates", "a force needs one to act on", joint_keys)
-    elif coordinate is None and len(known) > 1:
-        element.fail(f"{what} has {len(known)} coordinates", f"write coordinate: {' or '.join(known)}", joint_keys)
-    elif coordinate is not None and coordinate not in known:
-        element.fail(f"{what} has no coordinate '{coordinate}'", nearest(coordinate, known, "coordinates"), keys)
-    else:
-        return coordinate or known[0]
-    return ""
 
 
 #: What the names of a joint's own forces end in, by the field that makes them.
@@ -174,7 +159,7 @@ def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[JointFo
         part: joint_parts.JointSpring | joint_parts.JointLimits | None = getattr(joint, field)
         if part is None:
             continue
-        coordinate = _coordinate(element, element.name, joint, part.coordinate, (field,), (field, "coordinate"))
+        coordinate = read_coordinate(element, element.name, joint, part.coordinate, _naming((field,), (field, "coordinate")))
         problem = name_problem(f"{element.path[-1]}_{suffix}")
         if problem:
             element.fail(f"{field}: {problem[0]}", "rename the joint", (field,), at_key=True)

@@ -19,6 +19,7 @@ from cutjoint.model.records import (
     BodyLoad,
     Bushing,
     Force,
+    Gear,
     Joint,
     JointForce,
     Marker,
@@ -64,6 +65,7 @@ def mirror_elements(elements: Elements, axis: str) -> Elements:
         tuple(_force(mirror, force, signs) for force in elements.forces),
         tuple(_reaction(mirror, reaction) for reaction in elements.reactions),
         tuple(_marker(mirror, marker) for marker in elements.markers),
+        tuple(_gear(gear, signs) for gear in elements.gears),
     )
 
 
@@ -126,6 +128,11 @@ def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
         pitch=None if joint.pitch is None else -joint.pitch,
         guide=_guides(joint, signs),
     )
+
+
+def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
+    first, second = (signs.get(c.joint, {}).get(c.name, 1) for c in (gear.first, gear.second))
+    return replace(gear, ratio=first * second * gear.ratio)
 
 
 def _force(mirror: Mirror, force: Force, signs: Mapping[str, Mapping[str, int]]) -> Force:

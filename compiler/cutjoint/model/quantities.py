@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeAlias
 
+from cutjoint.elements.gear import FORCE_UNITS
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.records import (
     AxialForce,
@@ -12,6 +13,7 @@ from cutjoint.model.records import (
     BodyLoad,
     Bushing,
     Force,
+    Gear,
     Joint,
     JointForce,
     JointKind,
@@ -24,7 +26,7 @@ from cutjoint.model.records import (
     Tyre,
 )
 
-Element: TypeAlias = Body | Joint | Force | Reaction | RodForce | Marker
+Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker
 
 _MOTION: Mapping[str, str] = {
     **dict.fromkeys(("x", "y", "z"), "m"),
@@ -74,6 +76,8 @@ def quantities(element: Element) -> Mapping[str, str]:
             return {}
         case Joint():
             return JOINT_QUANTITIES[element.kind]
+        case Gear():
+            return {"force": FORCE_UNITS[element.first.unit]}
         case BodyLoad(point=None):
             return _TORQUE
         case JointForce():
@@ -88,5 +92,5 @@ def unit_of(model: Model, output: Output) -> str:
 
 def reported_element(model: Model, output: Output) -> Element:
     """The element that an output is a quantity of."""
-    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints)
+    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears)
     return next(e for group in groups for e in group if e.name == output.element)

@@ -58,6 +58,7 @@ def read_model_text(text: str, file: str) -> Model:
         parameters=expansion.parameters,
         bodies=elements.bodies,
         joints=elements.joints,
+        gears=elements.gears,
         forces=elements.forces,
         reactions=elements.reactions,
         markers=elements.markers,

@@ -122,6 +122,39 @@ class Joint:
 
 
 @dataclass(frozen=True, kw_only=True)
+class JointCoordinate:
+    """A scalar coordinate of a tree joint, named as in :data:`COORDINATES`, with its unit, "rad" or "m"."""
+
+    joint: str
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gear:
+    """A linear relation: the first coordinate is ``ratio`` times the second one, of another joint.
+
+    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero.
+    """
+
+    name: str
+    first: JointCoordinate
+    second: JointCoordinate
+    ratio: Scalar
+    span: Span
+
+    @property
+    def joints(self) -> tuple[str, str]:
+        """The names of its joints."""
+        return self.first.joint, self.second.joint
+
+    @property
+    def terms(self) -> tuple[tuple[JointCoordinate, Scalar], ...]:
+        """The coordinates with their factors in its equation: their sum is zero."""
+        return (self.first, 1), (self.second, -self.ratio)
+
+
+@dataclass(frozen=True, kw_only=True)
 class PointSpring:
     """Force along the line from ``start`` on ``base`` to ``end`` on ``follower``.
 
@@ -431,7 +464,7 @@ class Scene:
 class Model:
     """A validated model: what the file says, flat and in SI units.
 
-    Element names are unique over bodies, joints, forces, reactions and markers.  An element of a submodel's
+    Element names are unique over bodies, joints, gears, forces, reactions and markers.  An element of a submodel's
     instance is called ``instance.element``.  ``guards`` stand for forces that a pass took out: a run stops where one of them would act.
     """
 
@@ -447,6 +480,13 @@ class Model:
     span: Span
     text: str = field(repr=False)
     guards: tuple[Guard, ...] = ()
+    gears: tuple[Gear, ...] = ()
+
+    @property
+    def constraint_spans(self) -> Mapping[str, Span]:
+        """Where all that may have equations stands: bodies, joints and gears by their names."""
+        bodies, joints = {b.name: b.span for b in self.bodies}, {j.name: j.span for j in self.joints}
+        return {**bodies, **joints, **{g.name: g.span for g in self.gears}}
 
     @property
     def force_elements(self) -> tuple[Force, ...]:

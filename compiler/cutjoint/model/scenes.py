@@ -59,7 +59,7 @@ class _Stage:
 def read_scenes(model: document.Document, expansion: Expansion) -> dict[str, Scene]:
     """Read all scenes, with the outputs of the model and its instances as default."""
     elements = expansion.elements
-    groups = (elements.bodies, elements.joints, elements.forces, elements.reactions, elements.markers)
+    groups = (elements.bodies, elements.joints, elements.gears, elements.forces, elements.reactions, elements.markers)
     known: dict[str, Quantified] = {part.name: part for group in groups for part in group}
     joints = {joint.name: joint for joint in elements.joints}
     stage = _Stage(expansion, known, joints, ())

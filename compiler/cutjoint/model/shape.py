@@ -17,7 +17,7 @@ from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.source import Path, Source, field_name
 
 #: Sections whose elements can be left out without making others wrong.
-_REMOVABLE = frozenset({"bodies", "joints", "forces", "reactions", "markers", "scenes"})
+_REMOVABLE = frozenset({"bodies", "joints", "gears", "forces", "reactions", "markers", "scenes"})
 
 #: The kind of element that each section holds.
 KINDS = {
@@ -25,6 +25,7 @@ KINDS = {
     "points": "point",
     "bodies": "body",
     "joints": "joint",
+    "gears": "gear",
     "forces": "force",
     "reactions": "reaction",
     "markers": "marker",

@@ -9,7 +9,7 @@ from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Gear, Model, Scene
 from cutjoint.pipeline import generate
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
@@ -99,11 +99,17 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
         ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
     """
     whole = Outcome(model=model, scene=scene)
+    if model.gears:
+        return [_variant("full", replace(whole, left=tuple(map(_geared, model.gears))), method, motion="exact")]
     variants = _descend("full", "exact", whole, method)
     if approximate:
         _approximate(whole, variants, method)
         _take(variants, ROLLING)
     return variants
+
+
+def _geared(gear: Gear) -> Note:
+    return Note(element=gear.name, words="stays as all of the model does: no pass knows gears", span=gear.span)
 
 
 def _descend(name: str, motion: str, outcome: Outcome, method: str) -> list[ReducedModel]:

@@ -35,6 +35,7 @@ def topology_facts(topology: Topology, mobility: Mobility) -> tuple[tuple[str, s
     return (
         ("bodies", f"{len(model.bodies)}, {massless} of them massless"),
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
+        *([("gears", str(len(model.gears)))] if model.gears else []),
         ("loops", f"{len(topology.loops)}, widest couples {max((x.width for x in topology.loops), default=0)} bodies"),
         ("isomorphic subtrees", "; ".join(classes) or "none"),
         ("coordinates", f"{mobility.speeds} relative"),

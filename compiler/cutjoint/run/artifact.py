@@ -56,8 +56,8 @@ class Artifact:
 
     @property
     def places(self) -> dict[str, str]:
-        """Where each joint stands in the model file."""
-        return {joint.name: str(joint.span) for joint in self.topology.model.joints}
+        """Where each body, joint and gear stands in the model file."""
+        return {name: str(span) for name, span in self.topology.model.constraint_spans.items()}
 
     @property
     def iteration(self) -> str:

@@ -1,7 +1,7 @@
 """Branches that close on themselves: their joints are eliminated at once, in joint space.
 
 A loop whose ends lie in a few subtrees of one body couples joints of these subtrees alone: not even the body that carries them is in its
-equation, since only motion relative to it counts.
+equation, since only motion relative to it counts.  A gear couples two joints' speeds alone, so that every gear is in a branch.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
-from cutjoint.model.records import GROUND, Joint
+from cutjoint.model.records import GROUND, Gear, Joint
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.records import Branch, TreeJoint
 
@@ -17,9 +17,10 @@ from cutjoint.topology.records import Branch, TreeJoint
 MOST_UNKNOWNS = 12
 
 
-def find_branches(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[Branch, ...]:
-    """The largest branches of at most MOST_UNKNOWNS unknowns, in the order of their first bodies."""
-    graph = _Graph(tree, cuts)
+def find_branches(tree: Sequence[TreeJoint], cuts: Sequence[Joint], gears: Sequence[Gear]) -> tuple[Branch, ...]:
+    """The largest branches of at most MOST_UNKNOWNS unknowns, and the smallest of more that a gear needs, in the order of their first
+    bodies."""
+    graph = _Graph(tree, cuts, gears)
     order = {t.child: i for i, t in enumerate(tree)}
     return tuple(sorted(graph.branches(), key=lambda branch: order[branch.bodies[0]]))
 
@@ -27,8 +28,9 @@ def find_branches(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[Bra
 class _Graph:
     """Who carries whom.  A body of known motion counts as the one that carries it."""
 
-    def __init__(self, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> None:
+    def __init__(self, tree: Sequence[TreeJoint], cuts: Sequence[Joint], gears: Sequence[Gear]) -> None:
         self._tree, self._cuts = tree, cuts
+        self._geared = {gear.name: self._turned(gear) for gear in gears}
         self._top = {GROUND: GROUND}
         self._carrier: dict[str, str] = {}
         self._carried: dict[str, list[str]] = defaultdict(list)
@@ -42,8 +44,17 @@ class _Graph:
         self._open: set[str] = set()
         meets: dict[str, int] = defaultdict(int)
         for cut in cuts:
-            meets[self._link(cut)] += 1
+            meets[self._link(self._path(self._top[cut.base]), self._path(self._top[cut.follower]))] += 1
+        geared = [(self._path(first), self._path(last)) for first, last in self._geared.values()]
+        for first, last in geared:
+            meets[self._link(first, last, below=1)] += 1
         self._closed = self._summed(meets)
+        self._needed = {root for first, last in geared for root in self._closed_roots(first, last)}
+
+    def _turned(self, gear: Gear) -> tuple[str, str]:
+        """The bodies that a gear's joints carry, twice the same where a guide moves the other one."""
+        bodies = [t.child for name in gear.joints for t in self._tree if t.joint.name == name and degrees(t.joint)]
+        return bodies[0], bodies[-1]
 
     def _summed(self, own: dict[str, int]) -> dict[str, int]:
         """Of each body and all that it carries."""
@@ -53,14 +64,13 @@ class _Graph:
                 total[self._carrier[body]] += total[body]
         return total
 
-    def _link(self, cut: Joint) -> str:
-        """The body where the paths from a cut joint's ends meet; bodies further out than next to it are open."""
-        paths = [self._path(self._top[body]) for body in (cut.base, cut.follower)]
-        meet = next(body for body in paths[0] if body in set(paths[1]))
-        below = [path[: path.index(meet)] for path in paths]
-        for path in below:
+    def _link(self, first: list[str], last: list[str], below: int = 0) -> str:
+        """The body where two paths to the ground meet, ``below`` or more bodies on; bodies further out than next to it are open."""
+        meet = next(body for body in first[below:] if body in last[below:])
+        outside = [path[: path.index(meet)] for path in (first, last)]
+        for path in outside:
             self._open.update(path[:-1])
-        roots = [path[-1] for path in below if path]
+        roots = [path[-1] for path in outside if path]
         if roots:
             self._linked[meet].append((roots[0], roots[-1]))
         return meet
@@ -71,6 +81,15 @@ class _Graph:
             path.append(self._carrier[path[-1]])
         return path
 
+    def _closed_roots(self, first: list[str], last: list[str]) -> list[str]:
+        """The bodies of the innermost group with all of a gear that no joint opens: next to where the paths meet, or further in."""
+        meet = next(body for body in first[1:] if body in last[1:])
+        while True:
+            group = next(roots for roots in self._groups(meet) if set(roots) & set(first))
+            if not self._open & set(group):
+                return group
+            meet = self._carrier[meet]
+
     def branches(self) -> Iterator[Branch]:
         """From the ground outwards; within a branch none is looked for."""
         carriers = [GROUND]
@@ -78,7 +97,7 @@ class _Graph:
             for roots in self._groups(carrier):
                 closed = sum(self._closed[root] for root in roots) + sum(a in roots for a, _ in self._linked[carrier])
                 small = sum(self._unknowns[root] for root in roots) <= MOST_UNKNOWNS
-                if closed and small and not self._open & set(roots):
+                if closed and (small or self._needed & set(roots)) and not self._open & set(roots):
                     yield self._branch(carrier, set(roots))
                 else:
                     carriers += roots
@@ -102,4 +121,5 @@ class _Graph:
                 inside.add(body)
         bodies = tuple(t.child for t in self._tree if self._top[t.child] in inside)
         cuts = tuple(c.name for c in self._cuts if inside & {self._top[c.base], self._top[c.follower]})
-        return Branch(carrier=carrier, bodies=bodies, cuts=cuts)
+        gears = tuple(name for name, (first, _) in self._geared.items() if first in inside)
+        return Branch(carrier=carrier, bodies=bodies, cuts=cuts, gears=gears)

@@ -22,8 +22,9 @@ def build_topology(model: Model) -> Topology:
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
     return Topology(
-        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(tree, cuts), classes=find_classes(model, tree, cuts)
-    )
+        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(tree, cuts, model.gears),
+        classes=find_classes(model, tree, cuts),
+    )  # fmt: skip
 
 
 def _loop(cut: Joint, tree: Sequence[TreeJoint], coupled: Mapping[str, frozenset[str]]) -> Loop:

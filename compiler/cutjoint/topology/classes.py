@@ -14,6 +14,7 @@ from cutjoint.model.records import (
     BodyLoad,
     Bushing,
     Force,
+    Gear,
     Joint,
     JointForce,
     Model,
@@ -29,7 +30,7 @@ Signature: TypeAlias = tuple[Any, ...]
 def find_classes(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[SubtreeClass, ...]:
     """The classes with two or more members whose subtrees are not parts of larger members, largest subtrees first.
 
-    Two subtrees are isomorphic when their joints, cut joints, forces and massless bodies agree in kind and place; numbers may
+    Two subtrees are isomorphic when their joints, cut joints, gears, forces and massless bodies agree in kind and place; numbers may
     differ, and so may the bodies outside that they are attached to.
     """
     children: dict[str, list[str]] = {}
@@ -54,7 +55,7 @@ def find_classes(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint])
 
 
 def _elements(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[str, ...]:
-    """The elements of a subtree: bodies innermost first, their joints, then cut joints and forces sorted as in the signature."""
+    """The elements of a subtree: bodies innermost first, their joints, then cut joints, gears and forces sorted as in the signature."""
     place = {b: i for i, b in enumerate(bodies)}
     joint_of = {t.child: t.joint.name for t in tree}
     child_of = {t.joint.name: t.child for t in tree}
@@ -66,7 +67,8 @@ def _elements(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], cu
     forces = sorted(
         (f for f in model.forces if any(b in place for b in force_bodies(f, child_of))), key=lambda f: _force(f, where, child_of)
     )
-    return (*bodies, *(joint_of[b] for b in bodies), *(c.name for c in closures), *(f.name for f in forces))
+    gears = sorted((g for g in model.gears if {child_of[j] for j in g.joints} & place.keys()), key=lambda g: _gear(g, where, child_of))
+    return (*bodies, *(joint_of[b] for b in bodies), *(c.name for c in closures), *(g.name for g in gears), *(f.name for f in forces))
 
 
 def _subtree(body: str, children: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
@@ -91,7 +93,12 @@ def _signature(
     closures = sorted((c.kind, where(c.base), where(c.follower)) for c in cuts if c.base in place or c.follower in place)
     child_of = {t.joint.name: t.child for t in tree}
     forces = sorted(_force(f, where, child_of) for f in model.forces if any(b in place for b in force_bodies(f, child_of)))
-    return tuple(massless[b] for b in bodies), joints, tuple(closures), tuple(forces)
+    gears = sorted(_gear(g, where, child_of) for g in model.gears if {child_of[j] for j in g.joints} & place.keys())
+    return tuple(massless[b] for b in bodies), joints, tuple(closures), tuple(gears), tuple(forces)
+
+
+def _gear(gear: Gear, where: Any, child_of: Mapping[str, str]) -> Signature:
+    return tuple((where(child_of[c.joint]), c.name) for c in (gear.first, gear.second))
 
 
 def force_bodies(force: Force, child_of: Mapping[str, str]) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[J
     upright = _reached(tree, [t for t in tree if t.joint.element.keeps_attitude])
     moving = [t for t in tree if t.child not in still]
     turning = {t.child for t in moving} - upright
-    branches = find_branches(tree, cuts)
+    branches = find_branches(tree, cuts, model.gears)
     within = {body for branch in branches for body in branch.bodies}
     closing = [cut for cut in cuts if not any(cut.name in branch.cuts for branch in branches)]
     return (
@@ -84,8 +84,8 @@ def _projection(t: TreeJoint, s: int, inner: bool) -> int:
     return width * (6 * k * (1 + s) + k * (k + 1) // 2)
 
 
-#: Residual and stabilisation of an equation of a cut joint in a branch.
-EQUATION = 45
+#: Residual and stabilisation of an equation of a cut joint in a branch; the whole of a gear.
+EQUATION, GEAR = 45, 30
 
 
 def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint], massive: set[str]) -> int:
@@ -105,7 +105,7 @@ def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint], 
         m, w = 6 - len(cut.element.speeds), sum(unknowns[body] for body in ends[0] ^ ends[1])
         total += m * (EQUATION + 11 * w + w * (w + 1) + 4 * w)
     passed_on = 6 * n * n + 48 * n if branch.carrier != GROUND else 0
-    return total + n**3 // 3 + 3 * n * n + passed_on
+    return total + GEAR * len(branch.gears) + n**3 // 3 + 3 * n * n + passed_on
 
 
 def _carriers(body: str, branch: Branch, joint_of: Mapping[str, TreeJoint]) -> list[str]:

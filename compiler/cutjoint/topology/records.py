@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.model.records import Joint, Model
+from cutjoint.model.records import Gear, Joint, Model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,18 +36,20 @@ class Loop:
 
 @dataclass(frozen=True, kw_only=True)
 class Branch:
-    """Subtrees below ``carrier`` that cut joints connect with each other: ``bodies``, parents first, and the names of the ``cuts``."""
+    """Subtrees below ``carrier`` that cut joints and gears connect with each other: ``bodies``, parents first, the names of the ``cuts``
+    and of the ``gears``."""
 
     carrier: str
     bodies: tuple[str, ...]
     cuts: tuple[str, ...]
+    gears: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class SubtreeClass:
     """Subtrees of one shape: ``roots`` are their innermost bodies, ``size`` the number of bodies in each.
 
-    ``members`` are the elements of each subtree (bodies, tree joints, cut joints, forces), corresponding ones in the same place.
+    ``members`` are the elements of each subtree (bodies, tree joints, cut joints, gears, forces), corresponding ones in the same place.
     """
 
     roots: tuple[str, ...]
@@ -65,6 +67,11 @@ class Topology:
     loops: tuple[Loop, ...]
     branches: tuple[Branch, ...]
     classes: tuple[SubtreeClass, ...]
+
+    @property
+    def closing(self) -> tuple[Joint | Gear, ...]:
+        """What has equations: the cut joints, then the model's gears."""
+        return (*self.cuts, *self.model.gears)
 
     @property
     def order(self) -> tuple[str, ...]:

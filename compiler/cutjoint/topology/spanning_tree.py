@@ -34,15 +34,16 @@ def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
 
 
 def tree_only(model: Model) -> frozenset[str]:
-    """The joints whose coordinates are used, so that they cannot be cut: wanted in the tree, guided, with a force on the coordinate, with
-    an initial coordinate or speed, reported; and free joints, which close nothing."""
+    """The joints whose coordinates are used, so that they cannot be cut: wanted in the tree, guided, with a force on the coordinate or a
+    gear, with an initial coordinate or speed, reported; and free joints, which close nothing."""
     wanted = {j.name for j in model.joints if j.cut is False or j.guide is not None or not j.element.closes}
     forced = {f.joint for f in model.force_elements if isinstance(f, JointForce)}
+    geared = {name for gear in model.gears for name in gear.joints}
     names = {j.name for j in model.joints}
     used: set[str] = set()
     for scene in model.scenes.values():
         used |= {key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} | {o.element for o in scene.outputs}
-    return frozenset(wanted | forced | (used & names))
+    return frozenset(wanted | forced | geared | (used & names))
 
 
 def _shortest_paths(joints: Sequence[Joint], bound: frozenset[str]) -> set[str]:

@@ -21,6 +21,8 @@ from cutjoint.formulate.domains import describe_domains, domain_slots, domains_f
 from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, pulls, weights
+from cutjoint.formulate.implicit.gears import change, gear_tangent, push_joints, speed_inputs, weighted_push
+from cutjoint.formulate.implicit.gears import weights as gear_weights
 from cutjoint.formulate.implicit.inertia import Composite, composites, inertial_tangent
 from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions
 from cutjoint.formulate.implicit.records import ImplicitEquations
@@ -28,8 +30,9 @@ from cutjoint.formulate.implicit.wrenches import SharedForces, ways, wrench_tang
 from cutjoint.formulate.inputs import Numbers, chart_slots, column_slots, make_translator, open_parameters, report_columns
 from cutjoint.formulate.records import Column, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
+from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
-from cutjoint.formulate.recursive.loops import LoopClosure, derive_loops, transport
+from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, transport
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
 from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
 from cutjoint.model.quantities import unit_of
@@ -53,13 +56,15 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     forces = add_forces(system, k, model, scene)
     margins = add_guards(forces, k, model, scene)
     still = b.zero(1)
-    loops = derive_loops(k, topology.cuts, Numbers(penalties={}, damping_ratio=still, frequency=still))
+    numbers = Numbers(penalties={}, damping_ratio=still, frequency=still)
+    loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
     penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
     system_of = _System(
         b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, penalty) for loop in loops),
+        gears=gears, pushes=tuple(weighted_push(k, gear, penalty) for gear in gears),
         Zdd=given_accelerations(k), M=masses, Q=weights_of_masses,
     )  # fmt: skip
-    reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=system_of.Zdd)
+    reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, gears=gears, Zdd=system_of.Zdd)
     dynamic_residual = system_of.dynamic_residual()
     switches = find_switches(b, dynamic_residual.values())
     domains = find_domains(b, dynamic_residual.values())
@@ -91,6 +96,8 @@ class _System:
     system: SharedForces
     loops: tuple[LoopClosure, ...]
     closed: tuple[Closed, ...]
+    gears: tuple[GearClosure, ...]
+    pushes: tuple[Block, ...]
     Zdd: Mapping[str, Block]
     M: Mapping[str, Block]
     Q: Mapping[str, Block]
@@ -101,6 +108,7 @@ class _System:
         carried: dict[str, Block] = {}
         results: dict[str, Block] = {}
         pulled = self._by_body(c.wrenches for c in self.closed)
+        geared = push_joints(k, self.gears, self.pushes)
         for body, motion in reversed(k.motions.items()):
             joint = motion.tree_joint.joint
             with b.section(
@@ -113,8 +121,11 @@ class _System:
                     value = b.mul(b.transpose(motion.b), carried[body])
                     if body in self.system.joint_forces:
                         value = b.sub(value, self.system.joint_forces[body])
+                    if body in geared:
+                        value = b.add(value, geared[body])
                     results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
-        return results | {f"residual:{c.name}": b.record(c.loop.residual, "residual", c.name) for c in self.closed}
+        closing: tuple[Closing, ...] = (*self.loops, *self.gears)
+        return results | {f"residual:{c.element.name}": b.record(c.residual, "residual", c.element.name) for c in closing}
 
     def _by_body(self, shares: Iterable[Mapping[str, Block]]) -> dict[str, Block]:
         b, sums = self.b, {body: self.b.zero(6) for body in self.k.motions}
@@ -164,6 +175,9 @@ class _System:
                 yield from penalty_tangent(motions, c.loop)
                 for j, k, value in wrench_tangent(motions, variations, pulls(self.k, c.loop, c.loop.multipliers)):
                     yield j, k, b.neg(value)
+        for gear in self.gears:
+            with b.section("tangent", gear.element.name, "J^T J", gear.element.span.place):
+                yield from gear_tangent(motions, gear)
         for body, force in self.system.joint_forces.items():
             with b.section("tangent", body, "tau by the joint's own motions", ""):
                 for j in {m.row: m for m in motions.of_body[body]}.values():
@@ -180,6 +194,13 @@ class _System:
                 bend = b.add(b.mul(loop.A, b.sub(self.Zdd[joint.follower], base)), loop.s)
             for name, block in (("residual", loop.residual), ("rate", loop.rate), ("curvature", bend)):
                 results[f"{name}:{joint.name}"] = b.record(block, name, joint.name)
+        accelerations = speed_inputs(self.k)
+        for gear in self.gears:
+            name = gear.element.name
+            with b.section("closure", name, "Phidd = qdd_a - ratio qdd_b", gear.element.span.place):
+                bend = b.add(change(self.k, gear, accelerations), gear.drift)
+            for quantity, block in (("residual", gear.residual), ("rate", gear.rate), ("curvature", bend)):
+                results[f"{quantity}:{name}"] = b.record(block, quantity, name)
         return results
 
     def apply_jacobian(self) -> dict[str, Block]:
@@ -194,8 +215,13 @@ class _System:
             joint = loop.joint
             with b.section("closure", joint.name, "A (x_f - x_b)", joint.span.place):
                 base = b.mul(transport(b, self.k.pole_step(joint.base, joint.follower)), moved[joint.base])
-                change = b.mul(loop.A, b.sub(moved[joint.follower], base))
-            results[f"change:{joint.name}"] = b.record(change, "change", joint.name)
+                changed = b.mul(loop.A, b.sub(moved[joint.follower], base))
+            results[f"change:{joint.name}"] = b.record(changed, "change", joint.name)
+        inputs = speed_inputs(self.k)
+        for gear in self.gears:
+            with b.section("closure", gear.element.name, "x_a - ratio x_b", gear.element.span.place):
+                changed = change(self.k, gear, inputs)
+            results[f"change:{gear.element.name}"] = b.record(changed, "change", gear.element.name)
         return results
 
     def apply_jacobian_transposed(self) -> dict[str, Block]:
@@ -209,6 +235,9 @@ class _System:
                     assert motion.b is not None
                     joint = motion.tree_joint.joint.name
                     forces[joint] = b.sub(forces[joint], b.mul(b.transpose(motion.b), wrench))
+        for body, force in push_joints(self.k, self.gears, [gear_weights(self.k, gear) for gear in self.gears]).items():
+            joint = self.k.motions[body].tree_joint.joint.name
+            forces[joint] = b.add(forces[joint], force)
         return {f"force:{joint}": b.record(block, "force", joint) for joint, block in forces.items()}
 
 

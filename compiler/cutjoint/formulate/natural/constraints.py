@@ -13,19 +13,21 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy
 
+from cutjoint.elements.gear import EQUATION, NAMES
 from cutjoint.elements.joint import Way
+from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses, total
-from cutjoint.model.records import GROUND, Joint, Model, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Gear, Joint, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """Equations of one body or joint: columns (m, 1), and the gradient (m, size) by node.
+    """Equations of one body, joint or gear: columns (m, 1), and the gradient (m, size) by node.
 
     ``by_use`` has the gradient (m, 3) by what each body has with its sign, ``by_way`` that by the way between a joint's points, None
     where an equation of the joint does not hold that.
@@ -120,7 +122,7 @@ def multipliers(b: Builder, constraint: Constraint) -> Block:
 
 
 class ConstraintMaker:
-    """Derives the constraints of all groups and joints in a scene."""
+    """Derives the constraints of all groups, joints and gears in a scene."""
 
     def __init__(self, motions: NodeMotions, model: Model, scene: Scene) -> None:
         self._b = motions.builder
@@ -139,6 +141,9 @@ class ConstraintMaker:
         for joint in self._model.joints:
             with self._b.section("joint", joint.name, "Phi of what nodes alone do not share", joint.span.place):
                 constraints.extend(self._joint(joint))
+        for gear in self._model.gears:
+            with self._b.section("joint", gear.name, EQUATION, gear.span.place):
+                constraints.append(self._stacked(gear.name, NAMES, [self._gear(gear)]))
         return constraints
 
     def _row(self) -> _Row:
@@ -288,6 +293,28 @@ class ConstraintMaker:
             bent = b.mul(b.sub(b.mul(turned, acceleration), b.mul(weight, b.mul(rate, rate))), product)
             found.drift = b.add(found.drift, b.add(twice, bent))
         return found
+
+    def _gear(self, gear: Gear) -> _Row:
+        """The sum of a gear's coordinates with their factors."""
+        row, b, joints = self._row(), self._b, {joint.name: joint for joint in self._model.joints}
+        for coordinate, factor in gear.terms:
+            joint, key = joints[coordinate.joint], (coordinate.joint, coordinate.name)
+            if key in self._layout.angles:
+                row.angle(self._layout.angles[key], -factor)
+            elif joint.guide is not None:
+                guide, weight = joint.guide[joint.element.coordinates.index(coordinate.name)], self._m.translator.scalar(-factor)
+                position, rate, acceleration = (b.mul(weight, part) for part in self._course(guide))
+                row.known(position, rate, acceleration)
+            else:
+                row.product(self._m.translator.scalar(factor), *self._slide(joint, coordinate.name))
+        return row
+
+    def _slide(self, joint: Joint, coordinate: str) -> tuple[Uses, Uses]:
+        """The way between a joint's points and the direction along which a displacement counts."""
+        base, follower = self._layout.slide_ends(joint)
+        end, start = self._layout.point(follower, joint.at), self._layout.point(base, joint.at)
+        axis = self._layout.direction(base, slide_axis(joint, coordinate))
+        return (self._layout.use(follower, end), self._layout.use(base, start, -1)), (self._layout.use(base, axis),)
 
     def _course(self, guide: Scalar) -> tuple[Block, Block, Block]:
         """A guide's position, rate and acceleration; the latter are nought where the mechanism is held at rest."""

@@ -229,6 +229,9 @@ class _Builder:
         for force in self._model.force_elements:
             if is_active(force, scene):
                 collector.force(force)
+        for gear in self._model.gears:
+            for end in (gear.first, gear.second):
+                collector.coordinate(end.joint, end.name)
         for output in outputs:
             collector.output(output)
         self.layout.idle = frozenset(j.name for j in joints if self._is_idle(j, collector))

@@ -77,12 +77,13 @@ def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -
     """Natural coordinates do not have all angles: a rod of a distance joint has no attitude.
 
     Raises:
-        ModelError: an output, a force or a guide asks for one that they do not have.
+        ModelError: an output, a force, a gear or a guide asks for one that they do not have.
     """
     kinds = {j.name: j.kind for j in model.joints if not j.element.is_measured}
     asked = [(kinds[o.element], o.span, f"output '{o.column}'") for o in outputs if o.element in kinds]
     forces = [f for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)]
     asked += [(kinds[f.joint], f.span, f"force '{f.name}'") for f in forces if f.joint in kinds]
+    asked += [(kinds[name], g.span, f"gear '{g.name}'") for g in model.gears for name in g.joints if name in kinds]
     asked += [(j.kind, j.span, f"joint '{j.name}'") for j in model.joints if j.guide is not None and j.name in kinds]
     if asked:
         raise ModelError([
@@ -95,10 +96,11 @@ def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -
 
 
 def asked_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[tuple[Joint, str]]:
-    """The joints' angles that laws, screws or outputs use; each becomes a coordinate of its own."""
+    """The joints' angles that laws, gears, screws or outputs use; each becomes a coordinate of its own."""
     joints = {j.name: j for j in model.joints}
     wanted = {(o.element, o.quantity.removesuffix("_rate")) for o in outputs if o.element in joints}
     wanted |= {(f.joint, f.coordinate) for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)}
+    wanted |= {(c.joint, c.name) for gear in model.gears for c in (gear.first, gear.second)}
     wanted |= {(j.name, name) for j in model.joints if j.element.advances for name in j.element.measures}
     return [
         (joint, name) for joint in model.joints for name in joint.element.measures
@@ -191,15 +193,19 @@ class Collector:
                 self.of(force.body).point(force.centre, f"{force.name}.centre")
                 self.of(force.body).attitude(force.body)
             case JointForce():
-                joint = next(j for j in self._model.joints if j.name == force.joint)
-                if force.coordinate not in joint.element.measures:
-                    self.slide(joint)
+                self.coordinate(force.joint, force.coordinate)
 
     def _load(self, load: BodyLoad) -> None:
         if load.point is not None:
             self.of(load.body).point(load.point, f"{load.name}.point")
         if load.point is None or load.axes == "body":
             self.of(load.body).attitude(load.body)
+
+    def coordinate(self, name: str, coordinate: str) -> None:
+        """What a joint's coordinate is measured by, unless it is an angle."""
+        joint = next(j for j in self._model.joints if j.name == name)
+        if coordinate not in joint.element.measures:
+            self.slide(joint)
 
     def slide(self, joint: Joint) -> None:
         """What a displacement of a joint is measured by."""

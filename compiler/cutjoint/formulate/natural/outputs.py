@@ -47,6 +47,8 @@ class NaturalReporter:
         if any(force.name == name for force in self.model.force_elements):
             quantities = self.elements[name].quantities if name in self.elements else {}
             return quantities.get(output.quantity, self.motions.builder.zero(1))
+        if any(gear.name == name for gear in self.model.gears):
+            return self.motions.builder.neg(multipliers(self.motions.builder, next(c for c in self.constraints if c.element == name)))
         return self._joint(next(j for j in self.model.joints if j.name == name), output.quantity)
 
     def _axes(self, body: str) -> tuple[Form, Form, Form]:

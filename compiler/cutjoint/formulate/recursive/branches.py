@@ -8,17 +8,19 @@ a body and all that it carries, Z_P the carrier's twist, and J = A S the cut joi
     M_P += M^c - G H^-1 G^T                     Q_P += F^c - G H^-1 h,      G_j = M^c_j S_j
     zdd  = H^-1 (h - G^T Zdd_P)                 lambda <- lambda + a (J zdd + s')
 
-The carrier's own acceleration is in none of the cut joints' equations.  H is composed as by Walker and Orin (1982).
+The carrier's own acceleration is in none of the cut joints' equations.  A gear has J = [1, -ratio] and s' = s.  H is composed as by
+Walker and Orin (1982).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from cutjoint.formulate.inputs import Numbers
+from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics
-from cutjoint.formulate.recursive.loops import CORRECTION, LoopClosure, transport
+from cutjoint.formulate.recursive.loops import CORRECTION, Closing, LoopClosure, transport
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import Block
@@ -34,6 +36,7 @@ class BranchSystem:
     k: Kinematics
     numbers: Numbers
     loops: Sequence[LoopClosure]
+    gears: Sequence[GearClosure] = ()
     _known: dict[str, Block] = field(default_factory=dict)
     _mass: dict[str, Block] = field(default_factory=dict)
     _force: dict[str, Block] = field(default_factory=dict)
@@ -93,6 +96,8 @@ class BranchSystem:
         self._gather()
         for loop in self.loops:
             self._close(loop)
+        for gear in self.gears:
+            self._couple(gear)
         first = self.k.motions[self.branch.bodies[0]].tree_joint.joint
         with b.section("condensation", first.name, _EQUATION, first.span.place):
             H = b.name(self._matrix(), "H", self.name, rows=self.rows, columns=self.rows)
@@ -138,12 +143,24 @@ class BranchSystem:
             apart = b.sub(self._known_part(joint.follower), b.mul(step, self._known_part(joint.base)))
             self._drift[joint.name] = b.name(b.add(loop.s, b.mul(loop.A, apart)), "drift", joint.name, rows=loop.names)
 
+    def _couple(self, gear: GearClosure) -> None:
+        """J and s' of a gear."""
+        b, name = self.k.builder, gear.element.name
+        parts = [gear.columns(b, body, self.subspaces[body].shape[1]) for body in self.unknowns]
+        self._rows[name] = b.name(b.stack([parts]), "J", name, rows=gear.names, columns=self.rows)
+        self._drift[name] = gear.s
+
+    @property
+    def _closing(self) -> Iterator[Closing]:
+        yield from self.loops
+        yield from self.gears
+
     def _matrix(self) -> Block:
         b = self.k.builder
         grid = [[self._tree_part(i, j) for j in self.unknowns] for i in self.unknowns]
         H = b.mirror(b.stack(grid))
-        for loop in self.loops:
-            H = b.add(H, b.gram(self._rows[loop.joint.name], self._weights(loop)))
+        for loop in self._closing:
+            H = b.add(H, b.gram(self._rows[loop.element.name], self._weights(loop)))
         return H
 
     def _tree_part(self, i: str, j: str) -> Block:
@@ -154,8 +171,8 @@ class BranchSystem:
             return b.transpose(self._tree_part(j, i))
         return b.zero(self.subspaces[i].shape[1], self.subspaces[j].shape[1])
 
-    def _weights(self, loop: LoopClosure) -> Block:
-        return self.k.builder.stack([[self.numbers.penalties[loop.joint.name]]] * len(loop.names))
+    def _weights(self, loop: Closing) -> Block:
+        return self.k.builder.stack([[self.numbers.penalties[loop.element.name]]] * len(loop.names))
 
     def _right_side(self) -> Block:
         b = self.k.builder
@@ -166,10 +183,11 @@ class BranchSystem:
                 force = b.add(force, self.system.joint_forces[body])
             parts.append(force)
         h = b.stack([[part] for part in parts])
-        for loop in self.loops:
-            pull = b.add(loop.multipliers, b.scale(self.numbers.penalties[loop.joint.name], self._drift[loop.joint.name]))
-            b.name(pull, "push", loop.joint.name, rows=loop.names)
-            h = b.sub(h, b.mul(b.transpose(self._rows[loop.joint.name]), pull))
+        for loop in self._closing:
+            name = loop.element.name
+            pull = b.add(loop.multipliers, b.scale(self.numbers.penalties[name], self._drift[name]))
+            b.name(pull, "push", name, rows=loop.names)
+            h = b.sub(h, b.mul(b.transpose(self._rows[name]), pull))
         return h
 
     def _pass_on(self) -> None:
@@ -208,12 +226,12 @@ class BranchSystem:
         return found
 
     def errors(self) -> dict[str, Block]:
-        """J zdd + s' by cut joint, which is A Zdd + s."""
-        return {loop.joint.name: self._error(loop) for loop in self.loops}
+        """J zdd + s' by cut joint and gear, which is A Zdd + s."""
+        return {loop.element.name: self._error(loop) for loop in self._closing}
 
-    def _error(self, loop: LoopClosure) -> Block:
-        b, name = self.k.builder, loop.joint.name
-        with b.section("multipliers", name, CORRECTION, loop.joint.span.place):
+    def _error(self, loop: Closing) -> Block:
+        b, name = self.k.builder, loop.element.name
+        with b.section("multipliers", name, CORRECTION, loop.element.span.place):
             return b.add(b.mul(self._rows[name], self._zdd), self._drift[name])
 
 

@@ -16,11 +16,12 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
+from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
-from cutjoint.formulate.recursive.loops import LoopClosure, corrections, derive_loops
+from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
 from cutjoint.formulate.recursive.recursion import BodySystem
-from cutjoint.formulate.recursive.solution import refine, respond, solve
+from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
 from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
@@ -48,32 +49,35 @@ def formulate_recursive(
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
-    numbers = make_numbers(b, topology.cuts, closure)
+    numbers = make_numbers(b, topology.closing, closure)
     k = derive_kinematics(b, make_translator(b, model, scene), topology, scene, {c.joint: c for c in charts})
     system = BodySystem(builder=b)
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
     margins = add_guards(forces, k, model, scene)
-    loops = derive_loops(k, topology.cuts, numbers)
+    closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
+    loops = closing.all()
     masses = dict(system.M)
-    solution = solve(topology, system, k, loops, numbers)
+    solution = solve(topology, system, k, closing, numbers)
     if CLOSURES[closure].finds_penalty:
-        solution = refine(topology, masses, k, loops, numbers, solution, REFINEMENTS)
-    correction = corrections(k, loops, numbers, solution.errors)
-    gaps = {x.joint.name: b.symbol(f"gap:{x.joint.name}", len(x.names), BindingTime.ITERATION) for x in loops}
-    step = respond(topology, masses, k, loops, numbers, gaps, "p").vdot
-    reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, Zdd=given_accelerations(k))
+        solution = refine(topology, masses, k, closing, numbers, solution, REFINEMENTS)
+    correction = corrections(b, loops, numbers, solution.errors)
+    gaps = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
+    step = respond(topology, masses, k, closing, numbers, gaps, "p").vdot
+    reporter = Reporter(
+        model=model, kinematics=k, forces=forces, loops=closing.loops, gears=closing.gears, Zdd=given_accelerations(k)
+    )  # fmt: skip
     closures = _closures(loops)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
     switches = find_switches(b, accelerations.values())
     domains = find_domains(b, accelerations.values())
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
-            **accelerations, **{f"correction:{loop.joint.name}": correction[loop.joint.name] for loop in loops},
+            **accelerations, **{f"correction:{loop.element.name}": correction[loop.element.name] for loop in loops},
         }),
         Function(name="constraint_residual", arguments=(*_STATE, "Real* residual", "Real* rate"), results={
-            **{f"residual:{loop.joint.name}": loop.residual for loop in loops},
-            **{f"rate:{loop.joint.name}": loop.rate for loop in loops},
+            **{f"residual:{loop.element.name}": loop.residual for loop in loops},
+            **{f"rate:{loop.element.name}": loop.rate for loop in loops},
         }),
         Function(
             name="report", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* column"),
@@ -110,9 +114,9 @@ def _step_slots(charts: tuple[Chart, ...]) -> dict[str, Slot]:
     return {f"dz:{chart.joint}": Slot(array="dz", offset=chart.v, names=chart.speed_names) for chart in charts}
 
 
-def _closures(loops: tuple[LoopClosure, ...]) -> tuple[Closure, ...]:
+def _closures(loops: tuple[Closing, ...]) -> tuple[Closure, ...]:
     first, result = 0, []
     for loop in loops:
-        result.append(Closure(joint=loop.joint.name, first=first, names=loop.names))
+        result.append(Closure(joint=loop.element.name, first=first, names=loop.names))
         first += len(loop.names)
     return tuple(result)

@@ -8,7 +8,7 @@ With residual Phi, Phi' = A Z and s = gamma + 2 xi w Phi' + w^2 Phi, Z the relat
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy
@@ -20,21 +20,37 @@ from cutjoint.formulate.recursive import closures
 from cutjoint.formulate.recursive.closures import ClosureKernel, derive_closure
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves, motion_cross
 from cutjoint.formulate.recursive.recursion import BodySystem
-from cutjoint.model.records import GROUND, Joint
+from cutjoint.model.records import GROUND, Gear, Joint
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopClosure:
-    """A cut joint's blocks: residual, its rate, the Jacobian A by the follower's twist, the stabilisation s, multipliers."""
+class Closing:
+    """What cut joints and gears have in common: residual, its rate, the stabilisation s, multipliers."""
 
-    joint: Joint
     names: tuple[str, ...]
     residual: Block
     rate: Block
-    A: Block
     s: Block
     multipliers: Block
+
+    @property
+    def element(self) -> Joint | Gear:
+        """What has the equations."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopClosure(Closing):
+    """A cut joint's blocks, with the Jacobian A by the follower's twist."""
+
+    joint: Joint
+    A: Block
+
+    @property
+    def element(self) -> Joint:
+        """The cut joint."""
+        return self.joint
 
 
 def derive_loops(k: Kinematics, cuts: tuple[Joint, ...], numbers: Numbers) -> tuple[LoopClosure, ...]:
@@ -97,14 +113,14 @@ def _derive(b: Builder, joint: Joint, kernel: ClosureKernel, terms: _Terms, numb
     name, rows = joint.name, kernel.names
     residual, rate = b.name(terms.residual, "Phi", name, rows=rows), b.name(terms.rate, "Phid", name, rows=rows)
     A = b.name(terms.A, "A", name, rows=rows)
-    of_rate, of_residual = _stabilisation(b, numbers)
+    of_rate, of_residual = stabilisation(b, numbers)
     s = b.name(b.add(terms.gamma, b.add(b.scale(of_rate, rate), b.scale(of_residual, residual))), "s", name, rows=rows)
     multipliers = b.symbol(f"lambda:{joint.name}", len(kernel.names), BindingTime.ITERATION)
     return LoopClosure(joint=joint, names=kernel.names, residual=residual, rate=rate, A=A, s=s, multipliers=multipliers)
 
 
-def _stabilisation(b: Builder, numbers: Numbers) -> tuple[Block, Block]:
-    """The factors 2 xi w of the residual's rate and w^2 of the residual, the same for all cut joints."""
+def stabilisation(b: Builder, numbers: Numbers) -> tuple[Block, Block]:
+    """The factors 2 xi w of the residual's rate and w^2 of the residual, the same for all cut joints and gears."""
     with b.section("stabilisation", "", "2 xi w, w^2", ""):
         of_rate = b.mul(b.number(2.0), b.mul(numbers.damping_ratio, numbers.frequency))
         of_residual = b.mul(numbers.frequency, numbers.frequency)
@@ -164,12 +180,12 @@ def loop_errors(k: Kinematics, loops: tuple[LoopClosure, ...], Zdd: Mapping[str,
     return errors
 
 
-def corrections(k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers, errors: Mapping[str, Block]) -> dict[str, Block]:
-    """a (A Zdd + s) of every cut joint, by name."""
-    b, found = k.builder, {}
-    for loop in loops:
-        name = loop.joint.name
-        with b.section("multipliers", name, CORRECTION, loop.joint.span.place):
+def corrections(b: Builder, closing: Sequence[Closing], numbers: Numbers, errors: Mapping[str, Block]) -> dict[str, Block]:
+    """a (A Zdd + s) of every cut joint and gear, by name."""
+    found = {}
+    for loop in closing:
+        name = loop.element.name
+        with b.section("multipliers", name, CORRECTION, loop.element.span.place):
             found[name] = b.name(b.scale(numbers.penalties[name], errors[name]), "correction", name, rows=loop.names)
     return found
 

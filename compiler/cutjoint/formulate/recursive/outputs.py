@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from cutjoint.formulate.attitude import ATTITUDE, attitude
 from cutjoint.formulate.recursive.forces import Forces
+from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.loops import LoopClosure
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Reaction, RodForce, Vector
@@ -21,6 +22,7 @@ class Reporter:
     kinematics: Kinematics
     forces: Forces
     loops: tuple[LoopClosure, ...]
+    gears: tuple[GearClosure, ...]
     Zdd: Mapping[str, Block]
 
     def quantity(self, output: Output) -> Block:
@@ -37,6 +39,9 @@ class Reporter:
                 return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction)
         if any(force.name == element for force in self.model.force_elements):
             return self.forces.quantities.get(element, {}).get(output.quantity, self.kinematics.builder.zero(1))
+        for gear in self.gears:
+            if gear.element.name == element:
+                return self.kinematics.builder.neg(gear.multipliers)
         return self._joint(output)
 
     def _motion(self, body: str, point: Vector, quantity: str) -> Block:

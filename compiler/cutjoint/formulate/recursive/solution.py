@@ -11,30 +11,54 @@ from dataclasses import dataclass, replace
 
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.branches import BranchSystem
+from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import Kinematics
-from cutjoint.formulate.recursive.loops import LoopClosure, add_loops, loop_errors
+from cutjoint.formulate.recursive.loops import Closing, LoopClosure, add_loops, loop_errors
 from cutjoint.formulate.recursive.recursion import BodySystem, condense, expand
-from cutjoint.program.blocks import Block
+from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
 
 
 @dataclass(frozen=True, kw_only=True)
+class ClosingElements:
+    """The blocks of the cut joints and of the gears."""
+
+    loops: tuple[LoopClosure, ...]
+    gears: tuple[GearClosure, ...]
+
+    def all(self) -> tuple[Closing, ...]:
+        """The cut joints, then the gears."""
+        return *self.loops, *self.gears
+
+    def gaping(self, b: Builder, gaps: Mapping[str, Block]) -> ClosingElements:
+        """The same with gaps alone."""
+        return ClosingElements(
+            loops=tuple(replace(x, s=gaps[x.joint.name], multipliers=b.zero(len(x.names))) for x in self.loops),
+            gears=tuple(replace(x, s=gaps[x.element.name], multipliers=b.zero(len(x.names))) for x in self.gears),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Solution:
-    """Of every tree joint with unknowns the accelerations ``vdot``, of every cut joint the ``errors`` A Zdd + s; by their names."""
+    """Of every tree joint with unknowns the accelerations ``vdot``, of every cut joint and gear the ``errors`` A Zdd + s; by
+    their names."""
 
     vdot: Mapping[str, Block]
     errors: Mapping[str, Block]
 
 
-def solve(topology: Topology, system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers) -> Solution:
-    """Add the cut joints to the bodies' system and solve it, which uses it up."""
+def solve(topology: Topology, system: BodySystem, k: Kinematics, closing: ClosingElements, numbers: Numbers) -> Solution:
+    """Add the cut joints and gears to the bodies' system and solve it, which uses it up."""
     inside = {name for branch in topology.branches for name in branch.cuts}
     branches = [
-        BranchSystem(branch=branch, system=system, k=k, numbers=numbers, loops=[x for x in loops if x.joint.name in branch.cuts])
+        BranchSystem(
+            branch=branch, system=system, k=k, numbers=numbers, loops=[x for x in closing.loops if x.joint.name in branch.cuts],
+            gears=[x for x in closing.gears if x.element.name in branch.gears],
+        )
         for branch in topology.branches
     ]  # fmt: skip
     of_body = {body: branch for branch in branches for body in branch.branch.bodies}
-    coupling = tuple(x for x in loops if x.joint.name not in inside)
+    coupling = tuple(x for x in closing.loops if x.joint.name not in inside)
     add_loops(system, k, coupling, numbers)
     Zdd, zdd = expand(k, condense(system, k, of_body), k.builder, of_body)
     errors = loop_errors(k, coupling, Zdd)
@@ -44,7 +68,7 @@ def solve(topology: Topology, system: BodySystem, k: Kinematics, loops: tuple[Lo
 
 
 def refine(
-    topology: Topology, masses: Mapping[str, Block], k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers,
+    topology: Topology, masses: Mapping[str, Block], k: Kinematics, closing: ClosingElements, numbers: Numbers,
     solution: Solution, times: int,
 ) -> Solution:  # fmt: skip
     """The solution with corrected multipliers, again and again: its errors, and their response added; ``errors`` are then the sum of all.
@@ -54,7 +78,7 @@ def refine(
     """
     b, vdot, errors, last = k.builder, solution.vdot, solution.errors, solution.errors
     for n in range(times):
-        response = respond(topology, masses, k, loops, numbers, last, "r" * (n + 1))
+        response = respond(topology, masses, k, closing, numbers, last, "r" * (n + 1))
         vdot = {name: b.add(block, response.vdot[name]) for name, block in vdot.items()}
         errors = {name: b.add(block, response.errors[name]) for name, block in errors.items()}
         last = response.errors
@@ -62,7 +86,7 @@ def refine(
 
 
 def respond(
-    topology: Topology, masses: Mapping[str, Block], k: Kinematics, loops: tuple[LoopClosure, ...], numbers: Numbers,
+    topology: Topology, masses: Mapping[str, Block], k: Kinematics, closing: ClosingElements, numbers: Numbers,
     gaps: Mapping[str, Block], mark: str,
 ) -> Solution:  # fmt: skip
     """What gaps of the cut joints alone do to bodies without velocity and forces: (M + A^T a A) z = -A^T a gap, errors A z + gap.
@@ -72,6 +96,6 @@ def respond(
     b = k.builder
     still = replace(k, motions={body: replace(motion, d=b.zero(6)) for body, motion in k.motions.items()})
     system = BodySystem(builder=b, M=dict(masses), Q={body: b.zero(6) for body in masses})
-    gaping = tuple(replace(x, s=gaps[x.joint.name], multipliers=b.zero(len(x.names))) for x in loops)
+    gaping = closing.gaping(b, gaps)
     with b.marked(mark):
         return solve(topology, system, still, gaping, numbers)

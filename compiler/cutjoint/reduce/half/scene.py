@@ -12,6 +12,7 @@ from cutjoint.model.records import (
     BodyLoad,
     Bushing,
     Force,
+    Gear,
     Joint,
     JointForce,
     Marker,
@@ -104,7 +105,7 @@ def _output(half: Half, output: Output) -> Output:
             return _joint_output(half, element, output)
         case RodForce() if not half.flat:
             raise AsymmetryError(element.name, "is measured by distances that already stand for a link", element.span)
-    return output if isinstance(element, RodForce) else _force_output(half, element, output)
+    return output if isinstance(element, RodForce | Gear) else _force_output(half, element, output)
 
 
 def _scaled(output: Output, factor: float, element: str = "", quantity: str = "") -> Output:

@@ -10,6 +10,7 @@ from cutjoint.formulate.recursive import closures
 from cutjoint.formulate.recursive.closures import ClosureKernel, Matrix, derive_closure
 from cutjoint.methods import CLOSURES
 from cutjoint.model.records import Joint, Model, Numerics, Scalar
+from cutjoint.report.explain.gears import explain_gears
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import number, parameter_symbols, place, without_noise
@@ -35,14 +36,15 @@ _POINT_RATE, _DIRECTION_RATE = r"\dot p = V + W \times p", r"\dot f_k = W \times
 
 
 def explain_closures(topology: Topology, numerics: Numerics, counterparts: Sequence[Counterparts]) -> Chapter:
-    """The cut joints, those with equal kernels together."""
+    """The cut joints, those with equal kernels together, then the gears."""
+    gears = explain_gears(topology.model)
     if not topology.cuts:
-        return Chapter(title="Cut joints", notes=("None.",), formulas=(), entries=())
+        return Chapter(title="Cut joints", notes=("None.", *([_numbers(numerics)] if gears else [])), formulas=(), entries=gears)
     cuts, kernels = {c.name: c for c in topology.cuts}, {c.name: derive_closure(c) for c in topology.cuts}
     formulas = {name: _formulas(kernel, topology.model) for name, kernel in kernels.items()}
     groups = group(list(cuts), counterparts, lambda name: cuts[name].kind, lambda name: formulas[name])
     entries = tuple(_entry([cuts[n] for n in names], kernels, formulas, topology.model) for names in groups)
-    return Chapter(title="Cut joints", notes=(*_NOTES, _numbers(numerics)), formulas=_LAW, entries=entries)
+    return Chapter(title="Cut joints", notes=(*_NOTES, _numbers(numerics)), formulas=_LAW, entries=entries + gears)
 
 
 def _numbers(numerics: Numerics) -> str:

@@ -114,9 +114,10 @@ def unknowns_of(t: TreeJoint) -> str:
 
 def cut_table(equations: RecursiveEquations) -> Table:
     """One row a cut joint."""
+    sizes = {closure.joint: len(closure.names) for closure in equations.closures}
     rows = [
-        (code(c.name), c.span.place, c.kind.value, _cut_by(c), code(c.base), code(c.follower), str(len(closure.names)))
-        for c, closure in zip(equations.topology.cuts, equations.closures, strict=True)
+        (code(c.name), c.span.place, c.kind.value, _cut_by(c), code(c.base), code(c.follower), str(sizes[c.name]))
+        for c in equations.topology.cuts
     ]  # fmt: skip
     return make_table(("cut joint", "line", "kind", "cut by", "base", "follower", "equations"), rows)
 

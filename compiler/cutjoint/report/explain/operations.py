@@ -50,7 +50,7 @@ def operations_table(
     topology: Topology, counts: Mapping[tuple[str, str], int], order: Sequence[str] = STAGES, unnamed: str = "inputs"
 ) -> Table:
     """One row an element, one column a stage, known ones in their order; ``unnamed`` is what belongs to no element."""
-    joints = (*(t.joint for t in topology.tree), *topology.cuts)
+    joints = (*(t.joint for t in topology.tree), *topology.closing)
     known = {stage for stage, _ in counts}
     stages = [*(s for s in order if s in known), *sorted(known - set(order))]
     lines = {e.name: e.span.place for e in (*topology.model.bodies, *joints, *topology.model.forces)}

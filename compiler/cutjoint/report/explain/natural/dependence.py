@@ -13,9 +13,9 @@ _FATE = {
 
 def explain_dependence(d: Derivation) -> Chapter:
     """The equations that others imply in every pose; the last of those that depend on each other."""
-    lines = {b.name: b.span.place for b in d.model.bodies} | {j.name: j.span.place for j in d.model.joints}
+    spans = d.model.constraint_spans
     owners = {f"{c.element}.{name}": c.element for c in d.full.constraints for name in c.names}
-    rows = [(code(name), lines[owners[name]]) for name in d.dependent]
+    rows = [(code(name), spans[owners[name]].place) for name in d.dependent]
     if not rows:
         return Chapter(title="Dependent equations", notes=("None.",), formulas=(), entries=())
     notes = ("In every pose that the compiler tries these follow from the equations before them.", _FATE[d.full.method])

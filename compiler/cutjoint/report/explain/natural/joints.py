@@ -14,6 +14,7 @@ from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import Joint, Vector
+from cutjoint.report.explain.gears import explain_gears
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.joints import coordinate_symbol, explain_guide
 from cutjoint.report.explain.latex import matrix, text, variants
@@ -101,14 +102,14 @@ def _angle(row: AngleRow) -> Equation:
 
 
 def explain_joint_constraints(d: Derivation, counterparts: Sequence[Counterparts]) -> Chapter:
-    """All joints with what they share, then those with equations, by kind."""
+    """All joints with what they share, then those with equations, by kind, then the gears."""
     joints = {j.name: j for j in d.model.joints}
     equations = {j.name: found for j in d.model.joints if (found := joint_equations(d.full.layout, j))}
     residuals = {name: tuple(e.residual for e in found) for name, found in equations.items()}
     kinds = {name: (joints[name].kind, residuals[name]) for name in equations}
     groups = group(list(equations), counterparts, kinds.__getitem__, residuals.__getitem__)
     entries = tuple(_entry(d, [joints[name] for name in names], [equations[name] for name in names]) for names in groups)
-    return Chapter(title="Constraints of joints", notes=_NOTES, formulas=(), entries=(_shared(d), *entries))
+    return Chapter(title="Constraints of joints", notes=_NOTES, formulas=(), entries=(_shared(d), *entries, *explain_gears(d.model)))
 
 
 def _shared(d: Derivation) -> Entry:

@@ -1,0 +1,22 @@
+"""A gear: a linear relation between a coordinate each of two tree joints.
+
+Gear wheels, a rack and its pinion, belts and winches are that: the first coordinate is the ratio times the second one, both counted from
+the design position, with all their turns.  The relation holds exactly and without loss; the wheels' teeth have no force of their own, and
+what holds their bearings apart is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+#: What it is, for the documentation and `explain`.
+TEXT = "a coordinate of a tree joint is a ratio times a coordinate of another one"
+
+#: Its equation, for generated code and `explain`.
+EQUATION = "Phi = q_a - ratio q_b"
+
+#: The short name of its equation.
+NAMES = ("ratio",)
+
+#: The unit of what it does to its first coordinate, by that coordinate's unit; the second one gets -ratio times as much.
+FORCE_UNITS: Mapping[str, str] = {"rad": "N*m", "m": "N"}

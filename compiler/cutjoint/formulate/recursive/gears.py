@@ -1,0 +1,73 @@
+"""Gears in relative coordinates: Phi = sum of factor times coordinate, whose Jacobian is constant.
+
+A guided coordinate is a function of time; it has a part in the residual, its rate and its drift, and none in the Jacobian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutjoint.elements.gear import EQUATION, NAMES
+from cutjoint.formulate.inputs import Numbers
+from cutjoint.formulate.recursive.kinematics import Kinematics
+from cutjoint.formulate.recursive.loops import Closing, stabilisation
+from cutjoint.model.records import Gear
+from cutjoint.program.blocks import BindingTime, Block, Builder
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearClosure(Closing):
+    """A gear's blocks, with the ``drift`` that guides add to Phi''.
+
+    ``row`` is its Jacobian: by the bodies whose joints have unknowns the place among these and the factor.
+    """
+
+    gear: Gear
+    drift: Block
+    row: Mapping[str, tuple[int, Block]]
+
+    @property
+    def element(self) -> Gear:
+        """The gear."""
+        return self.gear
+
+    def columns(self, b: Builder, body: str, size: int) -> Block:
+        """The Jacobian by the unknowns of a body's joint, (1, size)."""
+        if body not in self.row:
+            return b.zero(1, size)
+        place, factor = self.row[body]
+        return b.stack([[factor if i == place else b.zero(1) for i in range(size)]])
+
+
+def derive_gears(k: Kinematics, gears: tuple[Gear, ...], numbers: Numbers) -> tuple[GearClosure, ...]:
+    """The blocks of every gear."""
+    found = []
+    for gear in gears:
+        with k.builder.section("closure", gear.name, f"{EQUATION}, s = 2 xi w Phi' + w^2 Phi", gear.span.place):
+            found.append(_derive(k, gear, numbers))
+    return tuple(found)
+
+
+def _derive(k: Kinematics, gear: Gear, numbers: Numbers) -> GearClosure:
+    b, name = k.builder, gear.name
+    motions = {m.tree_joint.joint.name: m for m in k.motions.values()}
+    row: dict[str, tuple[int, Block]] = {}
+    residual = rate = drift = b.zero(1)
+    for coordinate, number in gear.terms:
+        motion, factor = motions[coordinate.joint], k.translator.scalar(number)
+        place = motion.tree_joint.joint.element.coordinates.index(coordinate.name)
+        residual = b.add(residual, b.mul(factor, motion.position[place]))
+        rate = b.add(rate, b.mul(factor, motion.rate[place]))
+        if motion.acceleration:
+            drift = b.add(drift, b.mul(factor, motion.acceleration[place]))
+        else:
+            row[motion.tree_joint.child] = place, factor
+    b.name(residual, "Phi", name, rows=NAMES)
+    b.name(rate, "Phid", name, rows=NAMES)
+    of_rate, of_residual = stabilisation(b, numbers)
+    s = b.name(b.add(drift, b.add(b.scale(of_rate, rate), b.scale(of_residual, residual))), "s", name, rows=NAMES)
+    multipliers = b.symbol(f"lambda:{name}", 1, BindingTime.ITERATION)
+    return GearClosure(
+        gear=gear, names=NAMES, residual=residual, rate=rate, drift=drift, s=s, multipliers=multipliers, row=row
+    )  # fmt: skip

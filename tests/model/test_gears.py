@@ -1,0 +1,167 @@
+"""Gears in the file: what they name, their ratio's unit, their mirror images, and what is wrong with them."""
+
+from __future__ import annotations
+
+import pytest
+
+from cutjoint.analysis.guides import GuideError
+from cutjoint.export.mechanism import build_mechanism
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model
+from cutjoint.pipeline import generate
+from cutjoint.reduce.sequence import reduction_sequence
+from cutjoint.report.explain.document import explain
+from cutjoint.run.run_file import RunError
+from cutjoint.topology.build import build_topology
+from cutjoint.twin.artifact import compile_generic
+from tests.mechanisms.gears import TEXT as GEARED
+
+TEXT = """
+cutjoint: 1
+name: gears
+gravity: [0, 0, -9.81]
+parameters:
+  teeth: {value: 20, binding: param}
+bodies:
+  wheel: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+  bar: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+  tube: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+  ball: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+  shaft: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+joints:
+  pinion: {kind: revolute, bodies: [ground, wheel], at: [0, 0, 0], axis: [0, 1, 0]}
+  rack: {kind: prismatic, bodies: [ground, bar], at: [0, 0, 0], axis: [1, 0, 0]}
+  slide: {kind: cylindrical, bodies: [ground, tube], at: [0, 0, 0], axis: [1, 0, 0]}
+  socket: {kind: spherical, bodies: [ground, ball], at: [0, 0, 0]}
+  drive: {kind: revolute, bodies: [ground, shaft], at: [0, 0, 0], axis: [1, 0, 0], guide: "sin(t)"}
+  tie: {kind: revolute, bodies: [bar, tube], at: [0, 0, 0], axis: [1, 0, 0], cut: true}
+gears:
+  mesh: GEAR
+"""
+
+
+def with_gear(gear: str) -> Model:
+    return read_model_text(TEXT.replace("GEAR", gear), "gears.yaml")
+
+
+@pytest.mark.parametrize(
+    ("joints", "ratio", "value"),
+    [
+        ("[pinion, rack]", "2", 2.0), ("[pinion.angle, rack]", "40 1/m", 40.0), ("[rack, pinion]", "25 mm/rad", 0.025),
+        ("[slide.angle, pinion]", "-60/teeth", -3.0), ("[slide.displacement, rack.displacement]", "0.5", 0.5),
+        ("[pinion, drive]", "1/3", 1 / 3),
+    ],
+)  # fmt: skip
+def test_ratio_is_in_units_of_the_coordinates(joints: str, ratio: str, value: float) -> None:
+    model = with_gear(f"{{joints: {joints}, ratio: {ratio}}}")
+    values = {p.symbol: p.value for p in model.parameters}
+    (gear,) = model.gears
+    assert float(gear.ratio.subs(values)) == pytest.approx(value)
+    assert [f"{c.joint}.{c.name}" for c in (gear.first, gear.second)] == [
+        name if "." in name else f"{name}.{'displacement' if name == 'rack' else 'angle'}" for name in joints[1:-1].split(", ")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("gear", "message"),
+    [
+        ("{joints: [pinion, rake], ratio: 1}", "21:27: gear 'mesh': unknown joint 'rake'; did you mean 'rack'?"),
+        ("{joints: [pinion, slide], ratio: 1}",
+         "21:27: gear 'mesh': the cylindrical joint 'slide' has 2 coordinates; write slide.displacement or slide.angle"),
+        ("{joints: [pinion, slide.turn], ratio: 1}",
+         "21:27: gear 'mesh': the cylindrical joint 'slide' has no coordinate 'turn'; coordinates: angle, displacement"),
+        ("{joints: [socket, pinion], ratio: 1}",
+         "21:19: gear 'mesh': the spherical joint 'socket' has no coordinates; a gear couples the coordinates of two joints in the tree"),
+        ("{joints: [tie, pinion], ratio: 1}",
+         "21:19: gear 'mesh': the cut joint 'tie' has no coordinates; a gear couples the coordinates of two joints in the tree"),
+        ("{joints: [slide.angle, slide.displacement], ratio: 1}",
+         "21:18: gear 'mesh': couples the joint 'slide' to itself; name two joints; a screw couples displacement and angle"),
+        ("{joints: [pinion, rack], ratio: 1 m}", "21:41: gear 'mesh': ratio needs 1/m, got m"),
+        ("{joints: [pinion, drive], ratio: 1 m}", "21:42: gear 'mesh': ratio needs an angle or a plain number, got m"),
+        ("{joints: [pinion, rack], ratio: 0}",
+         "21:41: gear 'mesh': the ratio is zero; a joint that does not move is of kind fixed, or has guide: 0"),
+        ("{joints: [pinion], ratio: 1}", "21:18: gear 'mesh': joints needs two names; write [one, other]"),
+        ("{joints: [pinion, rack]}", "21:3: gear 'mesh': the field 'ratio' is missing"),
+    ],
+)  # fmt: skip
+def test_problems(gear: str, message: str) -> None:
+    with pytest.raises(ModelError) as problem:
+        with_gear(gear)
+    assert message in str(problem.value)
+
+
+def test_two_guides_leave_nothing_to_a_gear() -> None:
+    text = TEXT.replace("axis: [0, 1, 0]}", "axis: [0, 1, 0], guide: t}").replace("GEAR", "{joints: [pinion, drive], ratio: 1}")
+    with pytest.raises(ModelError, match=r"gear 'mesh': both its joints are guided; leave one of them unguided, or remove the gear"):
+        read_model_text(text, "gears.yaml")
+
+
+def test_guides_that_contradict_gears_are_refused() -> None:
+    text = TEXT.replace("gears:\n  mesh: GEAR\n", "\n".join((
+        "  driven: {kind: revolute, bodies: [ground, other], at: [0, 0, 0], axis: [1, 0, 0], guide: 3*t}", "gears:",
+        "  first: {joints: [pinion, drive], ratio: 2}", "  last: {joints: [driven, pinion], ratio: 1}", "scenes: {run: {end: 1}}", "",
+    )))  # fmt: skip
+    text = text.replace("bodies:\n", "bodies:\n  other: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}\n")
+    model = read_model_text(text, "gears.yaml")
+    with pytest.raises(GuideError, match=r"the guides of 'drive', 'driven' contradict the gear '(first|last)': no motion of the other"):
+        generate(model, model.scenes["run"], ())
+
+
+def test_mirror_image_turns_with_its_joints() -> None:
+    """A displacement across the mirror changes its sign with its axis; an angle about an axis is the image of itself."""
+    lines = TEXT.replace("GEAR", "{joints: [pinion, rack], ratio: 2}").splitlines()
+    start = next(i for i, line in enumerate(lines) if line == "bodies:")
+    inner = "\n".join(f"    {line}" for line in lines[start:])
+    text = "\n".join(lines[:start]) + f"\nsubmodels:\n  train:\n{inner}\ninstances:\n  a: {{use: train}}\n  b: {{use: train, mirror: x}}\n"
+    a, b = read_model_text(text, "gears.yaml").gears
+    assert (a.name, b.name, b.joints) == ("a.mesh", "b.mesh", ("b.pinion", "b.rack"))
+    axes = {j.name: j.axes[0] for j in read_model_text(text, "gears.yaml").joints if j.axes}
+    # seen in space: a turn about y is reversed by the mirror x, and so is a way along x
+    turned = -axes["b.pinion"][1] / axes["a.pinion"][1]
+    moved = -axes["b.rack"][0] / axes["a.rack"][0]
+    assert b.ratio / a.ratio == turned * moved
+
+
+def test_gears_keep_their_joints_in_the_tree() -> None:
+    loop = "\n".join((
+        "  left: {kind: revolute, bodies: [bar, wheel], at: [1, 0, 0], axis: [0, 1, 0]}", "gears:",
+    ))  # fmt: skip
+    text = TEXT.replace("gears:\n", loop + "\n").replace("GEAR", "{joints: [pinion, left], ratio: 2}")
+    topology = build_topology(read_model_text(text, "gears.yaml"))
+    assert {"pinion", "left"} <= {t.joint.name for t in topology.tree}
+
+
+def test_what_has_no_gears_refuses_them() -> None:
+    model = read_model_text(GEARED, "gears.yaml")
+    scene = model.scenes["run"]
+    with pytest.raises(RunError, match=r"gears.yaml:35:3: gear 'mesh': the generic twin does not know gears; use --implementation"):
+        compile_generic(model, scene)
+    with pytest.raises(RunError, match=r"gears.yaml:35:3: gear 'mesh': exports do not have gears; leave it out, or couple"):
+        build_mechanism(model, scene, {})
+
+
+def test_passes_leave_a_model_with_gears_as_it_is() -> None:
+    model = read_model_text(GEARED, "gears.yaml")
+    (variant,) = reduction_sequence(model, model.scenes["run"], approximate=True)
+    assert variant.model is model
+    assert [note.element for note in variant.left] == [gear.name for gear in model.gears]
+
+
+def test_natural_coordinates_refuse_gears_on_coordinates_that_they_do_not_have() -> None:
+    text = TEXT.replace("kind: spherical", "kind: constant_velocity, axis: [1, 0, 0]")
+    text = text.replace("GEAR", "{joints: [socket.angle_1, pinion], ratio: 2}") + "scenes: {run: {end: 1}}\n"
+    model = read_model_text(text, "gears.yaml")
+    assert generate(model, model.scenes["run"], ())
+    with pytest.raises(ModelError, match="gear 'mesh': natural coordinates do not have the coordinates of a constant_velocity joint"):
+        generate(model, model.scenes["run"], (), method="augmented")
+
+
+@pytest.mark.parametrize("method", ["recursive", "classical"])
+def test_explain_has_gears_and_what_follows_from_them(method: str) -> None:
+    gears = "  mesh: {joints: [pinion, slide.angle], ratio: 2}\n  again: {joints: [slide.angle, pinion], ratio: 0.5}"
+    text = TEXT.replace("  mesh: GEAR", gears)
+    model = read_model_text(text + "scenes: {run: {end: 1}}\n", "gears.yaml")
+    page = explain(model, model.scenes["run"], method)
+    assert "| `mesh` | gears.yaml:21 | `pinion.angle` | `slide.angle` | 2 |" in page
+    assert ("| `again.ratio` | gears.yaml:22 |" in page) == (method == "classical")
