@@ -13,7 +13,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model
 from cutjoint.run.scenes import find_scene
 from tests.analysis.linearised import Array, implicit, linearised
-from tests.conftest import MODELS
+from tests.conftest import MODELS, with_heavy
 from tests.mechanisms import random_models
 from tests.mechanisms.random_models import K
 from tests.oracles.dense import DenseMechanism, Instant
@@ -82,19 +82,22 @@ def verify(equations: ImplicitEquations, seed: int) -> ReducedSystem:
     return system
 
 
-@pytest.mark.parametrize("kind", [K.SPHERICAL, K.FREE])
+@pytest.mark.parametrize("kind", with_heavy([K.SPHERICAL, K.FREE], K.FREE))
 def test_trees_in_motion(kind: K) -> None:
     """Turning balls, springs and dampers of all kinds."""
     verify(implicit(random_models.tree_with(kind, False, 3), random_models.scene()), 1)
 
 
-@pytest.mark.parametrize("seed", [1, 7])
+@pytest.mark.parametrize("seed", with_heavy([1, 7], 1))
 def test_loops_in_motion(seed: int) -> None:
     """Nested and coupled loops with balls, guides, massless links, and equations that follow from others."""
     verify(implicit(random_models.random_loops(seed), random_models.scene()), seed)
 
 
-@pytest.mark.parametrize(("closing", "kind"), [("branch", K.SPHERICAL), ("floating", K.UNIVERSAL), ("guided", K.SPHERICAL)])
+CUTS = (("branch", K.SPHERICAL), ("floating", K.UNIVERSAL), ("guided", K.SPHERICAL))
+
+
+@pytest.mark.parametrize(("closing", "kind"), with_heavy(CUTS, ("floating", K.UNIVERSAL)))
 def test_cut_joints_in_motion(closing: str, kind: K) -> None:
     """Within a branch, between free bodies, between guided bodies."""
     verify(implicit(random_models.loop_with(kind, closing, 5), random_models.scene()), 2)
