@@ -47,12 +47,12 @@ def test_generated_code_equals_the_interpreter(monkeypatch: pytest.MonkeyPatch, 
 
 
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-def test_long_functions_are_compiled_in_stretches(monkeypatch: pytest.MonkeyPatch, compiler: str) -> None:
+def test_long_functions_are_compiled_in_parts(monkeypatch: pytest.MonkeyPatch, compiler: str) -> None:
     monkeypatch.setenv("CXX", compiler)
     monkeypatch.setattr(view, "LONG", 20)
-    monkeypatch.setattr(view, "STRETCH", 10)
+    monkeypatch.setattr(view, "PART", 10)
     artifact = compile_model(MODELS / "four_bar.yaml", scene="swing")
-    labels = re.findall(r"CUTJOINT_STRETCH\(stretch_(\d+)\)", artifact.source.files["evaluate.cpp"])
+    labels = re.findall(r"CUTJOINT_PART\(part_(\d+)\)", artifact.source.files["evaluate.cpp"])
     assert len(labels) > 3
     assert sorted(set(map(int, labels))) == list(map(int, labels))
     states = random_states(artifact.equations, 3, seed=5)
