@@ -398,6 +398,8 @@ class Maker:
                 self.name("reaction"): {"joint": cut, "body": self.joints[cut]["bodies"][0], "direction": self.axis()} for cut in cuts
             },
         }
+        if len(trees) > 1 and self.chance(0.3):
+            made["gears"] = {"mesh": self.gear(trees)}
         if self.chance(0.3):
             made["submodels"] = {"side": self.submodel()}
             uses = {self.name("side"): mirror for mirror in rng.sample(["x", "y", "z", None], rng.randint(1, 3))}
@@ -406,10 +408,15 @@ class Maker:
                 for name, m in uses.items()
             }
         made["outputs"] = [f"{rng.choice(self.bodies)}.{rng.choice(('x', 'vz', 'ay', 'roll', 'wx'))}" for _ in range(rng.randint(0, 3))]
-        made["outputs"] = list(dict.fromkeys(made["outputs"]))
+        made["outputs"] = list(dict.fromkeys([*made["outputs"], *(f"{gear}.force" for gear in made.get("gears", {}))]))
         if self.chance(0.9):
             made["scenes"] = {self.name("scene"): self.scene(trees) for _ in range(rng.randint(1, 2))}
         return made
+
+    def gear(self, trees: list[str]) -> Node:
+        """A gear between two joints of the tree, now and then with a wrong name or unit."""
+        ends = [f"{joint}.{self.rng.choice((*COORDINATES[self.joints[joint]['kind']], 'angle'))}" for joint in self.rng.sample(trees, 2)]
+        return {"joints": ends, "ratio": self.rng.choice((-2.5, "1/3", "0.2*size", "-25 mm/rad", "40 rad/m", 0))}
 
     def scene(self, trees: list[str]) -> Node:
         rng = self.rng

@@ -91,6 +91,12 @@ def test_problems(gear: str, message: str) -> None:
     assert message in str(problem.value)
 
 
+def test_output_of_a_gear_whose_coordinate_is_wrong() -> None:
+    text = TEXT.replace("GEAR", "{joints: [rack.angle, pinion], ratio: 1}") + "outputs: [mesh.force]\n"
+    with pytest.raises(ModelError, match="gear 'mesh': the prismatic joint 'rack' has no coordinate 'angle'; coordinates: displacement"):
+        read_model_text(text, "gears.yaml")
+
+
 def test_two_guides_leave_nothing_to_a_gear() -> None:
     text = TEXT.replace("axis: [0, 1, 0]}", "axis: [0, 1, 0], guide: t}").replace("GEAR", "{joints: [pinion, drive], ratio: 1}")
     with pytest.raises(ModelError, match=r"gear 'mesh': both its joints are guided; leave one of them unguided, or remove the gear"):

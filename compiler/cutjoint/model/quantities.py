@@ -77,7 +77,7 @@ def quantities(element: Element) -> Mapping[str, str]:
         case Joint():
             return JOINT_QUANTITIES[element.kind]
         case Gear():
-            return {"force": FORCE_UNITS[element.first.unit]}
+            return {"force": FORCE_UNITS.get(element.first.unit, "")}  # without a unit where its coordinate is wrong, which is noted
         case BodyLoad(point=None):
             return _TORQUE
         case JointForce():
