@@ -27,6 +27,7 @@ from cutjoint.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
 from tests.mechanisms.joint_examples import EXAMPLES
 from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE
+from tests.runtime.points import NUMERICS
 
 pytestmark = needs_cpp
 
@@ -163,8 +164,9 @@ def run_task(generic: Path, case: Case, folder: Path, task: dict[str, Any]) -> d
     """The twin's summary of a task."""
     (folder / "model.json").write_text(json.dumps(case.description))
     run = {
-        "model": str(folder / "model.json"), "parameters": case.parameters, "stabilisation": case.numerics,
-        "roads": {name: case.road.described() for name in case.equations.roads}, **task,
+        "model": str(folder / "model.json"), "parameters": case.parameters, "numerics": NUMERICS,
+        "stabilisation": {"closure": "penalty", **case.numerics}, "integrator": "trapezoidal", "solver": None, "pose": "design", "end": 1.0,
+        "output_step": 1.0, "roads": {name: case.road.described() for name in case.equations.roads}, **task,
     }  # fmt: skip
     (folder / "run.json").write_text(json.dumps(run))
     done = subprocess.run([generic, folder / "run.json"], capture_output=True, text=True, check=False)
