@@ -23,7 +23,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.results import Array, Batch
 from cutjoint.run.run_file import changing, following, make_run_file, parameter_values
-from cutjoint.run.settings import require_figures
+from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import FLAGS, Binary, build
 
@@ -93,7 +93,7 @@ def simulate_batch(
         OutputError: the table cannot be written.
         Interrupted, Terminated: a signal has ended the batch.
     """
-    require_figures(threads=threads)
+    require_settings(threads=threads)
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
     options = Options(dt=dt, end=end, tolerance=tolerance, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)

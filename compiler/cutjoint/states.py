@@ -21,7 +21,7 @@ from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Equilibrium, FailureReport
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene
-from cutjoint.run.settings import require_figures
+from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import build
 
@@ -68,7 +68,7 @@ def find_modes(
         ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, ToolchainError: as for compile_scene.
         SimulatorError: the simulator could not begin.
     """
-    require_figures(at=at)
+    require_settings(at=at)
     # Model -> Binary
     artifact = compile_scene(model, scene, method=LINEARISED)
     equations = artifact.equations

@@ -2,27 +2,37 @@
 #include "cutjoint/batch/driver.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <exception>
 #include <mutex>
+#include <string_view>
 #include <thread>
 #include <vector>
 
 #include "cutjoint/batch/group.hpp"
 #include "cutjoint/program.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint::batch {
 
 namespace {
 
+const Abilities abilities{.tasks = {Task::batch}, .integrators = {Integrator::trapezoidal}};
+
+/// What a case may have of its own.
+constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "positions", "rates", "roads"});
+
 /// Groups of cases, taken one by one by threads.
 class Batch {
  public:
   Batch(const Json& file, const MakeAlone& make_alone, const MakeInstances& make_instances)
-      : file_(file), make_alone_(make_alone), make_instances_(make_instances), cases_(file.at("cases").get<std::vector<Json>>()) {
+      : file_(file), make_alone_(make_alone), make_instances_(make_instances), settings_(read_settings<double>(file, abilities)),
+        cases_(value_of(file, "cases").get<std::vector<Json>>()), number_of_threads_(read_integer(file, "threads", 1, 4096)) {
     file_.erase("cases");  // each case adds to a copy of the rest
+    for (const Json& own : cases_) require_keys(own, keys_of_cases);
   }
 
   /// Run all cases and return the summary; the results of each group are printed when it is done.
@@ -31,7 +41,7 @@ class Batch {
     {
       const std::size_t groups = (cases_.size() + width - 1) / width;
       std::vector<std::jthread> threads;  // joined at the end of the block
-      for (std::size_t i = 0; i < std::min(groups, static_cast<std::size_t>(read_integer(file_, "threads", 1, 4096))); ++i) threads.emplace_back([this] { work(); });
+      for (std::size_t i = 0; i < std::min(groups, static_cast<std::size_t>(number_of_threads_)); ++i) threads.emplace_back([this] { work(); });
     }
     if (error_) std::rethrow_exception(error_);
     return Json{{"status", done_ < cases_.size() ? "interrupted" : "done"}, {"seconds", seconds_}};
@@ -42,7 +52,7 @@ class Batch {
     try {
       const auto alone = make_alone_();
       const auto instances = make_instances_();
-      Group group(*alone, *instances, file_);
+      Group group(*alone, *instances, settings_, file_);
       for (std::size_t first = width * next_++; first < cases_.size(); first = width * next_++) {
         const std::size_t number = std::min<std::size_t>(width, cases_.size() - first);
         const Json results = group.run(std::span(cases_).subspan(first, number));
@@ -63,7 +73,9 @@ class Batch {
   Json file_;
   const MakeAlone& make_alone_;
   const MakeInstances& make_instances_;
+  RunSettings settings_;
   std::vector<Json> cases_;
+  int number_of_threads_;
   std::atomic<std::size_t> next_ = 0;
   std::mutex mutex_;
   std::size_t done_ = 0;

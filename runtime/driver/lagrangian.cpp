@@ -13,24 +13,38 @@ extern template class cutjoint::Newton<cutjoint::AnySystem<cutjoint::Precision>>
 extern template class cutjoint::AugmentedNewton<cutjoint::AnySystem<cutjoint::Precision>>;
 extern template class cutjoint::RecursiveNewton<cutjoint::AnySystem<cutjoint::Precision>>;
 
+namespace {
+
+using namespace cutjoint;
+using S = AnySystem<Precision>;
+
+const Abilities abilities{
+    .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
+    .integrators = {Integrator::trapezoidal, Integrator::sdirk4, Integrator::sdirk4_fixed, Integrator::generalised_alpha,
+                    Integrator::reference},
+    .solvers = true,
+};
+
+template <class Method>
+Json run(AnyMechanism<double>& start, S& system, const RunSettings& settings, const Json& file) {
+  Method method(system, settings, file);
+  return Run(start, method, settings, file).perform();
+}
+
+}  // namespace
+
 int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system) {
   return run_program(argc, argv, "simulator", [&](const Json& file) {
-    const std::string integrator = read_word(
-        file, "integrator",
-        std::to_array<std::string_view>({"trapezoidal", "sdirk4", "sdirk4-fixed", "generalised-alpha", "reference"}), "trapezoidal");
-    if (integrator == "reference") {
-      reference::NaturalReference<AnySystem<Precision>> method(system, file);
-      return Run(start, method, file).perform();
+    const RunSettings settings = read_settings<Precision>(file, abilities);
+    switch (settings.integrator) {
+      case Integrator::reference:
+        return run<reference::NaturalReference<S>>(start, system, settings, file);
+      case Integrator::sdirk4:
+      case Integrator::sdirk4_fixed:
+        return run<sdirk::ImplicitMethod<S>>(start, system, settings, file);
+      default:
+        if (settings.events) return run<stepping::PartedSteps<S, stepping::NewtonRule<S>>>(start, system, settings, file);
+        return run<LagrangianMethod<S>>(start, system, settings, file);
     }
-    if (integrator.starts_with("sdirk4")) {
-      sdirk::ImplicitMethod<AnySystem<Precision>> method(system, file);
-      return Run(start, method, file).perform();
-    }
-    if (stepping::locates_events(file)) {
-      stepping::PartedSteps<AnySystem<Precision>, stepping::NewtonRule<AnySystem<Precision>>> method(system, file);
-      return Run(start, method, file).perform();
-    }
-    LagrangianMethod<AnySystem<Precision>> method(system, file);
-    return Run(start, method, file).perform();
   });
 }

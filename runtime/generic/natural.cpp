@@ -3,12 +3,26 @@
 #include "cutjoint/generic/mechanism.hpp"
 #include "cutjoint/generic/natural/system.hpp"
 #include "cutjoint/lagrangian/method.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/run.hpp"
+
+namespace {
+
+using cutjoint::Integrator, cutjoint::Task;
+
+const cutjoint::Abilities abilities{
+    .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
+    .integrators = {Integrator::trapezoidal},
+    .solvers = true,
+};
+
+}  // namespace
 
 cutjoint::Json run_natural(const cutjoint::Json& model, const cutjoint::Json& file) {
   using System = cutjoint::generic::natural::GenericSystem<double>;
   cutjoint::generic::GenericMechanism<double> start(model.at("start"));
   System system(model);
-  cutjoint::LagrangianMethod<System> method(system, file);
-  return cutjoint::Run(start, method, file).perform();
+  const cutjoint::RunSettings settings = cutjoint::read_settings<double>(file, abilities);
+  cutjoint::LagrangianMethod<System> method(system, settings, file);
+  return cutjoint::Run(start, method, settings, file).perform();
 }

@@ -18,7 +18,7 @@ from cutjoint.export.start import run_generic
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Scene
-from cutjoint.run.scenes import find_scene, with_figures
+from cutjoint.run.scenes import find_scene, with_settings
 from cutjoint.topology.build import build_topology
 from cutjoint_bench.peers.run import available, build_peer, run_peer
 from tests.conftest import MODELS
@@ -122,7 +122,7 @@ def both_accelerations(peer: str, case: Case, folder: Path) -> tuple[Array, Arra
 
 def own_run(case: Case, outputs: Sequence[Output], **changes: float) -> tuple[Array, Mapping[str, Array]]:
     """Time and columns of the recursive method; ``changes`` are of dt, end and output_step."""
-    timed = with_figures(case.scene, "recursive", {name: value for name, value in changes.items() if name == "dt"})
+    timed = with_settings(case.scene, "recursive", {name: value for name, value in changes.items() if name == "dt"})
     timed = replace(timed, **{name: value for name, value in changes.items() if name != "dt"})
     return run_generic(build_topology(case.model), timed, case.parameters, tuple(outputs))
 

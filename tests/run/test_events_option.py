@@ -33,7 +33,7 @@ OTHERS: Mapping[str, Callable[[Path], Artifact]] = {
 
 def told(artifact: Artifact, **how: Any) -> bool | None:
     """What the run file says of events; None for nothing."""
-    found: bool | None = make_ready(artifact, Options(**how)).run_file["numerics"].get("events")
+    found: bool | None = make_ready(artifact, Options(**how)).run_file["numerics"]["events"]
     return found
 
 

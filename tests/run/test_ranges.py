@@ -20,10 +20,10 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.modes import _ending_at
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.scenes import with_figures
-from cutjoint.run.settings import require_figures
+from cutjoint.run.scenes import with_settings
+from cutjoint.run.settings import require_settings
 from tests.run.test_failing_starts import PENDULUM
-from tests.run.test_figures import compiled, pendulum
+from tests.run.test_settings import compiled, pendulum
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_both_ends_of_each_range(name: str) -> None:
 @pytest.mark.parametrize("value", [LARGEST_INTEGER + 1, 2**32 + 1, 2**63, 2**64 + 1, 10**400, 1.5])
 def test_integers_that_no_simulator_reads(value: float) -> None:
     with pytest.raises(RunError, match=r"^iterations: .* write (a smaller number|one)$"):
-        require_figures(iterations=value)  # type: ignore[arg-type]
+        require_settings(iterations=value)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_a_file_names_the_setting(settings: str, message: str) -> None:
 
 def test_an_expression_of_dt_has_a_value_at_the_step_of_the_run() -> None:
     model = read_model_text(scene_text("end: 1, numerics: {penalty: 1/(dt-0.002)**2}"), "pendulum.yaml")
-    scene = with_figures(model.scenes["rest"], "recursive", {"dt": 0.002})
+    scene = with_settings(model.scenes["rest"], "recursive", {"dt": 0.002})
     with pytest.raises(RunError, match=r"scene 'rest': penalty = .*: nan is not a finite number"):
         make_run_file(model, scene, {}, task="simulate")
 

@@ -33,10 +33,11 @@ SOLVERS = {
     CLASSICAL: ("emitted", "eigen-lu", "klu", "umfpack"),
 }
 
-NUMERICS = {
-    "dt": 1e-3, "penalty": 1e9, "tolerance": 1e-8, "iterations": 50, "multiplier_updates": 4,
+NUMERICS: Mapping[str, Any] = {
+    "dt": 1e-3, "penalty": 1e9, "tolerance": 1e-8, "iterations": 50, "multiplier_updates": 4, "fixed_cost": False, "events": None,
+    "absolute_tolerance": None, "spectral_radius": None,
 }  # fmt: skip
-STABILISATION = {"penalty": 1e9, "damping_ratio": 1.0, "frequency": 10.0}
+STABILISATION = {"closure": "penalty", "penalty": 1e9, "damping_ratio": 1.0, "frequency": 10.0}
 
 #: A point by its index, or a place.
 End: TypeAlias = int | Mapping[str, Any]
@@ -84,11 +85,12 @@ def start(folder: Path, run_file: Mapping[str, Any], binary: Path | None = None)
 
 
 def run_file(system: Mapping[str, Any], task: str, *, numerics: Mapping[str, Any] | None = None, **more: Any) -> dict[str, Any]:
-    """A run file with the figures of most tests."""
-    figures = {**NUMERICS, **(numerics or {})}
+    """A run file with the settings of most tests."""
+    settings = {**NUMERICS, **(numerics or {})}
     return {
-        "system": system, "task": task, "parameters": {}, "roads": {}, "numerics": figures, "stabilisation": STABILISATION,
-        "pose": "design", "positions": {}, "rates": {}, "end": 1.0, "output_step": figures["dt"], **more,
+        "model": system, "task": task, "parameters": {}, "roads": {}, "numerics": settings, "stabilisation": STABILISATION,
+        "integrator": "trapezoidal", "solver": "emitted", "pose": "design", "positions": {}, "rates": {}, "end": 1.0,
+        "output_step": settings["dt"], **more,
     }  # fmt: skip
 
 

@@ -152,5 +152,5 @@ def test_steps_of_the_recursive_method_are_measured_when_asked_for(tmp_path: Pat
 def test_the_recursive_method_has_no_solver() -> None:
     artifact = compile_model(MODELS / "four_bar.yaml", scene="swing")
     file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate")
-    with pytest.raises(SimulatorError, match="the recursive method has no linear solver to choose"):
+    with pytest.raises(SimulatorError, match="the recursive method has no linear solver to choose; write null for 'solver'"):
         call_simulator(artifact.binary.path, {**file, "solver": "klu"})

@@ -1,4 +1,4 @@
-"""What a simulator refuses to read: settings out of their ranges, and words that it does not know."""
+"""What a simulator refuses to read: settings out of their ranges, and keys and words that it does not know."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ import pytest
 from cutjoint.pipeline import compile_scene
 from cutjoint.run.run_file import make_run_file
 from tests.conftest import needs_cpp
-from tests.run.test_figures import compiled, pendulum
+from tests.run.test_settings import compiled, pendulum
 
 pytestmark = needs_cpp
+
+#: Stands for a key that is taken out.
+MISSING = object()
 
 
 @cache
@@ -34,6 +37,8 @@ def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
         for parent in parents:
             place = place[parent]
         place[key] = value
+        if value is MISSING:
+            del place[key]
     path = folder / "run.json"
     path.write_text(json.dumps(file), encoding="utf-8")
     done = subprocess.run([binary(method), path], capture_output=True, text=True, check=False, timeout=60)
@@ -73,14 +78,55 @@ def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
         ("positions", {"pin.angle": "0"}, 'is "0" and not a number'),
         ("integrator", "euler", 'is "euler" and not one of trapezoidal, '),
         ("integrator", 1, "is 1 and not one of trapezoidal, "),
-        ("task", "\x1b[31m\x9b", "is '\\x1b[31m\\x9b' and not one of simulate"),
-        ("task", "simulat", "is 'simulat' and not one of simulate, realtime, equilibrium, evaluate"),
+        ("task", "\x1b[31m\x9b", 'is "\\u001b[31m\\x9b" and not one of simulate'),
+        ("task", "simulat", 'is "simulat" and not one of simulate, realtime, equilibrium, evaluate'),
+        ("task", "batch", 'is "batch" and not one of simulate, realtime, equilibrium, evaluate'),
+        ("pose", "rest", 'is "rest" and not one of design, equilibrium'),
+        ("stabilisation.penalty", None, "is null, but a run with these settings needs it"),
+        ("numerics.fixed_cost", 1, "is 1 and neither true nor false"),
+        ("numerics.events", "located", 'is "located" and neither true nor false'),
+        ("numerics", 1, "is 1 and not an object"),
+        ("stabilisation", [], "is [] and not an object"),
+        ("solver", 1, "is 1 and not a name"),
+        ("penalty", 1e6, "is not one of task, "),
+        ("numerics.damping", 1.0, "is not one of dt, "),
+        ("stabilisation.dt", 1e-3, "is not one of closure, penalty, damping_ratio, frequency"),
     ],
 )  # fmt: skip
 def test_a_simulator_names_what_it_refuses(method: str, key: str, value: object, message: str, tmp_path: Path) -> None:
     complaint = refused(method, {key: value}, tmp_path)
     last = "pin.angle" if key == "positions" else key.rpartition(".")[2]
     assert complaint.startswith(f"error: run file: '{last}' {message}")
+
+
+SETTINGS = (
+    "task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", *(f"numerics.{name}" for name in (
+        "dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance", "spectral_radius")),
+    *(f"stabilisation.{name}" for name in ("closure", "penalty", "damping_ratio", "frequency")),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("key", SETTINGS)
+def test_no_setting_has_a_default(key: str, tmp_path: Path) -> None:
+    complaint = refused("recursive", {key: MISSING}, tmp_path)
+    assert complaint == f"error: run file: '{key.rpartition('.')[2]}' is missing\n"
+
+
+@pytest.mark.parametrize(
+    ("method", "changes", "message"),
+    [
+        ("recursive", {"integrator": "rk4"}, "'absolute_tolerance' is null"),
+        ("recursive", {"integrator": "rk4", "numerics.absolute_tolerance": 1e-6, "numerics.penalty": None}, "'penalty' is null"),
+        ("recursive", {"integrator": "reference", "stabilisation.closure": "proximal"}, "'closure' is \"proximal\", which the integrator"),
+        ("recursive", {"integrator": "reference", "task": "evaluate"}, "'task' needs steps of the integrator trapezoidal"),
+        ("recursive-newton", {"integrator": "sdirk4"}, "'absolute_tolerance' is null"),
+        ("recursive-newton", {"integrator": "generalised-alpha"}, "'spectral_radius' is null"),
+        ("recursive-newton", {"solver": None}, "'solver' is null"),
+        ("recursive-newton", {"integrator": "rk4"}, "'integrator' is \"rk4\" and not one of trapezoidal, sdirk4"),
+    ],
+)  # fmt: skip
+def test_settings_that_do_not_go_together(method: str, changes: dict[str, Any], message: str, tmp_path: Path) -> None:
+    assert f"error: run file: {message}" in refused(method, changes, tmp_path)
 
 
 @pytest.mark.parametrize("radius", [-0.1, 1.1])

@@ -17,7 +17,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import FailureReport
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.scenes import with_figures
+from cutjoint.run.scenes import with_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.temporary import temporary_folder
 
@@ -78,7 +78,7 @@ def _ending_at(scene: Scene, at: float) -> Scene:
         steps = count_steps(min(dt, at), at, at).number
     except StepsError as error:
         raise RunError(f"{scene.span}: scene '{scene.name}': {error}") from None
-    return replace(with_figures(scene, LINEARISED, {"dt": at / steps}), output_step=at)
+    return replace(with_settings(scene, LINEARISED, {"dt": at / steps}), output_step=at)
 
 
 def _require_rest(equations: ImplicitEquations, vdot: Sequence[float]) -> None:

@@ -46,7 +46,7 @@ def with_closure(scene: Scene, closure: str) -> Scene:
     return replace(scene, numerics=replace(before, closure=closure, penalty=None if default else before.penalty))
 
 
-def with_figures(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:
+def with_settings(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:
     """The scene with other figures for one method."""
     own = {**scene.numerics.methods.get(method, {}), **changes}
     return replace(scene, numerics=replace(scene.numerics, methods={**scene.numerics.methods, method: own}))

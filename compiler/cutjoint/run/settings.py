@@ -25,7 +25,7 @@ from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.records import Numerics, Scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
-from cutjoint.run.scenes import with_figures
+from cutjoint.run.scenes import with_settings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,20 +61,12 @@ class Settings:
     stabilisation: Stabilisation
 
     def parts(self) -> dict[str, Any]:
-        """The parts of a run file that are settings."""
-        apart = ("integrator", "solver", "stabilisation")
-        optional = ("events", "absolute_tolerance", "spectral_radius")
-        given = {name: value for name, value in asdict(self).items() if name not in optional or value is not None}
-        numerics = {name: value for name, value in given.items() if name not in apart}
-        return {
-            "numerics": numerics,
-            "stabilisation": asdict(self.stabilisation),
-            "integrator": self.integrator,
-            **({} if self.solver is None else {"solver": self.solver}),
-        }
+        """The parts of a run file that are settings; None (null in the file) stands for what the run finds or does not use."""
+        numerics = asdict(self)
+        return {name: numerics.pop(name) for name in ("integrator", "solver", "stabilisation")} | {"numerics": numerics}
 
 
-def require_figures(**asked: float | None) -> None:
+def require_settings(**asked: float | None) -> None:
     """Check settings that a caller gives; None stands for those that are not given.
 
     Raises:
@@ -92,8 +84,8 @@ def with_options(scene: Scene, method: str, options: Options) -> Scene:
         RunError: no run has one of them.
     """
     given = {"dt": options.dt, "penalty": options.penalty, "tolerance": options.tolerance}
-    require_figures(**given, end=options.end, iterations=options.iterations)
-    changed = with_figures(scene, method, {name: value for name, value in given.items() if value is not None})
+    require_settings(**given, end=options.end, iterations=options.iterations)
+    changed = with_settings(scene, method, {name: value for name, value in given.items() if value is not None})
     return changed if options.end is None else replace(changed, end=options.end)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from cutjoint.pipeline import simulate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Array, Trajectory
-from cutjoint.run.scenes import with_figures
+from cutjoint.run.scenes import with_settings
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.errors import measure_errors
@@ -87,7 +87,7 @@ def try_run(
     The integrator is the trapezoidal rule whatever the scene says.  ``figures`` are numerical ones instead of the scene's for the method,
     such as its penalty; ``parameters`` those of the model.
     """
-    scene = with_figures(artifact.scene, artifact.method, figures or {})
+    scene = with_settings(artifact.scene, artifact.method, figures or {})
     own = replace(artifact, scene=replace(scene, output_step=row))
     with temporary_folder() as folder:
         steps = folder / "steps.csv"

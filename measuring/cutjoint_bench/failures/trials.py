@@ -12,7 +12,7 @@ from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array
-from cutjoint.run.scenes import with_figures
+from cutjoint.run.scenes import with_settings
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.cases import make_case
@@ -125,7 +125,7 @@ def landing_step(artifact: Artifact, pose: Pose, dt: float, figures: Mapping[str
     tried lands nearly enough to make it fail.
     """
     count = round(pose.time / dt)
-    scene = with_figures(artifact.scene, artifact.method, figures or {})
+    scene = with_settings(artifact.scene, artifact.method, figures or {})
 
     def miss(step: float) -> float | None:
         end = step * count * (1 - 1e-12)

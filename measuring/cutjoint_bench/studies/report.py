@@ -17,7 +17,7 @@ from typing import Any
 import click
 
 from cutjoint.run.result_files import write_whole
-from cutjoint.run.scenes import with_figures
+from cutjoint.run.scenes import with_settings
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose
 from cutjoint_bench.exact.chain import Chain, chain_motion, write_chain
@@ -100,7 +100,7 @@ def precisions() -> Plan:
 def ill_conditioned() -> Plan:
     """The paper's suspicion: small steps with its penalty of 1e9 at the beginning of the bump, in all number types."""
     case = make_case(MODELS / "iltis.yaml", IAVSD, end=0.02, row=0.002)
-    given = replace(case, scene=with_figures(case.scene, "augmented", {"penalty": 1e9}))
+    given = replace(case, scene=with_settings(case.scene, "augmented", {"penalty": 1e9}))
     names = [f"{method}/{kind}" for kind in ("double", "extended", "mixed", "quad") for method in ("augmented", "classical")]
     return Plan(
         cases=[given], contenders=choose(["recursive", *names]), reference="extended", limits=False, repetitions=1, most_seconds=120,

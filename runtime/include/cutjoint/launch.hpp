@@ -11,21 +11,22 @@
 #include "cutjoint/effective_mass.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/settings.hpp"
 #include "cutjoint/start.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {
 
-/// Loads a mechanism with the figures of a run file and finds the state from which the run starts.
+/// Loads a mechanism with the settings of a run and finds the state from which the run starts.
 template <Mechanism M>
 class Launch {
  public:
   using Real = typename M::real_type;
 
-  Launch(M& mechanism, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), inputs_(d_, file) {
+  Launch(M& mechanism, const RunSettings& settings, const Json& file)
+      : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), state_(d_), inputs_(d_, file) {
     penalties_.assign(d_.cuts.size(), Real(1));  // until a pose is known
-    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), penalties_);
+    inputs_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
   }
 
   Launch(const Launch&) = delete;
@@ -47,7 +48,9 @@ class Launch {
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
  private:
-  Starter<M> starter() const { return Starter<M>(mechanism_, is_proximal(file_.at("stabilisation"))); }
+  bool is_proximal() const { return settings_.stabilisation.closure == Closure::proximal; }
+
+  Starter<M> starter() const { return Starter<M>(mechanism_, is_proximal()); }
 
   void place();
 
@@ -59,7 +62,7 @@ class Launch {
   /// Load the mechanism with penalties of so many times the masses, `most` at most.
   void load(const std::vector<Real>& masses, Real times, Real most) {
     for (std::size_t i = 0; i < masses.size(); ++i) penalties_[i] = std::min(times * masses[i], most);
-    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), penalties_);
+    inputs_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
     mechanism_.begin_step(state_.t, Real(0));
   }
 
@@ -74,6 +77,7 @@ class Launch {
 
   M& mechanism_;
   const Description& d_;
+  const RunSettings& settings_;
   const Json& file_;
   State<Real> state_;
   Inputs<Real> inputs_;
@@ -105,18 +109,18 @@ void Launch<M>::place() {
   const Starter<M> starter = this->starter();
   const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
   starter.assemble(state_, placed, Real(0));
-  if (is_proximal(file_.at("stabilisation"))) weigh();
-  if (file_.at("pose") == "equilibrium") starter.equilibrate(state_, placed);
+  if (is_proximal()) weigh();
+  if (settings_.pose == Pose::equilibrium) starter.equilibrate(state_, placed);
   starter.assemble(state_, placed, Real(0));
 }
 
 template <Mechanism M>
 void Launch<M>::weigh() {
-  const Json& bound = file_.at("stabilisation").at("penalty");
-  const Real unbound = std::numeric_limits<Real>::infinity(), most = bound.is_null() ? unbound : number_of<Real>(bound, "penalty");
+  const Real unbound = std::numeric_limits<Real>::infinity();
+  const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
   load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
   load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e4), unbound);
-  const Real stiffness = stiffness_of_cuts(read_number<Real>(file_.at("numerics"), "dt"));
+  const Real stiffness = stiffness_of_cuts(Real(settings_.dt));
   load(EffectiveMasses<M>(mechanism_, state_, penalties_).held(), stiffness, most);
 }
 

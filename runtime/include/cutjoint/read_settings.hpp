@@ -1,92 +1,180 @@
-// Settings of a run file, each read with its range: what is out of it is refused by name.
+// The reader of a run's settings: a value out of its range is refused by name, and so are keys and words that there are not.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstddef>
-#include <cstdint>
-#include <limits>
-#include <stdexcept>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
-#include <type_traits>
+#include <utility>
+#include <vector>
 
 #include "cutjoint/json.hpp"
+#include "cutjoint/read_json.hpp"
+#include "cutjoint/settings.hpp"
 
 namespace cutjoint {
 
-[[noreturn]] inline void refuse(std::string_view key, const std::string& what) {
-  throw std::runtime_error("run file: '" + std::string(key) + "' " + what);
-}
+namespace words {
 
-/// The largest number that is read into a type.
+template <class Value>
+using Meaning = std::pair<std::string_view, Value>;
+
+inline constexpr std::array tasks{
+    Meaning<Task>{"simulate", Task::simulate}, Meaning<Task>{"realtime", Task::realtime}, Meaning<Task>{"equilibrium", Task::equilibrium},
+    Meaning<Task>{"evaluate", Task::evaluate}, Meaning<Task>{"factor", Task::factor},     Meaning<Task>{"batch", Task::batch},
+};
+inline constexpr std::array poses{Meaning<Pose>{"design", Pose::design}, Meaning<Pose>{"equilibrium", Pose::equilibrium}};
+inline constexpr std::array closures{Meaning<Closure>{"penalty", Closure::penalty}, Meaning<Closure>{"proximal", Closure::proximal}};
+inline constexpr std::array integrators{
+    Meaning<Integrator>{"trapezoidal", Integrator::trapezoidal},
+    Meaning<Integrator>{"rk4", Integrator::rk4},
+    Meaning<Integrator>{"dormand-prince", Integrator::dormand_prince},
+    Meaning<Integrator>{"sdirk4", Integrator::sdirk4},
+    Meaning<Integrator>{"sdirk4-fixed", Integrator::sdirk4_fixed},
+    Meaning<Integrator>{"generalised-alpha", Integrator::generalised_alpha},
+    Meaning<Integrator>{"reference", Integrator::reference},
+};
+
+}  // namespace words
+
+/// What a program can do: its tasks and integrators, and whether it has linear solvers.
+struct Abilities {
+  std::vector<Task> tasks;
+  std::vector<Integrator> integrators;
+  bool solvers = false;
+};
+
+/// Reads settings with the ranges of a number type.
 template <class Real>
-constexpr double largest_read = std::is_same_v<Real, float> ? double(std::numeric_limits<float>::max()) : std::numeric_limits<double>::max();
+class SettingsReader {
+ public:
+  SettingsReader(const Json& file, const Abilities& abilities) : file_(file), abilities_(abilities) {}
 
-/// A JSON value as a finite number.
-template <class Real>
-Real number_of(const Json& value, std::string_view key) {
-  if (!value.is_number()) refuse(key, "is " + value.dump() + " and not a number");
-  const auto number = value.get<double>();
-  if (!(std::abs(number) <= largest_read<Real>)) refuse(key, "is " + value.dump() + " and has no finite value in the number type of the run");
-  return Real(number);
-}
-
-/// The number under a key.
-template <class Real>
-Real read_number(const Json& object, const char* key) {
-  return number_of<Real>(object.at(key), key);
-}
-
-/// A number above zero.
-template <class Real>
-Real read_positive(const Json& object, const char* key) {
-  const Real number = read_number<Real>(object, key);
-  if (!(number > Real(0))) refuse(key, "is " + object.at(key).dump() + " and not above zero");
-  return number;
-}
-
-/// A number from `least` to `most`.
-template <class Real>
-Real read_between(const Json& object, const char* key, double least, double most) {
-  const Real number = read_number<Real>(object, key);
-  if (!(number >= Real(least) && number <= Real(most)))
-    refuse(key, "is " + object.at(key).dump() + " and not from " + Json(least).dump() + " to " + Json(most).dump());
-  return number;
-}
-
-/// An integer from `least` to `most`.
-inline int read_integer(const Json& object, const char* key, int least, int most = std::numeric_limits<int>::max()) {
-  const Json& value = object.at(key);
-  if (!value.is_number_integer()) refuse(key, "is " + value.dump() + " and not an integer");
-  const bool representable = !value.is_number_unsigned() || value.get<std::uint64_t>() <= std::uint64_t(std::numeric_limits<int>::max());
-  if (!representable || value.get<std::int64_t>() < least || value.get<std::int64_t>() > most)
-    refuse(key, "is " + value.dump() + " and not from " + std::to_string(least) + " to " + std::to_string(most));
-  return value.get<int>();
-}
-
-/// One of several words, `usual` where the key is not there.
-template <std::size_t n>
-std::string read_word(const Json& object, const char* key, const std::array<std::string_view, n>& words, std::string_view usual) {
-  const auto found = object.find(key);
-  if (found == object.end()) return std::string(usual);
-  if (!found->is_string() || std::find(words.begin(), words.end(), found->template get<std::string>()) == words.end()) {
-    std::string list;
-    for (const std::string_view word : words) list.append(list.empty() ? "" : ", ").append(word);
-    refuse(key, "is " + found->dump() + " and not one of " + list);
+  /// Throws runtime_error for what is missing, unknown, out of its range, or does not go together.
+  RunSettings read() const {
+    if (!file_.is_object()) throw std::runtime_error("the run file is not an object of JSON");
+    require_keys(file_, keys_);
+    const Json& numerics = read_object(file_, "numerics");
+    require_keys(numerics, numerics_keys_);
+    const RunSettings settings{
+        .task = able("task", words::tasks, abilities_.tasks),
+        .pose = read_word(file_, "pose", words::poses),
+        .end = between(file_, "end", 0.0, largest_read<Real>),
+        .output_step = positive(file_, "output_step"),
+        .integrator = able("integrator", words::integrators, abilities_.integrators),
+        .solver = solver(),
+        .dt = dt(numerics),
+        .penalty = if_given(numerics, "penalty", [&](const char* key) { return positive(numerics, key); }),
+        .tolerance = positive(numerics, "tolerance"),
+        .iterations = read_integer(numerics, "iterations", 1),
+        .multiplier_updates = read_integer(numerics, "multiplier_updates", 0),
+        .fixed_cost = read_flag(numerics, "fixed_cost"),
+        .events = if_given(numerics, "events", [&](const char* key) { return read_flag(numerics, key); }).value_or(false),
+        .absolute_tolerance = if_given(numerics, "absolute_tolerance", [&](const char* key) { return positive(numerics, key); }),
+        .spectral_radius = if_given(numerics, "spectral_radius", [&](const char* key) { return between(numerics, key, 0.0, 1.0); }),
+        .stabilisation = stabilisation(),
+    };
+    require_agreement(settings);
+    return settings;
   }
-  return found->template get<std::string>();
-}
 
-/// The length of steps: its square, by which accelerations are multiplied, has a value.
+ private:
+  StabilisationSettings stabilisation() const {
+    const Json& part = read_object(file_, "stabilisation");
+    require_keys(part, stabilisation_keys_);
+    return {.closure = read_word(part, "closure", words::closures),
+            .penalty = if_given(part, "penalty", [&](const char* key) { return positive(part, key); }),
+            .damping_ratio = between(part, "damping_ratio", 0.0, largest_read<Real>),
+            .frequency = between(part, "frequency", 0.0, largest_read<Real>)};
+  }
+
+  std::optional<std::string> solver() const {
+    const Json& value = value_of(file_, "solver");
+    if (value.is_null()) return std::nullopt;
+    if (!value.is_string()) refuse("solver", "is " + value.dump() + " and not a name");
+    if (!abilities_.solvers) throw std::runtime_error("the recursive method has no linear solver to choose; write null for 'solver'");
+    return value.get<std::string>();
+  }
+
+  /// What settings need of each other.
+  void require_agreement(const RunSettings& s) const {
+    const Integrator integrator = s.integrator;
+    const bool is_explicit = integrator == Integrator::rk4 || integrator == Integrator::dormand_prince;
+    const bool is_diagonal = integrator == Integrator::sdirk4 || integrator == Integrator::sdirk4_fixed;
+    if ((is_explicit || is_diagonal) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
+    if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
+    if (is_explicit && !s.penalty) refuse_null("penalty");
+    if (abilities_.solvers && integrator != Integrator::reference && !s.solver) refuse_null("solver");
+    if (s.stabilisation.closure == Closure::penalty && !s.stabilisation.penalty) refuse_null("penalty");
+    if (s.stabilisation.closure == Closure::proximal && (integrator != Integrator::trapezoidal || s.task == Task::batch))
+      refuse("closure", "is \"proximal\", which the integrator trapezoidal takes, in single runs; write \"penalty\"");
+  }
+
+  [[noreturn]] void refuse_null(std::string_view key) const { refuse(key, "is null, but a run with these settings needs it"); }
+
+  /// A word whose meaning this program is able to do.
+  template <class Value, std::size_t n>
+  Value able(const char* key, const std::array<words::Meaning<Value>, n>& meanings, const std::vector<Value>& able) const {
+    const Json& word = value_of(file_, key);
+    std::vector<std::string_view> names;
+    for (const auto& [name, value] : meanings) {
+      if (std::find(able.begin(), able.end(), value) == able.end()) continue;
+      if (word.is_string() && word.template get_ref<const std::string&>() == name) return value;
+      names.push_back(name);
+    }
+    refuse(key, "is " + word.dump() + " and not one of " + listed(names));
+  }
+
+  /// A number above zero.
+  static double positive(const Json& object, const char* key) {
+    if (!(read_number<Real>(object, key) > Real(0))) refuse(key, "is " + object.at(key).dump() + " and not above zero");
+    return read_number<double>(object, key);
+  }
+
+  /// A number from `least` to `most`.
+  static double between(const Json& object, const char* key, double least, double most) {
+    const Real number = read_number<Real>(object, key);
+    if (!(number >= Real(least) && number <= Real(most)))
+      refuse(key, "is " + object.at(key).dump() + " and not from " + Json(least).dump() + " to " + Json(most).dump());
+    return read_number<double>(object, key);
+  }
+
+  /// The length of steps: its square, by which accelerations are multiplied, has a value.
+  static double dt(const Json& numerics) {
+    const Real dt(positive(numerics, "dt"));
+    const double quarter = static_cast<double>(dt * dt / Real(4)), rest = static_cast<double>(Real(1) / (dt * dt));
+    if (!(quarter > 0.0 && std::isfinite(quarter) && rest > 0.0 && std::isfinite(rest)))
+      refuse("dt", "is " + numerics.at("dt").dump() + ", whose square has no value in the number type of the run");
+    return read_number<double>(numerics, "dt");
+  }
+
+  /// What `read` finds under a key, unless null stands there.
+  template <class Read>
+  static auto if_given(const Json& object, const char* key, Read read) -> std::optional<decltype(read(key))> {
+    if (value_of(object, key).is_null()) return std::nullopt;
+    return read(key);
+  }
+
+  /// The keys that a run file may have; those that are no settings are read where they are used.
+  static constexpr auto keys_ = std::to_array<std::string_view>(
+      {"task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", "model", "parameters", "positions", "rates",
+       "roads", "out", "out_copy", "steps_out", "steps_out_copy", "tangents_out", "state", "states", "with_state", "cases", "threads",
+       "repetitions", "batches", "ends_with_stdin"});
+  static constexpr auto numerics_keys_ = std::to_array<std::string_view>(
+      {"dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance", "spectral_radius"});
+  static constexpr auto stabilisation_keys_ = std::to_array<std::string_view>({"closure", "penalty", "damping_ratio", "frequency"});
+
+  const Json& file_;
+  const Abilities& abilities_;
+};
+
+/// The settings of a run file for a program.  Throws runtime_error with a message that names what is wrong, and what there is.
 template <class Real>
-Real read_dt(const Json& numerics) {
-  const Real dt = read_positive<Real>(numerics, "dt");
-  const double quarter = static_cast<double>(dt * dt / Real(4)), rest = static_cast<double>(Real(1) / (dt * dt));
-  if (!(quarter > 0.0 && std::isfinite(quarter) && rest > 0.0 && std::isfinite(rest)))
-    refuse("dt", "is " + numerics.at("dt").dump() + ", whose square has no value in the number type of the run");
-  return dt;
+RunSettings read_settings(const Json& file, const Abilities& abilities) {
+  return SettingsReader<Real>(file, abilities).read();
 }
 
 /// The steps of a run and how many of them belong to a row of its table; cutjoint/model/steps.py has the same.
@@ -100,18 +188,15 @@ constexpr double most_rows = 1e8;
 
 /// The steps of a run with a row each `output_step`, or each step; with more, times of neighbouring steps are one number.
 template <class Real>
-Steps read_steps(const Json& file, bool row_each = false) {
-  read_dt<Real>(file.at("numerics"));
-  const auto dt = read_number<double>(file.at("numerics"), "dt");
-  const auto end = read_between<double>(file, "end", 0.0, largest_read<Real>);
-  const auto every = row_each ? dt : read_positive<double>(file, "output_step");
+Steps count_steps(const RunSettings& settings, bool row_each = false) {
+  const double dt = settings.dt, end = settings.end, every = row_each ? dt : settings.output_step;
   if (end == 0.0) return {0, 1};
-  if (!(dt <= end * (1 + 1e-9)))
-    refuse("dt", "is longer than the run, which has the end " + file.at("end").dump());
+  const std::string end_text = Json(end).dump();
+  if (!(dt <= end * (1 + 1e-9))) refuse("dt", "is longer than the run, which has the end " + end_text);
   const double exact = end / dt, most = std::is_same_v<Real, float> ? 0x1p24 : 0x1p53;
-  if (!(exact <= most)) refuse("end", "is " + file.at("end").dump() + " and more than " + Json(most).dump() + " steps away");
+  if (!(exact <= most)) refuse("end", "is " + end_text + " and more than " + Json(most).dump() + " steps away");
   const double number = std::max(1.0, std::ceil(exact - 1e-9)), stride = std::clamp(std::floor(every / dt + 0.5), 1.0, number);
-  if (!(number / stride <= most_rows)) refuse("end", "is " + file.at("end").dump() + " and more than " + Json(most_rows).dump() + " rows away");
+  if (!(number / stride <= most_rows)) refuse("end", "is " + end_text + " and more than " + Json(most_rows).dump() + " rows away");
   return {static_cast<long>(number), static_cast<long>(stride)};
 }
 

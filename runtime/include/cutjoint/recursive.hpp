@@ -14,9 +14,9 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/largest.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/read_figures.hpp"
 #include "cutjoint/retraction.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/trapezoidal.hpp"
 
@@ -28,18 +28,15 @@ class Recursive {
  public:
   using Real = typename M::real_type;
 
-  Recursive(M& mechanism, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), file_(file), inputs_(d_, file), state_(d_), guards_(mechanism),
-        residual_(d_.equations.size()), rate_(d_.equations.size()) {
-    if (file.contains("solver")) throw std::runtime_error("the recursive method has no linear solver to choose; leave 'solver' away");
-    const Json& figures = file.at("stabilisation");
-    const bool given = is_proximal(figures) && !figures.at("penalty").is_null();
-    load_penalties(std::vector<double>(d_.cuts.size(), given ? read_positive<double>(figures, "penalty") : 1.0));
+  Recursive(M& mechanism, const RunSettings& settings, const Json& file)
+      : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), inputs_(d_, file), state_(d_), guards_(mechanism),
+        dt_(settings.dt), residual_(d_.equations.size()), rate_(d_.equations.size()) {
+    load_penalties(std::vector<double>(d_.cuts.size(), settings.stabilisation.penalty.value_or(1.0)));
   }
 
   /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
   void load_penalties(const std::vector<double>& penalties) {
-    inputs_.load_mechanism(mechanism_, file_.at("stabilisation"), converted<Real>(penalties));
+    inputs_.load_mechanism(mechanism_, settings_.stabilisation, converted<Real>(penalties));
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
@@ -53,10 +50,7 @@ class Recursive {
   }
 
   /// Get ready for steps.
-  void prepare() {
-    dt_ = read_dt<Real>(file_.at("numerics"));
-    integrator_.emplace(mechanism_, dt_, read_fixed_point(file_));
-  }
+  void prepare() { integrator_.emplace(mechanism_, dt_, fixed_point_of(settings_)); }
 
   void step(long number) {
     integrator_->step(state_, number);
@@ -151,11 +145,12 @@ class Recursive {
  private:
   M& mechanism_;
   const Description& d_;
+  const RunSettings& settings_;
   const Json& file_;
   Inputs<Real> inputs_;
   State<Real> state_;
   Guards<M> guards_;
-  Real origin_{0}, dt_{0};
+  Real origin_{0}, dt_;
   std::optional<Trapezoidal<M>> integrator_;
   std::vector<Real> residual_, rate_;
   std::vector<double> measured_;

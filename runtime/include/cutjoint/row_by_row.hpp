@@ -10,19 +10,20 @@
 #include "cutjoint/domains.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
-#include "cutjoint/run_file.hpp"
+#include "cutjoint/read_settings.hpp"
+#include "cutjoint/settings.hpp"
 
 namespace cutjoint {
 
 /// Goes on from a start by a stepper, whose `advance` takes a state of the dynamics from one time to another with as many steps as it likes;
-/// guards are checked at the rows.  A row stands each `dt` of the run file.
+/// guards are checked at the rows.  A row stands each `dt` of the settings.
 template <class Dynamics, class Stepper, class Subject>
 class RowByRow {
  public:
   using Real = typename Dynamics::Real;
 
-  RowByRow(Subject& subject, Dynamics& dynamics, const Json& file)
-      : subject_(subject), dynamics_(dynamics), file_(file), guards_(subject) {}
+  RowByRow(Subject& subject, Dynamics& dynamics, const RunSettings& settings)
+      : subject_(subject), dynamics_(dynamics), settings_(settings), guards_(subject), dt_(settings.dt) {}
 
   const std::vector<Named>& columns() const { return subject_.description().columns; }
 
@@ -36,7 +37,6 @@ class RowByRow {
   /// Get ready for steps; `how` is what the stepper is made with.
   template <class... How>
   void prepare(How&&... how) {
-    dt_ = read_dt<Real>(file_.at("numerics"));
     stepper_.emplace(dynamics_, std::forward<How>(how)...);
   }
 
@@ -76,10 +76,10 @@ class RowByRow {
   /// The last state is that of another time than a row's.
   void stop_at(Real t) { t_ = t; }
 
-  Real figure(const char* name) const { return read_positive<Real>(file_.at("numerics"), name); }
+  const RunSettings& settings() const { return settings_; }
 
   /// The time of the last row.
-  Real last_row() const { return origin_ + Real(read_steps<Real>(file_).number) * figure("dt"); }
+  Real last_row() const { return origin_ + Real(count_steps<Real>(settings_).number) * dt_; }
 
   const std::optional<Stepper>& stepper() const { return stepper_; }
   Real origin() const { return origin_; }
@@ -92,11 +92,11 @@ class RowByRow {
 
   Subject& subject_;
   Dynamics& dynamics_;
-  const Json& file_;
+  const RunSettings& settings_;
   Guards<Subject> guards_;
   std::optional<Stepper> stepper_;
   std::vector<Real> y_;
-  Real origin_{0}, t_{0}, dt_{0};
+  Real origin_{0}, t_{0}, dt_;
 };
 
 }  // namespace cutjoint

@@ -18,6 +18,7 @@
 #include "cutjoint/output_file.hpp"
 #include "cutjoint/pace.hpp"
 #include "cutjoint/read_settings.hpp"
+#include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/stop.hpp"
 #include "cutjoint/table.hpp"
@@ -29,7 +30,7 @@ namespace cutjoint {
 /// A method has
 ///
 /// - `columns` and `report`, the names and values of what it reports, and `time`,
-/// - `begin`, which takes over a start, `prepare`, which reads the figures of steps, and `step` with the step's number; they throw Failure,
+/// - `begin`, which takes over a start, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
 /// - `explain`, which tells more of a failure of a step,
@@ -42,14 +43,15 @@ class Run {
  public:
   using Real = typename Method::Real;
 
-  Run(M& mechanism, Method& method, const Json& file) : launch_(mechanism, file), method_(method), file_(file) {}
+  Run(M& mechanism, Method& method, const RunSettings& settings, const Json& file)
+      : launch_(mechanism, settings, file), method_(method), settings_(settings), file_(file) {}
 
   /// Do the run's task and return its summary.  A Failure or a request to stop ends in the summary, and the table has the rows up to then.
   /// Throws where a file cannot be written.
   Json perform() {
     Json summary;
     try {
-      summary = do_task(file_.at("task"));
+      summary = do_task(settings_.task);
       summary["status"] = stopped_ ? "interrupted" : "done";
       if (stopped_) summary["time"] = number_or_null(static_cast<double>(method_.time()));
       if constexpr (requires { method_.state(); })
@@ -64,11 +66,12 @@ class Run {
   }
 
  private:
-  Json do_task(const std::string& task) {
-    if constexpr (requires { method_.evaluate(); })
-      if (task == "evaluate") return Json{{"results", method_.evaluate()}};
+  Json do_task(Task task) {
     require_task(task);
-    if (task == "equilibrium") {
+    if (task == Task::evaluate) {
+      if constexpr (requires { method_.evaluate(); }) return Json{{"results", method_.evaluate()}};
+    }
+    if (task == Task::equilibrium) {
       const auto& start = launch_.at_rest();
       if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
       method_.begin(start, 0.0);
@@ -78,20 +81,18 @@ class Run {
     if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
     method_.begin(start, 1.0);
     begun_ = true;
-    if constexpr (requires { method_.time_solver(); })
-      if (task == "factor") return method_.time_solver();
-    return task == "realtime" ? keep_pace() : simulate();
+    if (task == Task::factor) {
+      if constexpr (requires { method_.time_solver(); }) return method_.time_solver();
+    }
+    return task == Task::realtime ? keep_pace() : simulate();
   }
 
-  /// Throws runtime_error for what no method does, or this one does not.
-  void require_task(const std::string& task) const {
-    std::vector<std::string_view> tasks{"simulate", "realtime", "equilibrium"};
-    if constexpr (requires { method_.evaluate(); }) tasks.push_back("evaluate");
-    if constexpr (requires { method_.time_solver(); }) tasks.push_back("factor");
-    if (std::find(tasks.begin(), tasks.end(), task) != tasks.end()) return;
-    std::string list;
-    for (const std::string_view known : tasks) list.append(list.empty() ? "" : ", ").append(known);
-    refuse("task", "is '" + task + "' and not one of " + list);
+  /// Throws runtime_error for a task that the method does not do.
+  void require_task(Task task) const {
+    bool able = task != Task::evaluate && task != Task::factor;
+    if constexpr (requires { method_.evaluate(); }) able |= task == Task::evaluate;
+    if constexpr (requires { method_.time_solver(); }) able |= task == Task::factor;
+    if (!able) refuse("task", "needs steps of the integrator trapezoidal that do not end at events");
   }
 
   Json columns() {
@@ -106,8 +107,8 @@ class Run {
   /// Steps in blocks: from one row of the table to the next, or one by one where each is measured.  Only the steps themselves are timed.
   Json simulate() {
     method_.prepare();
-    const double dt = read_number<double>(file_.at("numerics"), "dt");
-    const auto [steps, stride] = read_steps<Real>(file_);
+    const double dt = settings_.dt;
+    const auto [steps, stride] = count_steps<Real>(settings_);
     heed_stop_requests();
     open_tables();
     write();
@@ -136,8 +137,8 @@ class Run {
   /// Steps against the wall clock, without rows; the times of the steps are a table, also where a step fails.
   Json keep_pace() {
     method_.prepare();
-    const double dt = read_number<double>(file_.at("numerics"), "dt");
-    const long steps = read_steps<Real>(file_, true).number;
+    const double dt = settings_.dt;
+    const long steps = count_steps<Real>(settings_, true).number;
     heed_stop_requests();
     Pace pace(steps, dt);
     try {
@@ -222,6 +223,7 @@ class Run {
 
   Launch<M> launch_;
   Method& method_;
+  const RunSettings& settings_;
   const Json& file_;
   std::vector<Real> values_;
   std::optional<Table> table_, steps_table_;

@@ -4,22 +4,25 @@
 #include <array>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/read_settings.hpp"
+#include "cutjoint/read_json.hpp"
 #include "cutjoint/road.hpp"
+#include "cutjoint/settings.hpp"
 
 namespace cutjoint {
 
 template <class Real>
 std::vector<Piece<Real>> read_pieces(const Json& list) {
+  using Kind = std::pair<std::string_view, PieceKind>;
+  constexpr std::array kinds{Kind{"line", PieceKind::line}, Kind{"arc", PieceKind::arc}, Kind{"cosine", PieceKind::cosine}};
   std::vector<Piece<Real>> pieces;
   for (const Json& p : list) {
-    const std::string kind = read_word(p, "kind", std::to_array<std::string_view>({"line", "arc", "cosine"}), "");
-    pieces.push_back({kind == "arc" ? PieceKind::arc : kind == "cosine" ? PieceKind::cosine : PieceKind::line,
-                      read_number<Real>(p, "begin"), read_number<Real>(p, "a"), read_number<Real>(p, "b"), read_number<Real>(p, "c")});
+    pieces.push_back({read_word(p, "kind", kinds), read_number<Real>(p, "begin"), read_number<Real>(p, "a"), read_number<Real>(p, "b"),
+                      read_number<Real>(p, "c")});
   }
   return pieces;
 }
@@ -45,14 +48,9 @@ std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Js
 
 /// The switches at which steps end: the model's, or none in a run that takes its steps over events.
 template <class Described>
-const std::vector<Switch>& read_switches(const Described& d, const Json& file) {
+const std::vector<Switch>& switches_of(const Described& d, const RunSettings& settings) {
   static const std::vector<Switch> none;
-  return file.at("numerics").value("events", true) ? d.switches : none;
-}
-
-/// Whether the cut joints' figures are those of the proximal closure.
-inline bool is_proximal(const Json& figures) {
-  return read_word(figures, "closure", std::to_array<std::string_view>({"penalty", "proximal"}), "penalty") == "proximal";
+  return settings.events ? d.switches : none;
 }
 
 /// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads.
@@ -68,17 +66,17 @@ class Inputs {
 
   const std::vector<Road<Real>>& roads() const { return roads_; }
 
-  /// The figures of the cut joints; of the proximal closure `penalties`.
+  /// How the cut joints are held; with the proximal closure by `penalties`.
   template <class M>
-  void load_mechanism(M& mechanism, const Json& figures, const std::vector<Real>& penalties) const {
-    if (is_proximal(figures)) {
+  void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) const {
+    if (stabilisation.closure == Closure::proximal) {
       mechanism.load(parameters_.data(), {.penalties = penalties.data()}, roads_.data());
       return;
     }
     mechanism.load(parameters_.data(),
-                   {.penalty = read_positive<Real>(figures, "penalty"),
-                    .damping_ratio = read_between<Real>(figures, "damping_ratio", 0.0, largest_read<Real>),
-                    .frequency = read_between<Real>(figures, "frequency", 0.0, largest_read<Real>)},
+                   {.penalty = Real(*stabilisation.penalty),
+                    .damping_ratio = Real(stabilisation.damping_ratio),
+                    .frequency = Real(stabilisation.frequency)},
                    roads_.data());
   }
 

@@ -11,6 +11,7 @@
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/projection.hpp"
 #include "cutjoint/retraction.hpp"
+#include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {
@@ -30,6 +31,12 @@ struct FixedPoint {
   bool proximal = false;
   bool fixed_cost = false;
 };
+
+/// The fixed point of a run.
+inline FixedPoint fixed_point_of(const RunSettings& settings) {
+  return {settings.tolerance, settings.iterations, settings.multiplier_updates, settings.stabilisation.closure == Closure::proximal,
+          settings.fixed_cost};
+}
 
 /// A fixed point that is not reached: what the accelerations still change by, how large they are, and the speed whose one changes most.
 inline Failure not_reached(int iterations, double change, double size, double t, long number, std::string_view speed) {

@@ -16,7 +16,9 @@
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/launch.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/settings.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint::batch {
@@ -26,8 +28,8 @@ namespace cutjoint::batch {
 /// They start one by one and take their steps together; the last state of a case that fails is kept, and the others go on.
 class Group {
  public:
-  Group(AnyMechanism<double>& alone, Instances& instances, const Json& file)
-      : alone_(alone), side_by_side_(alone, instances), instances_(instances), d_(instances.description()), file_(file), state_(d_),
+  Group(AnyMechanism<double>& alone, Instances& instances, const RunSettings& settings, const Json& file)
+      : alone_(alone), side_by_side_(alone, instances), instances_(instances), d_(instances.description()), settings_(settings), file_(file), state_(d_),
         parameters_(d_.parameters.size()), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
         largest_(values_) {}
 
@@ -57,7 +59,7 @@ class Group {
       Json own = file_;
       own.update(cases[k]);
       try {
-        Launch<SideBySide> launch(side_by_side_, own);
+        Launch<SideBySide> launch(side_by_side_, settings_, own);
         const State<double> state = launch.in_motion();
         // the first to start also stands in for those that do not
         for (std::size_t lane = any(going_) ? k : 0; lane < width; ++lane) {
@@ -81,20 +83,17 @@ class Group {
     }
     for (std::size_t i = 0; i < parameters_.size(); ++i)
       for (int k = 0; k < width; ++k) parameters_[i].v[k] = cases_[static_cast<std::size_t>(k)].parameters[i];
-    const auto figure = [&](const char* name) { return Real(read_number<double>(file_.at("stabilisation"), name)); };
-    instances_.load(parameters_.data(),
-                    {.penalty = figure("penalty"), .damping_ratio = figure("damping_ratio"), .frequency = figure("frequency")}, roads_.data());
+    const StabilisationSettings& s = settings_.stabilisation;
+    instances_.load(parameters_.data(), {.penalty = Real(*s.penalty), .damping_ratio = Real(s.damping_ratio), .frequency = Real(s.frequency)},
+                    roads_.data());
     instances_.begin_step(state_.t, Real(1));
   }
 
   void go() {
     load();
-    const Json& numerics = file_.at("numerics");
-    const double dt = read_number<double>(numerics, "dt");
-    const auto [steps, stride] = read_steps<double>(file_);
-    integrator_.emplace(instances_, dt,
-                        FixedPoint{read_positive<double>(numerics, "tolerance"), read_integer(numerics, "iterations", 1),
-                                   read_integer(numerics, "multiplier_updates", 0)});
+    const double dt = settings_.dt;
+    const auto [steps, stride] = count_steps<double>(settings_);
+    integrator_.emplace(instances_, dt, fixed_point_of(settings_));
     report();
     end_ = smallest_ = largest_ = values_;
     watch(0);
@@ -185,6 +184,7 @@ class Group {
   SideBySide side_by_side_;
   Instances& instances_;
   const Description& d_;
+  const RunSettings& settings_;
   const Json& file_;
   std::vector<Case> cases_;
   State<Real> state_;

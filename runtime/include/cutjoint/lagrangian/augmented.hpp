@@ -18,11 +18,11 @@ class AugmentedNewton : public Newton<S> {
   using Base = Newton<S>;
   using typename Base::Real;
 
-  AugmentedNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Base(system, solver, figures), alpha_(figures.penalty), pose_(d_.coordinates.size()), closing_(n_, m_) {}
+  AugmentedNewton(S& system, LinearSolver<Real>& solver, const NewtonSettings& settings)
+      : Base(system, solver, settings), alpha_(settings.penalty.value_or(0.0)), pose_(d_.coordinates.size()), closing_(n_, m_) {}
 
  protected:
-  using Base::d_, Base::f_, Base::figures_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_,
+  using Base::d_, Base::f_, Base::settings_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_,
       Base::speed_, Base::system_, Base::tangent_, Base::turns_, Base::weight_, Base::x_;
 
   const char* name() const override { return "augmented"; }
@@ -42,7 +42,7 @@ class AugmentedNewton : public Newton<S> {
   }
 
   void weigh() override {
-    if (!(figures_.penalty > 0)) alpha_ = start_alpha_ / (k_ > Real(0) ? k_ : Real(1));
+    if (!settings_.penalty) alpha_ = start_alpha_ / (k_ > Real(0) ? k_ : Real(1));
   }
 
   void correct_start() override {
@@ -64,7 +64,7 @@ class AugmentedNewton : public Newton<S> {
   /// its own: it keeps what was predicted, since the penalty of a predicted pose is no force of the mechanism.
   void approach(const State<Real>& state, int iteration, bool) override {
     iteration_ = iteration;
-    const bool updated = iteration > 1 && iteration - 1 <= figures_.multiplier_updates;
+    const bool updated = iteration > 1 && iteration - 1 <= settings_.multiplier_updates;
     this->linearise(state, updated ? 2 * alpha_ : alpha_, weights());
     pose_ = state.q;
     if (updated)
@@ -75,7 +75,7 @@ class AugmentedNewton : public Newton<S> {
   /// What acts is lambda + alpha Phi.  The multipliers take it over when the last iteration was still one that corrects them.
   void settle(State<Real>& state) override {
     for (std::size_t i = 0; i < m_; ++i) state.lambda[i] = lambda_[i] + alpha_ * phi_[i];
-    if (iteration_ <= figures_.multiplier_updates) lambda_ = state.lambda;
+    if (iteration_ <= settings_.multiplier_updates) lambda_ = state.lambda;
   }
 
   /// An iteration leaves the share 1 / (1 + dt^2/4 alpha s) of what the multipliers lack in a direction with the inverse mass s.  What is
@@ -83,7 +83,7 @@ class AugmentedNewton : public Newton<S> {
   /// that are extrapolated swing ever wider.
   bool extrapolates() const override {
     using std::pow;
-    return pow(share_left_, Real(std::min(iteration_, figures_.multiplier_updates))) < Real(0.3);
+    return pow(share_left_, Real(std::min(iteration_, settings_.multiplier_updates))) < Real(0.3);
   }
 
   /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the gap Phid; see Closing.

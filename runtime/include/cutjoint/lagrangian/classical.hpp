@@ -22,8 +22,8 @@ class ClassicalNewton final : public Newton<S> {
   using Base = Newton<S>;
   using typename Base::Real;
 
-  ClassicalNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Base(system, solver, figures), scaled_(d_.pattern), probe_(x_.size()) {}
+  ClassicalNewton(S& system, LinearSolver<Real>& solver, const NewtonSettings& settings)
+      : Base(system, solver, settings), scaled_(d_.pattern), probe_(x_.size()) {}
 
  private:
   using Base::d_, Base::f_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phidd_, Base::solver_, Base::speed_, Base::tangent_,

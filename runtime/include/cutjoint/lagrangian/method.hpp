@@ -15,34 +15,34 @@
 #include "cutjoint/lagrangian/classical.hpp"
 #include "cutjoint/lagrangian/examine.hpp"
 #include "cutjoint/lagrangian/recursive_newton.hpp"
-#include "cutjoint/read_figures.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/settings.hpp"
 
 namespace cutjoint {
 
 /// The integrator of the method that a system was made for.
 template <class S>
-std::unique_ptr<Newton<S>> make_newton(S& system, LinearSolver<typename S::real_type>& solver, const NewtonFigures& figures) {
+std::unique_ptr<Newton<S>> make_newton(S& system, LinearSolver<typename S::real_type>& solver, const NewtonSettings& settings) {
   switch (system.description().method) {
     case Lagrangian::augmented:
-      return std::make_unique<AugmentedNewton<S>>(system, solver, figures);
+      return std::make_unique<AugmentedNewton<S>>(system, solver, settings);
     case Lagrangian::classical:
-      return std::make_unique<ClassicalNewton<S>>(system, solver, figures);
+      return std::make_unique<ClassicalNewton<S>>(system, solver, settings);
     default:
-      return std::make_unique<RecursiveNewton<S>>(system, solver, figures);
+      return std::make_unique<RecursiveNewton<S>>(system, solver, settings);
   }
 }
 
-/// Integrates a system with the solver and the figures of a run file.
+/// Integrates a system with the solver and the settings of a run.
 template <class S>
 class LagrangianMethod {
  public:
   using Real = typename S::real_type;
 
-  LagrangianMethod(S& system, const Json& file)
+  LagrangianMethod(S& system, const RunSettings& settings, const Json& file)
       : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
-        guards_(system), inputs_(d_, file), figures_(read_newton_figures(file.at("numerics"))), solver_name_(file.value("solver", "emitted")),
-        solver_(choose_solver(system, solver_name_)), newton_(make_newton(system, *solver_, figures_)) {
+        guards_(system), inputs_(d_, file), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
+        newton_(make_newton(system, *solver_, newton_settings(settings))), dt_(settings.dt) {
     inputs_.load_system(system_);
   }
 
@@ -64,13 +64,13 @@ class LagrangianMethod {
   void step(long number) {
     const long before = newton_->iterations();
     newton_->step(state_, number);
-    state_.t = origin_ + Real(number) * Real(figures_.dt);
+    state_.t = origin_ + Real(number) * dt_;
     iterations_ = newton_->iterations() - before;
     note_residuals();
     guards_.check(state_, number);
   }
 
-  Failure explain(const Failure& failure) { return explain_by_domains(system_, state_, Real(figures_.dt), failure); }
+  Failure explain(const Failure& failure) { return explain_by_domains(system_, state_, dt_, failure); }
 
   Real time() const { return state_.t; }
 
@@ -130,11 +130,10 @@ class LagrangianMethod {
   State<Real> state_;
   Guards<S> guards_;
   Inputs<Real> inputs_;
-  NewtonFigures figures_;
   std::string solver_name_;
   std::unique_ptr<LinearSolver<Real>> solver_;
   std::unique_ptr<Newton<S>> newton_;
-  Real origin_{0};
+  Real dt_, origin_{0};
   long iterations_ = 0;
   Residuals worst_;
 };

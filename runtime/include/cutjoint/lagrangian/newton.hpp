@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "cutjoint/lagrangian/workspace.hpp"
 #include "cutjoint/retraction.hpp"
+#include "cutjoint/settings.hpp"
 
 namespace cutjoint {
 
@@ -33,17 +35,27 @@ inline StepRule generalised_alpha(double radius) {
   return {.alpha_m = alpha_m, .alpha_f = alpha_f, .beta = (gamma + 0.5) * (gamma + 0.5) / 4, .gamma = gamma};
 }
 
-/// Figures of a Lagrangian method.  `tolerance` and `iterations` mean what they mean to the fixed point (trapezoidal.hpp); the augmented
-/// method corrects its multipliers in the first `multiplier_updates` iterations of a step and has the `penalty` alpha,
-/// where it is not zero.
-struct NewtonFigures {
+/// Settings of a Lagrangian method.  `tolerance` and `iterations` mean what they mean to the fixed point (trapezoidal.hpp); the augmented
+/// method corrects its multipliers in the first `multiplier_updates` iterations of a step and has the `penalty` alpha, or finds one.
+struct NewtonSettings {
   double dt;
-  double penalty;
+  std::optional<double> penalty;
   double tolerance;
   int iterations;
   int multiplier_updates;
   StepRule rule{};
 };
+
+/// Those of a run.
+inline NewtonSettings newton_settings(const RunSettings& settings) {
+  const bool damped = settings.integrator == Integrator::generalised_alpha;
+  return {.dt = settings.dt,
+          .penalty = settings.penalty,
+          .tolerance = settings.tolerance,
+          .iterations = settings.iterations,
+          .multiplier_updates = settings.multiplier_updates,
+          .rule = damped ? generalised_alpha(*settings.spectral_radius) : StepRule{}};
+}
 
 /// Integrates a system with steps of equal length.  The unknown of a step is the acceleration at its end, from which follow
 ///
@@ -62,10 +74,10 @@ class Newton : public Workspace<S> {
  public:
   using typename Workspace<S>::Real;
 
-  Newton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Workspace<S>(system, solver), figures_(figures), length_(figures.dt), dt_(length_),
-        share_(Real(1 - figures.rule.alpha_f) / Real(1 - figures.rule.alpha_m)), speed_(dt_ * Real(figures.rule.gamma) * share_),
-        k_(dt_ * dt_ * Real(figures.rule.beta) * share_), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_),
+  Newton(S& system, LinearSolver<Real>& solver, const NewtonSettings& settings)
+      : Workspace<S>(system, solver), settings_(settings), length_(settings.dt), dt_(length_),
+        share_(Real(1 - settings.rule.alpha_f) / Real(1 - settings.rule.alpha_m)), speed_(dt_ * Real(settings.rule.gamma) * share_),
+        k_(dt_ * dt_ * Real(settings.rule.beta) * share_), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_),
         before_(d_.coordinates.size(), n_, m_), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
 
   /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
@@ -187,7 +199,7 @@ class Newton : public Workspace<S> {
 
   /// Coordinates and rates that belong to the state's accelerations.
   void follow(State<Real>& state) {
-    const StepRule& rule = figures_.rule;
+    const StepRule& rule = settings_.rule;
     if (!rule.averages()) {
       for (std::size_t i = 0; i < n_; ++i) {
         const Real sum = before_.vdot[i] + state.vdot[i];
@@ -211,11 +223,11 @@ class Newton : public Workspace<S> {
 
   /// The acceleration a of the step's end.
   Real averaged(const State<Real>& state, std::size_t i) const {
-    const StepRule& rule = figures_.rule;
+    const StepRule& rule = settings_.rule;
     return share_ * state.vdot[i] + (Real(rule.alpha_f) * before_.vdot[i] - Real(rule.alpha_m) * mean_[i]) / Real(1 - rule.alpha_m);
   }
 
-  NewtonFigures figures_;
+  NewtonSettings settings_;
   Real length_;              ///< of steps
   Real dt_, share_;          ///< step, or part of one, and how much of vdot is in a
   Real speed_, k_;           ///< dv/dvdot and dq/dvdot: dt/2 and dt^2/4 of the trapezoidal rule
@@ -235,7 +247,7 @@ class Newton : public Workspace<S> {
       this->constraint_residual(state);
       settle(state);
       project(state);
-      if (figures_.rule.averages())
+      if (settings_.rule.averages())
         for (std::size_t i = 0; i < n_; ++i) mean_[i] = averaged(state, i);
     } catch (const Failure&) {
       wary_ = false;
@@ -276,8 +288,8 @@ class Newton : public Workspace<S> {
   /// Go on with this share of the step's length.
   void stride(Real share) {
     dt_ = share * length_;
-    speed_ = dt_ * Real(figures_.rule.gamma) * share_;
-    k_ = dt_ * dt_ * Real(figures_.rule.beta) * share_;
+    speed_ = dt_ * Real(settings_.rule.gamma) * share_;
+    k_ = dt_ * dt_ * Real(settings_.rule.beta) * share_;
     factored_ = false;
     contraction_ = Real(1);
     weigh();
@@ -304,7 +316,7 @@ class Newton : public Workspace<S> {
       if (converged(state, iteration) && may_end()) break;
       if (!finite(change_)) give_up(infinite);
       if (growing_ >= 5 && change_ > Real(1e3) * smallest_) give_up("Newton's iteration diverges");
-      if (iteration >= figures_.iterations) give_up("Newton's iteration did not converge in " + std::to_string(iteration) + " iterations");
+      if (iteration >= settings_.iterations) give_up("Newton's iteration did not converge in " + std::to_string(iteration) + " iterations");
     }
     follow(state);
   }
@@ -357,7 +369,7 @@ class Newton : public Workspace<S> {
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
     if (iteration > 1) contraction_ = change_ / last;
-    const Real enough = Real(figures_.tolerance) * size_;
+    const Real enough = Real(settings_.tolerance) * size_;
     const Real third = iteration > 1 ? change_ : change_ * contraction_;  // the change before that of the third iteration, or of the next
     slow_ = !(third * contraction_ <= enough);
     if (change_ <= enough) return true;

@@ -19,8 +19,8 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   using Base = AugmentedNewton<S>;
   using typename Base::Real;
 
-  RecursiveNewton(S& system, LinearSolver<Real>& solver, const NewtonFigures& figures)
-      : Base(system, solver, figures), push_(m_), penalised_(n_), way_(n_), from_(pose_) {}
+  RecursiveNewton(S& system, LinearSolver<Real>& solver, const NewtonSettings& settings)
+      : Base(system, solver, settings), push_(m_), penalised_(n_), way_(n_), from_(pose_) {}
 
   /// Close the loops of another state, positions first, then speeds, with the factors of a step near it.
   void close_loops(State<Real>& state) {
@@ -32,7 +32,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   }
 
  private:
-  using Base::alpha_, Base::closing_, Base::d_, Base::f_, Base::figures_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_,
+  using Base::alpha_, Base::closing_, Base::d_, Base::f_, Base::settings_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_,
       Base::pose_, Base::system_, Base::x_;
 
   const char* name() const override { return "recursive-newton"; }
@@ -47,7 +47,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
     } else {
       this->dynamic_residual(state, Real(0));
     }
-    const bool updated = this->is_near() && updates_ < figures_.multiplier_updates;
+    const bool updated = this->is_near() && updates_ < settings_.multiplier_updates;
     for (std::size_t i = 0; i < m_; ++i) {
       push_[i] = (updated ? 2 : 1) * alpha_ * phi_[i];
       if (updated) lambda_[i] += alpha_ * phi_[i];
@@ -58,7 +58,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   }
 
   /// A hundredth of what the iteration leaves of the accelerations.
-  Real negligible(const std::vector<Real>& values) const override { return Real(1e-2) * Real(figures_.tolerance) * (Real(1) + largest(values)); }
+  Real negligible(const std::vector<Real>& values) const override { return Real(1e-2) * Real(settings_.tolerance) * (Real(1) + largest(values)); }
 
   /// Where the kept factors leave a gap, those of a new tangent close it.
   void project_on(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap) override {

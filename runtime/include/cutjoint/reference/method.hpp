@@ -22,15 +22,14 @@ class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, E
  public:
   using Real = typename M::real_type;
 
-  RelativeReference(M& mechanism, const Json& file)
-      : Base(mechanism, dynamics_, file), inputs_(mechanism.description(), file),
-        dynamics_(mechanism, read_number<Real>(file.at("numerics"), "tolerance") / 10000) {
-    inputs_.load_mechanism(mechanism, file.at("stabilisation"), {});
+  RelativeReference(M& mechanism, const RunSettings& settings, const Json& file)
+      : Base(mechanism, dynamics_, settings), inputs_(mechanism.description(), file), dynamics_(mechanism, Real(settings.tolerance) / 10000) {
+    inputs_.load_mechanism(mechanism, settings.stabilisation, {});
   }
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
-  void prepare() { Base::prepare(this->figure("tolerance")); }
+  void prepare() { Base::prepare(Real(this->settings().tolerance)); }
 
  private:
   Inputs<Real> inputs_;
@@ -45,8 +44,8 @@ class NaturalReference : public RowByRow<Natural<S>, Controlled<Natural<S>, Fehl
  public:
   using Real = typename S::real_type;
 
-  NaturalReference(S& system, const Json& file)
-      : Base(system, dynamics_, file), system_(system), inputs_(system.description(), file),
+  NaturalReference(S& system, const RunSettings& settings, const Json& file)
+      : Base(system, dynamics_, settings), system_(system), inputs_(system.description(), file),
         solver_(choose_solver(system, "emitted")), dynamics_(system, *solver_) {
     inputs_.load_system(system);
   }
@@ -61,7 +60,7 @@ class NaturalReference : public RowByRow<Natural<S>, Controlled<Natural<S>, Fehl
     Base::begin(natural);
   }
 
-  void prepare() { Base::prepare(this->figure("tolerance")); }
+  void prepare() { Base::prepare(Real(this->settings().tolerance)); }
 
  private:
   S& system_;

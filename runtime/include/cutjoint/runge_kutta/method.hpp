@@ -26,19 +26,20 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
  public:
   using Real = typename M::real_type;
 
-  ExplicitMethod(M& mechanism, const Json& file)
-      : Base(mechanism, dynamics_, file), inputs_(mechanism.description(), file),
-        dynamics_(mechanism, read_switches(mechanism.description(), file), inputs_.roads(), Table::adaptive ? this->figure("tolerance") / 100 : Real(1e-12)) {
-    Json figures = file.at("stabilisation");
-    figures["penalty"] = file.at("numerics").at("penalty");
-    figures["frequency"] = 0.0;  // loops are projected, not drawn together
-    inputs_.load_mechanism(mechanism, figures, {});
+  ExplicitMethod(M& mechanism, const RunSettings& settings, const Json& file)
+      : Base(mechanism, dynamics_, settings), inputs_(mechanism.description(), file),
+        dynamics_(mechanism, switches_of(mechanism.description(), settings), inputs_.roads(),
+                  Table::adaptive ? Real(settings.tolerance) / 100 : Real(1e-12)) {
+    StabilisationSettings stabilisation = settings.stabilisation;
+    stabilisation.penalty = settings.penalty;
+    stabilisation.frequency = 0.0;  // loops are projected, not drawn together
+    inputs_.load_mechanism(mechanism, stabilisation, {});
   }
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void prepare() {
-    const stepping::Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
+    const stepping::Tolerances<Real> tolerances{Real(this->settings().tolerance), Real(*this->settings().absolute_tolerance)};
     Base::prepare(tolerances, this->last_row());
   }
 

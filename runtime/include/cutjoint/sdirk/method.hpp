@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <memory>
-#include <string>
 #include <string_view>
 #include <vector>
 
@@ -24,14 +23,13 @@ template <class S>
 struct Parts {
   using Real = typename S::real_type;
 
-  Parts(S& system, const Json& file)
-      : inputs(system.description(), file), solver_name(file.value("solver", "emitted")), solver(choose_solver(system, solver_name)),
-        other(choose_solver(system, solver_name)), stages(system, *solver, *other, read_switches(system.description(), file), inputs.roads()) {
+  Parts(S& system, const RunSettings& settings, const Json& file)
+      : inputs(system.description(), file), solver(choose_solver(system, *settings.solver)), other(choose_solver(system, *settings.solver)),
+        stages(system, *solver, *other, switches_of(system.description(), settings), inputs.roads()) {
     inputs.load_system(system);
   }
 
   Inputs<Real> inputs;
-  std::string solver_name;
   std::unique_ptr<LinearSolver<Real>> solver, other;
   Stages<S> stages;
 };
@@ -44,14 +42,14 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::St
  public:
   using Real = typename S::real_type;
 
-  ImplicitMethod(S& system, const Json& file)
-      : Parts<S>(system, file), Base(system, this->stages, file), adaptive_(file.at("integrator") == "sdirk4") {}
+  ImplicitMethod(S& system, const RunSettings& settings, const Json& file)
+      : Parts<S>(system, settings, file), Base(system, this->stages, settings) {}
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void prepare() {
-    const Tolerances<Real> tolerances{this->figure("tolerance"), this->figure("absolute_tolerance")};
-    Base::prepare(tolerances, this->last_row(), adaptive_);
+    const Tolerances<Real> tolerances{Real(this->settings().tolerance), Real(*this->settings().absolute_tolerance)};
+    Base::prepare(tolerances, this->last_row(), this->settings().integrator == Integrator::sdirk4);
   }
 
   static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
@@ -74,7 +72,7 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::St
 
   void summarise(Json& summary) const {
     Base::summarise(summary);
-    summary["solver"] = this->solver_name;
+    summary["solver"] = *this->settings().solver;
     summary["iterations"] = this->stages.iterations();
     summary["factorisations"] = this->stages.factorisations();
     summary["residuals"] = Json{{"position", number_or_null(worst_.position)}, {"velocity", number_or_null(worst_.velocity)}};
@@ -82,7 +80,6 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::St
   }
 
  private:
-  bool adaptive_;
   std::vector<double> measured_;
   long steps_ = 0;
   Residuals worst_;

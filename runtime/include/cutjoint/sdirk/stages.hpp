@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -42,7 +43,7 @@ class Stages : public Workspace<S> {
   Stages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other, const std::vector<Switch>& switches,
          const std::vector<Road<Real>>& roads)
       : Workspace<S>(system, solver),
-        single_(system, other, {.dt = 1.0, .penalty = 0.0, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(n_, m_),
+        single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(n_, m_),
         switches_(switches), regime_(switches, roads),
         turns_(unit_turns<Real>(d_.charts)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
         way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),

@@ -11,8 +11,8 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/lagrangian/recursive_newton.hpp"
-#include "cutjoint/read_figures.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint::stepping {
@@ -25,11 +25,11 @@ class NewtonRule {
 
   static constexpr double least = 1e-4;
 
-  NewtonRule(S& system, const Json& file)
-      : system_(system), d_(system.description()), solver_name_(file.value("solver", "emitted")), solver_(choose_solver(system, solver_name_)),
-        newton_(system, *solver_, read_newton_figures(file.at("numerics"))), dt_(read_number<Real>(file.at("numerics"), "dt")), h_(dt_) {}
+  NewtonRule(S& system, const RunSettings& settings)
+      : system_(system), d_(system.description()), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
+        newton_(system, *solver_, newton_settings(settings)), dt_(settings.dt), h_(dt_) {}
 
-  void load(const Inputs<Real>& inputs, const Json&) { inputs.load_system(system_); }
+  void load(const Inputs<Real>& inputs, const StabilisationSettings&) { inputs.load_system(system_); }
 
   const SystemDescription& description() const { return d_; }
   State<Real> blank() const { return State<Real>(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()); }

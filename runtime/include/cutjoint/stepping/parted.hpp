@@ -14,17 +14,14 @@
 
 namespace cutjoint::stepping {
 
-/// Whether a run's steps shall end at events, by integrators that leave that open.
-inline bool locates_events(const Json& file) { return file.at("numerics").value("events", false); }
-
-/// What the base needs made before it: a rule of stepping/equal_steps.hpp, whose `load` gives its mechanism or system inputs and figures.
+/// What the base needs made before it: a rule of stepping/equal_steps.hpp, whose `load` gives its mechanism or system its inputs and settings.
 template <class Subject, class Rule>
 struct Parts {
   using Real = typename Rule::Real;
 
-  Parts(Subject& subject, const Json& file)
-      : inputs(subject.description(), file), rule(subject, file), steps(rule, inputs.roads(), read_number<Real>(file.at("numerics"), "dt")) {
-    rule.load(inputs, file);
+  Parts(Subject& subject, const RunSettings& settings, const Json& file)
+      : inputs(subject.description(), file), rule(subject, settings), steps(rule, inputs.roads(), Real(settings.dt)) {
+    rule.load(inputs, settings.stabilisation);
   }
 
   Inputs<Real> inputs;
@@ -40,18 +37,19 @@ class PartedSteps : private Parts<Subject, Rule>, public RowByRow<EqualSteps<Rul
  public:
   using Real = typename Rule::Real;
 
-  PartedSteps(Subject& subject, const Json& file) : Parts<Subject, Rule>(subject, file), Base(subject, this->steps, file), file_(file) {}
+  PartedSteps(Subject& subject, const RunSettings& settings, const Json& file)
+      : Parts<Subject, Rule>(subject, settings, file), Base(subject, this->steps, settings) {}
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void load_penalties(const std::vector<double>& penalties)
-    requires requires(Rule rule, Inputs<Real> inputs, Json file) { rule.load_penalties(inputs, file, std::vector<double>()); }
+    requires requires(Rule rule, Inputs<Real> inputs, StabilisationSettings s) { rule.load_penalties(inputs, s, std::vector<double>()); }
   {
-    this->rule.load_penalties(this->inputs, file_, penalties);
+    this->rule.load_penalties(this->inputs, this->settings().stabilisation, penalties);
   }
 
   void prepare() {
-    Base::prepare(Tolerances<Real>{}, this->origin() + read_number<Real>(file_, "end"), false);
+    Base::prepare(Tolerances<Real>{}, this->origin() + Real(this->settings().end), false);
   }
 
   /// Throws Failure; the last row is then that of the last part that counts.
@@ -81,7 +79,6 @@ class PartedSteps : private Parts<Subject, Rule>, public RowByRow<EqualSteps<Rul
   }
 
  private:
-  const Json& file_;
   std::vector<double> measured_;
   long steps_ = 0;
 };

@@ -10,9 +10,9 @@
 #include "cutjoint/largest.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/projection.hpp"
-#include "cutjoint/read_figures.hpp"
 #include "cutjoint/relative.hpp"
 #include "cutjoint/run_file.hpp"
+#include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/trapezoidal.hpp"
 
@@ -26,16 +26,18 @@ class TrapezoidalRule {
 
   static constexpr double least = 0;
 
-  TrapezoidalRule(M& mechanism, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), proximal_(is_proximal(file.at("stabilisation"))),
-        steps_(mechanism, read_number<Real>(file.at("numerics"), "dt"), read_fixed_point(file)), relative_(mechanism, Real(1e-12)),
+  TrapezoidalRule(M& mechanism, const RunSettings& settings)
+      : mechanism_(mechanism), d_(mechanism.description()), proximal_(settings.stabilisation.closure == Closure::proximal),
+        steps_(mechanism, Real(settings.dt), fixed_point_of(settings)), relative_(mechanism, Real(1e-12)),
         projection_(mechanism), residual_(d_.equations.size()), rate_(d_.equations.size()), y_(relative_.size()) {}
 
-  void load(const Inputs<Real>& inputs, const Json& file) { load_penalties(inputs, file, std::vector<double>(d_.cuts.size(), 1.0)); }
+  void load(const Inputs<Real>& inputs, const StabilisationSettings& stabilisation) {
+    load_penalties(inputs, stabilisation, std::vector<double>(d_.cuts.size(), 1.0));
+  }
 
   /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
-  void load_penalties(const Inputs<Real>& inputs, const Json& file, const std::vector<double>& penalties) {
-    inputs.load_mechanism(mechanism_, file.at("stabilisation"), converted<Real>(penalties));
+  void load_penalties(const Inputs<Real>& inputs, const StabilisationSettings& stabilisation, const std::vector<double>& penalties) {
+    inputs.load_mechanism(mechanism_, stabilisation, converted<Real>(penalties));
   }
 
   const Description& description() const { return d_; }

@@ -19,7 +19,7 @@ from cutjoint.realtime import run_in_real_time
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import require_figures
+from cutjoint.run.settings import require_settings
 from cutjoint.states import find_modes
 from cutjoint.twin.artifact import compile_generic
 from tests.run.test_failing_starts import PENDULUM
@@ -52,13 +52,13 @@ def compiled() -> Artifact:
 )
 def test_what_no_run_has(figures: dict[str, Any], message: str) -> None:
     with pytest.raises(RunError) as error:
-        require_figures(**figures)
+        require_settings(**figures)
     assert str(error.value) == message
 
 
 def test_what_runs_have() -> None:
-    require_figures(dt=1e-3, end=0.0, at=0.0, penalty=1e5, tolerance=1e-9, iterations=1, threads=1)
-    require_figures()
+    require_settings(dt=1e-3, end=0.0, at=0.0, penalty=1e5, tolerance=1e-9, iterations=1, threads=1)
+    require_settings()
 
 
 @pytest.mark.parametrize(

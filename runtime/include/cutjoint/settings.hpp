@@ -1,0 +1,47 @@
+// The settings of a run.
+#pragma once
+
+#include <optional>
+#include <string>
+
+namespace cutjoint {
+
+enum class Task { simulate, realtime, equilibrium, evaluate, factor, batch };
+enum class Pose { design, equilibrium };
+enum class Closure { penalty, proximal };
+enum class Integrator { trapezoidal, rk4, dormand_prince, sdirk4, sdirk4_fixed, generalised_alpha, reference };
+
+/// How the recursive equations, which start every run, hold cut joints.  The closure `penalty` has a penalty; the closure `proximal` finds its
+/// penalties, up to this one if there is one.
+struct StabilisationSettings {
+  Closure closure;
+  std::optional<double> penalty;
+  double damping_ratio;
+  double frequency;
+};
+
+/// The settings of a run as its run file has them, each within its range; what has no value is found by the run, or not used by it.
+///
+/// Steps have the length `dt`, those of an adaptive integrator end at its multiples; the table has a row each `output_step`.  `solver` is the
+/// name of a linear solver.  With `fixed_cost` a step has `iterations` iterations, else so many at most.  `events` is whether steps end where
+/// forces change their formulas.
+struct RunSettings {
+  Task task;
+  Pose pose;
+  double end;
+  double output_step;
+  Integrator integrator;
+  std::optional<std::string> solver;
+  double dt;
+  std::optional<double> penalty;
+  double tolerance;
+  int iterations;
+  int multiplier_updates;
+  bool fixed_cost;
+  bool events;
+  std::optional<double> absolute_tolerance;
+  std::optional<double> spectral_radius;
+  StabilisationSettings stabilisation;
+};
+
+}  // namespace cutjoint
