@@ -83,7 +83,7 @@ def explain_method(method: str, numerics: Numerics) -> Chapter:
 
 def _figures(method: str, numerics: Numerics) -> str:
     own, given = numerics.of_method(method), numerics.methods.get(method, {})
-    dt = rf"In this scene $\Delta t$ = {number(own.dt, times='e{}')} s"
+    dt = rf"In this scene $\Delta t$ = {number(own.step, times='e{}')} s"
     if METHODS[method].saddle_point:
         return f"{dt}."
     penalty = f"= {number(own.start_penalty, times='e{}')}" if "penalty" in given else "follows from masses and step"
