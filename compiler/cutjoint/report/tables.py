@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.run.ready import Compilation
-from cutjoint.run.results import Batch, Effort, Equilibrium, Trajectory
+from cutjoint.run.results import Batch, Effort, Equilibrium, ErrorEstimate, Trajectory
 
 if TYPE_CHECKING:
     from cutjoint.analysis.conditioning import RatedChoice, RatedOption
@@ -139,6 +139,17 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
         *_effort_facts(run.effort),
         ("speeds not given", f"{len(run.undetermined)}, as small as the loops allow{_listed(run.undetermined)}"),
     ])  # fmt: skip
+
+
+def error_facts(error: ErrorEstimate) -> Table:
+    """How wrong the outputs are at most, the worst of each unit."""
+    by_unit: dict[str, tuple[float, str]] = {}
+    for name, value in error.largest.items():
+        unit = error.units[name]
+        by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
+    rows = [("converged", "yes" if error.converged else "no: not converged, errors may be larger")]
+    rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
+    return facts("errors of the steps at most", rows)
 
 
 def _taken(seconds: float) -> str:

@@ -15,7 +15,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.ready import Compilation, ReadyRun
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import Settings, find_settings, with_options
+from cutjoint.run.settings import Settings, find_goal, find_settings, with_options
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology
 
@@ -91,7 +91,7 @@ def make_ready(artifact: Artifact, options: Options, parameters: Mapping[str, fl
     )  # fmt: skip
     return ReadyRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
-        description=artifact.description,
+        description=artifact.description, goal=find_goal(artifact.scene, artifact.method, run_file["integrator"], options),
     )  # fmt: skip
 
 

@@ -18,13 +18,15 @@ class ReadyRun:
     """What a simulator is told, but for where results go: plain data.
 
     ``simulator`` is the program, ``run_file`` what it reads, ``description`` what the generic twin reads of the model besides (None for
-    generated code), ``units`` has the unit of each column by its name.
+    generated code), ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that
+    steps are to keep, None where steps are given.
     """
 
     simulator: Path
     run_file: Mapping[str, Any]
     description: Mapping[str, Any] | None
     units: Mapping[str, str]
+    goal: float | None = None
 
     def with_parameters(self, changes: Mapping[str, float]) -> ReadyRun:
         """The run with other values (SI units) of open parameters that nothing else in the run file follows from."""
