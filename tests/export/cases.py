@@ -12,6 +12,7 @@ from cutjoint.model.records import SPEEDS, JointKind
 from cutjoint.run.scenes import find_scene, with_settings
 from cutjoint.topology.build import build_topology
 from tests.export.own import Case
+from tests.mechanisms.gears import TEXT as GEARED
 from tests.mechanisms.random_models import TIME, loop_with, scene
 
 
@@ -27,6 +28,12 @@ def turning_loop(kind: JointKind, closing: str, seed: int) -> Case:
     rates = {name: sympy.Float(value) for name, value in zip(names, values, strict=True)}
     plain = scene({"drive": sympy.Float(0.2) + sympy.sin(TIME)})
     return Case(model=model, scene=with_settings(replace(plain, rates=rates), "recursive", {"penalty": 1e5}), parameters={})
+
+
+def geared() -> Case:
+    """Racks, trains and a differential; a penalty of 1e6, since wheels are light."""
+    model = read_model_text(GEARED, "gears.yaml")
+    return Case(model=model, scene=with_figures(model.scenes["run"], "recursive", {"penalty": 1e6}), parameters={})
 
 
 ROTOR = """

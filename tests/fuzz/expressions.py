@@ -191,6 +191,8 @@ def any_text(rng: random.Random) -> str:
 _NEAR, _TINY = 1e-9, 1e-12
 #: Numbers whose squares, which SymPy makes of the cosine of an arc's tangent, are still numbers.
 _LARGEST = 1e150
+#: Functions of which a number beyond the floats, infinite for Python on the way and not for SymPy, makes an ordinary wrong value.
+_HIDING = ("asin", "acos", "atan", "sign", "where")
 
 
 def _moved(function: Callable[..., float], shift: float) -> Callable[..., float]:
@@ -267,7 +269,7 @@ def plain_function(text: str, shift: float = 0.0) -> Callable[[Mapping[str, floa
             code = compile(ast.fix_missing_locations(tree), "text", "eval")
     except (SyntaxError, OverflowError):  # a number with a unit; a number beyond the floats
         return lambda values: math.nan
-    if prepared.is_extreme and any(name in text for name in ("asin", "acos", "atan")):
+    if prepared.is_extreme and any(name in text for name in _HIDING):
         return lambda values: math.nan
 
     def function(values: Mapping[str, float]) -> float:

@@ -5,17 +5,12 @@ from __future__ import annotations
 import pytest
 
 from cutjoint.analysis.guides import GuideError
-from cutjoint.export.mechanism import build_mechanism
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.pipeline import generate
-from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.explain.document import explain
-from cutjoint.run.run_file import RunError
 from cutjoint.topology.build import build_topology
-from cutjoint.twin.artifact import compile_generic
-from tests.mechanisms.gears import TEXT as GEARED
 
 TEXT = """
 cutjoint: 1
@@ -136,22 +131,6 @@ def test_gears_keep_their_joints_in_the_tree() -> None:
     text = TEXT.replace("gears:\n", loop + "\n").replace("GEAR", "{joints: [pinion, left], ratio: 2}")
     topology = build_topology(read_model_text(text, "gears.yaml"))
     assert {"pinion", "left"} <= {t.joint.name for t in topology.tree}
-
-
-def test_what_has_no_gears_refuses_them() -> None:
-    model = read_model_text(GEARED, "gears.yaml")
-    scene = model.scenes["run"]
-    with pytest.raises(RunError, match=r"gears.yaml:35:3: gear 'mesh': the generic twin does not know gears; use --implementation"):
-        compile_generic(model, scene)
-    with pytest.raises(RunError, match=r"gears.yaml:35:3: gear 'mesh': exports do not have gears; leave it out, or couple"):
-        build_mechanism(model, scene, {})
-
-
-def test_passes_leave_a_model_with_gears_as_it_is() -> None:
-    model = read_model_text(GEARED, "gears.yaml")
-    (variant,) = reduction_sequence(model, model.scenes["run"], approximate=True)
-    assert variant.model is model
-    assert [note.element for note in variant.left] == [gear.name for gear in model.gears]
 
 
 def test_natural_coordinates_refuse_gears_on_coordinates_that_they_do_not_have() -> None:

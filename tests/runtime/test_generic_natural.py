@@ -15,6 +15,7 @@ import pytest
 
 from cutjoint.analysis.natural import closed_states, dependent_equations
 from cutjoint.analysis.poses import explore
+from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -129,7 +130,7 @@ def all_outputs(model: Model) -> list[Output]:
     reactions = [r for r in model.reactions if r.joint in cuts and joints[r.joint].kind is not K.FIXED]
     rods = {j.name for j in model.joints if not j.element.is_measured}
     forces = [f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)]
-    elements = (*model.bodies, *model.markers, *reactions, *forces, *tree)
+    elements = (*model.bodies, *model.markers, *reactions, *forces, *tree, *model.gears)
     return [Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e)]
 
 
@@ -274,6 +275,13 @@ def test_cut_joints(kind: JointKind, program: Path, tmp_path: Path) -> None:
 def test_coupled_loops(seed: int, program: Path, tmp_path: Path) -> None:
     """Nested loops with guides, massless links and points that several bodies share."""
     check_agreement(program, make_case(random_models.random_loops(seed), random_models.scene(), METHODS[seed % 2]), tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_geared_tree(seed: int, program: Path, tmp_path: Path) -> None:
+    model = random_models.with_gears(random_models.random_tree(seed), seed, [kind for kind in JOINTS if JOINTS[kind].is_measured])
+    assert model.gears
+    check_agreement(program, make_case(model, random_models.scene(), METHODS[seed % 2]), tmp_path)
 
 
 @pytest.mark.parametrize("method", METHODS)

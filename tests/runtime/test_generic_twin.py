@@ -20,11 +20,12 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.locations import runtime_folder
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import Model, Output
+from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
+from tests.mechanisms import random_models
 from tests.mechanisms.joint_examples import EXAMPLES
 from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE
 from tests.runtime.points import NUMERICS
@@ -137,8 +138,8 @@ class Case:
         return {p.name: 1.01 * p.value for p in open_parameters(self.equations.topology.model)}
 
 
-def make_case(model: Model, scene: str, road: Road = FLAT, penalty: float = 1e4, outputs: tuple[Output, ...] = ()) -> Case:
-    topology, chosen = build_topology(model), model.scenes[scene]
+def make_case(model: Model, scene: str | Scene, road: Road = FLAT, penalty: float = 1e4, outputs: tuple[Output, ...] = ()) -> Case:
+    topology, chosen = build_topology(model), scene if isinstance(scene, Scene) else model.scenes[scene]
     wanted = outputs or chosen.outputs
     equations, description = formulate_recursive(topology, chosen, wanted), describe_generic(topology, chosen, wanted)
     return Case(equations, description, road, penalty)
@@ -279,7 +280,7 @@ def all_outputs(model: Model) -> tuple[Output, ...]:
     tree = [t.joint for t in topology.tree]
     cut = {joint.name for joint in topology.cuts}
     reactions = [r for r in model.reactions if r.joint in cut]
-    elements = (*model.bodies, *tree, *model.forces, *reactions, *model.markers)
+    elements = (*model.bodies, *tree, *model.gears, *model.forces, *reactions, *model.markers)
     return tuple(Output(element=e.name, quantity=q, span=e.span) for e in elements for q in quantities(e))
 
 
@@ -390,6 +391,22 @@ def test_joint_forces_on_several_coordinates(kind: str, turned: bool, generic: P
     )  # fmt: skip
     push = {"kind": "joint_force", "joint": "flight", "coordinate": "y", "law": "sin(2*t) - heavy*position"}
     check_small(generic, tmp_path, joints={"arm": arm}, forces={"push": push})
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_geared_tree(seed: int, generic: Path, tmp_path: Path) -> None:
+    """Gears between any coordinates, of guided, free and reversed joints too."""
+    check_geared(random_models.with_gears(random_models.random_tree(seed), seed), generic, tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_geared_loops(seed: int, generic: Path, tmp_path: Path) -> None:
+    check_geared(random_models.with_gears(random_models.random_loops(seed), seed), generic, tmp_path)
+
+
+def check_geared(model: Model, generic: Path, folder: Path) -> None:
+    assert model.gears
+    check_agreement(generic, make_case(model, random_models.scene(), outputs=all_outputs(model)), folder, spread=0.3)
 
 
 def test_is_still_in_equilibrium(generic: Path, tmp_path: Path) -> None:

@@ -112,6 +112,12 @@ def _no_part(force: JointForce, kind: JointKind) -> Problem:
     return Problem(span=force.span, element=f"force '{force.name}'", message=message, hint="write a load or a point_spring instead")
 
 
+def gear_problems(mechanism: Mechanism, reason: str) -> list[Problem]:
+    """The gears, for a peer that has none for a ``reason``."""
+    message, hint = f"is not exported to {reason}", "leave it out, or couple the bodies there by hand"
+    return [Problem(span=gear.span, element=f"gear '{gear.name}'", message=message, hint=hint) for gear in mechanism.gears]
+
+
 def speeds(mechanism: Mechanism, joint: PeerJoint, parts: Sequence[Part]) -> tuple[float, ...]:
     """The speeds of the parts of a chain that move the child beside the parent as they do at the start.
 

@@ -9,7 +9,7 @@ from textwrap import fill
 import sympy
 
 from cutjoint.emit.source import environment
-from cutjoint.export.chains import joint_force_problems
+from cutjoint.export.chains import gear_problems, joint_force_problems
 from cutjoint.export.columns import make_columns
 from cutjoint.export.exudyn_forces import ForceWriter, road_statements
 from cutjoint.export.exudyn_joints import Constraint, constrain, independent_cuts, joint_problems, locked
@@ -30,6 +30,8 @@ MODULES = ("exudyn_elements", "exudyn_peer")
 #: What those import; a script of such a name would hide it.
 _IMPORTED = frozenset({"exudyn", "numpy", *MODULES})
 
+_NO_GEARS = "Exudyn, where bodies have no joint coordinates"
+
 
 def export_exudyn(model: Model, scene: Scene, parameters: Mapping[str, float], outputs: Sequence[Output]) -> Export:
     """The script NAME.py, and the modules that are the same for all models.
@@ -39,7 +41,7 @@ def export_exudyn(model: Model, scene: Scene, parameters: Mapping[str, float], o
         RunError, TopologyError, SimulatorError, ToolchainError: as for a run, which finds where the scene starts.
     """
     mechanism, numbers = build_mechanism(model, scene, parameters), Numbers.of(model, scene, parameters)
-    if problems := [*joint_problems(mechanism), *joint_force_problems(mechanism)]:
+    if problems := [*joint_problems(mechanism), *joint_force_problems(mechanism), *gear_problems(mechanism, _NO_GEARS)]:
         raise ModelError(problems)
     columns = make_columns(model, mechanism, numbers, outputs)
     cuts, left_out = independent_cuts(model, scene, mechanism)

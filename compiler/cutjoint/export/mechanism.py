@@ -9,13 +9,13 @@ import numpy as np
 
 from cutjoint.elements.joint import Direction
 from cutjoint.export.numbers import Numbers
-from cutjoint.export.records import Matrix, Mechanism, PeerJoint, Place, RigidBody, Triple
+from cutjoint.export.records import Matrix, Mechanism, PeerGear, PeerJoint, Place, RigidBody, Triple
 from cutjoint.export.start import Array, Start, find_start
 from cutjoint.formulate.directions import direction_of
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.records import GROUND, Body, Joint, Model, Scalar, Scene
+from cutjoint.model.records import GROUND, Body, Gear, Joint, Model, Scalar, Scene
 from cutjoint.model.reduced import is_reduced
 from cutjoint.run.errors import RunError
 from cutjoint.topology.build import build_topology
@@ -32,9 +32,6 @@ def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float])
     """
     if is_reduced(model, scene):
         raise RunError(f"{model.span.file}: peers know neither guards nor sensors of rods of reduced models; export the full model")
-    for gear in model.gears:
-        message = f"gear '{gear.name}': exports do not have gears; leave it out, or couple the joints there by hand"
-        raise RunError(f"{gear.span}: {message}")
     topology = build_topology(model)
     starts, coordinates = find_start(topology, scene, parameters)
     return _Builder(topology, scene, Numbers.of(model, scene, parameters), starts, coordinates).build()
@@ -61,7 +58,7 @@ class _Builder:
             places={name: self.place(name, roots) for name in roots},
             tree=tuple(joint for t, joint in joints if roots[t.child] == t.child),
             cuts=tuple(j for j in (self.joint(cut, roots, False) for cut in self.topology.cuts) if j.base != j.follower),
-            forces=tuple(force for force in model.forces if is_active(force, self.scene)),
+            gears=tuple(map(self.gear, model.gears)), forces=tuple(force for force in model.forces if is_active(force, self.scene)),
         )  # fmt: skip
 
     def roots(self) -> dict[str, str]:
@@ -134,6 +131,11 @@ class _Builder:
             pitch=self.numbers.number(joint.pitch or 0), coordinates=self.coordinates.get(joint.name, ()),
             reversed=is_reversed, guide=self.guide(joint), span=joint.span,
         )  # fmt: skip
+
+    def gear(self, gear: Gear) -> PeerGear:
+        joints = {t.joint.name: t.joint for t in self.topology.tree}
+        first, second = ((c.joint, joints[c.joint].element.coordinates.index(c.name)) for c in (gear.first, gear.second))
+        return PeerGear(name=gear.name, first=first, second=second, ratio=self.numbers.number(gear.ratio), span=gear.span)
 
 
 def _groups(roots: Mapping[str, str]) -> dict[str, list[str]]:

@@ -40,6 +40,8 @@ def _differences(mechanism: Mechanism, mjcf: Mjcf) -> Iterator[str]:
             "Loops are closed by soft constraints: across one, 1e-4 of the acceleration that the bodies would have without it remains, and "
             "gaps close with a time constant of one step (rk4) or two."
         )
+    if mechanism.gears:
+        yield "Gears are soft in the same way: 1e-4 of the acceleration that they prevent remains."
     if any(joint.guide for joint in mechanism.tree):
         yield (
             f"Guided joints have an armature of {mjcf.guide_inertia!r} kg or kg m2, are driven by a force that moves it as prescribed, and "

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from cutjoint.export.chains import Part, chain, chain_problems, speeds
-from cutjoint.export.records import Mechanism, PeerJoint, RigidBody, Triple
+from cutjoint.export.records import Mechanism, PeerGear, PeerJoint, RigidBody, Triple
 from cutjoint.export.start import Array
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import COORDINATES, GROUND, JointKind
@@ -55,7 +55,7 @@ def write_mjcf(mechanism: Mechanism) -> Mjcf:
     SubElement(SubElement(root, "default"), "equality", solref=SOLREF, solimp=SOLIMP)
     writer = _Writer(mechanism)
     writer.add_children(SubElement(root, "worldbody"), GROUND)
-    equalities = [*writer.pitches(), *(e for cut in mechanism.cuts for e in writer.closures(cut))]
+    equalities = [*writer.pitches(), *map(writer.gear, mechanism.gears), *(e for cut in mechanism.cuts for e in writer.closures(cut))]
     if equalities:
         SubElement(root, "equality").extend(equalities)
     SubElement(SubElement(root, "keyframe"), "key", name="start", qvel=_text(writer.speeds))
@@ -133,8 +133,15 @@ class _Writer:
     def pitches(self) -> Iterator[Element]:
         """Screws: the advance follows the angle."""
         for joint in (j for j in self.mechanism.tree if j.kind is JointKind.SCREW):
-            ends = {"joint1": f"{joint.name}.advance", "joint2": f"{joint.name}.angle"}
-            yield Element("joint", {"name": f"{joint.name}.pitch", **ends, "polycoef": _text((0.0, joint.pitch, 0.0, 0.0, 0.0))})
+            yield _couple(f"{joint.name}.pitch", f"{joint.name}.advance", f"{joint.name}.angle", joint.pitch)
+
+    def gear(self, gear: PeerGear) -> Element:
+        """Coordinates count from the start; beside a joint that stands still the other one stands too."""
+        first, second = (self.joints.get(end) for end in (gear.first, gear.second))
+        if first is not None and second is not None:
+            return _couple(gear.name, first, second, gear.ratio)
+        (moving,) = (joint for joint in (first, second) if joint is not None)
+        return Element("joint", {"name": gear.name, "joint1": moving, "polycoef": _text((0.0,) * 5)})
 
     def closures(self, cut: PeerJoint) -> Iterator[Element]:
         first, second = (cut.follower, cut.base) if cut.base == GROUND else (cut.base, cut.follower)
@@ -153,6 +160,11 @@ class _Writer:
             reach = max(float(np.linalg.norm(point - self.centre(body))) for body in (cut.base, cut.follower)) or 1.0
             yield f"{cut.name}.first", point + reach * np.array(cut.base_axes[0])
             yield f"{cut.name}.second", point - reach * np.array(cut.base_axes[0])
+
+
+def _couple(name: str, first: str, second: str, ratio: float) -> Element:
+    """The first joint moves by ratio times what the second one does."""
+    return Element("joint", {"name": name, "joint1": first, "joint2": second, "polycoef": _text((0.0, ratio, 0.0, 0.0, 0.0))})
 
 
 def body_name(name: str) -> str:
@@ -189,6 +201,7 @@ _GLOBAL: Sequence[Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 def _require_joints(mechanism: Mechanism) -> None:
     """Raise ModelError for what MuJoCo's joints and equality constraints cannot stand for."""
     problems = [_no_guide(joint) for joint in mechanism.tree if joint.kind is JointKind.SCREW and joint.guide]
+    problems += [_no_coupling(gear, joint) for gear, joint in _uncoupled(mechanism)]
     problems += [_no_equality(cut) for cut in mechanism.cuts if cut.kind not in _CUTS]
     if problems := [*problems, *chain_problems(mechanism, mechanism.tree)]:
         raise ModelError(problems)
@@ -199,6 +212,20 @@ def _no_equality(cut: PeerJoint) -> Problem:
         span=cut.span, element=f"joint '{cut.name}'", message=f"MuJoCo has no equality constraint for a cut joint of kind {cut.kind}",
         hint="close the loop with a joint of kind revolute or spherical: 'cut: true' there",
     )  # fmt: skip
+
+
+def _uncoupled(mechanism: Mechanism) -> Iterator[tuple[PeerGear, PeerJoint]]:
+    """Gears with a joint whose coordinate belongs to no part of a chain."""
+    joints = {joint.name: joint for joint in mechanism.tree}
+    for gear in mechanism.gears:
+        for name, number in (gear.first, gear.second):
+            if name in joints and number not in {part.coordinate for part in chain(joints[name])}:
+                yield gear, joints[name]
+
+
+def _no_coupling(gear: PeerGear, joint: PeerJoint) -> Problem:
+    message = f"a coordinate of a joint of kind {joint.kind} is none in MuJoCo"
+    return Problem(span=gear.span, element=f"gear '{gear.name}'", message=message, hint="leave it out, or name another joint")
 
 
 def _no_guide(joint: PeerJoint) -> Problem:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 
 from cutjoint.emit.source import environment
-from cutjoint.export.chains import chain_problems
+from cutjoint.export.chains import chain_problems, gear_problems
 from cutjoint.export.columns import make_columns
 from cutjoint.export.forces_cpp import write_forces
 from cutjoint.export.laws import vector
@@ -29,6 +29,8 @@ DEFINITIONS = (
     "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
 )  # fmt: skip
 
+_NO_GEARS = "Pinocchio, whose program there couples no joint coordinates"
+
 
 def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float], outputs: Sequence[Output]) -> Export:
     """The file NAME.cpp, and those that are the same for all models.
@@ -38,7 +40,8 @@ def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float]
         RunError, TopologyError, SimulatorError, ToolchainError: as for a run, which finds where the scene starts.
     """
     mechanism, numbers = build_mechanism(model, scene, parameters), Numbers.of(model, scene, parameters)
-    if problems := chain_problems(mechanism, (*mechanism.tree, *mechanism.cuts)):
+    problems = chain_problems(mechanism, (*mechanism.tree, *mechanism.cuts))
+    if problems := [*problems, *gear_problems(mechanism, _NO_GEARS)]:
         raise ModelError(problems)
     columns = make_columns(model, mechanism, numbers, outputs)
     tree, forces = build_tree(model, scene, mechanism), write_forces(mechanism, numbers, scene)

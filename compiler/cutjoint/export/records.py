@@ -114,8 +114,22 @@ class PeerJoint:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PeerGear:
+    """A gear: what the first coordinate has moved since the start is ``ratio`` times what the second one has.
+
+    ``first`` and ``second`` are a joint's name and the number of its coordinate.  A joint whose guides stand still is not in the tree.
+    """
+
+    name: str
+    first: tuple[str, int]
+    second: tuple[str, int]
+    ratio: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Mechanism:
-    """Bodies and tree joints, parents first; cut joints between different rigid bodies; forces that the scene has switched on.
+    """Bodies and tree joints, parents first; cut joints between different rigid bodies; gears; forces that the scene has switched on.
 
     ``places`` has every body of the model and the ground.  ``gravity`` in m/s2.
     """
@@ -126,6 +140,7 @@ class Mechanism:
     places: Mapping[str, Place]
     tree: tuple[PeerJoint, ...]
     cuts: tuple[PeerJoint, ...]
+    gears: tuple[PeerGear, ...]
     forces: tuple[Force, ...]
 
 

@@ -67,8 +67,6 @@ def _require_twin(model: Model, scene: Scene, method: str) -> None:
         raise RunError(f"{method} has no generic twin: there is one of {twins}; use --implementation generated")
     if is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
-    for gear in model.gears:
-        raise RunError(f"{gear.span}: gear '{gear.name}': the generic twin does not know gears; use --implementation generated")
     closure = METHODS[method].closure(scene.numerics.closure)
     if not closure.twin:
         known = all_of(names_of(CLOSURES, lambda c: c.twin))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from cutjoint.elements.gear import NAMES as GEAR_NAMES
 from cutjoint.elements.joint import (
     AXIAL_FRAME,
     Advance,
@@ -36,6 +37,7 @@ from cutjoint.model.records import (
     BodyLoad,
     Bushing,
     Force,
+    Gear,
     Joint,
     JointForce,
     Marker,
@@ -51,7 +53,7 @@ from cutjoint.twin.trees import Json, Trees, quantity_names
 
 
 def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> Json:
-    """The model in one scene: bodies in the order of the tree, cut joints, the forces that act, the reported columns."""
+    """The model in one scene: bodies in the order of the tree, cut joints, gears, the forces that act, the reported columns."""
     model, trees = topology.model, Trees.of(topology.model, scene)
     charts = {chart.joint: chart for chart in make_charts(topology)}
     bodies = {body.name: body for body in model.bodies}
@@ -61,6 +63,7 @@ def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ..
         **heading(trees),
         "bodies": [_body(trees, bodies[t.child], t, charts.get(t.joint.name)) for t in topology.tree],
         "cuts": [_cut(trees, joint) for joint in topology.cuts],
+        "gears": [_gear(trees, gear, topology) for gear in model.gears],
         "forces": [_force(trees, f, topology, tyres) for f in model.forces if is_active(f, scene)],
         "outputs": [_output(trees, output, topology, scene) for output in outputs],
     }
@@ -100,6 +103,18 @@ def _body(trees: Trees, body: Body, t: TreeJoint, chart: Chart | None) -> Json:
 def _cut(trees: Trees, joint: Joint) -> Json:
     names = derive_closure(joint).names
     return {**_geometry(trees, joint), "base": joint.base, "follower": joint.follower, "equations": list(names)}
+
+
+def _gear(trees: Trees, gear: Gear, topology: Topology) -> Json:
+    """A gear as the sum of its coordinates with their factors."""
+    tree = {t.joint.name: t for t in topology.tree}
+    terms = [
+        {
+            "body": tree[c.joint].child, "coordinate": tree[c.joint].joint.element.coordinates.index(c.name), "factor": trees.one(factor)
+        }
+        for c, factor in gear.terms
+    ]  # fmt: skip
+    return {"name": gear.name, "terms": terms, "equations": list(GEAR_NAMES)}
 
 
 def _geometry(trees: Trees, joint: Joint) -> Json:
@@ -221,6 +236,8 @@ def _source(trees: Trees, output: Output, element: Any, topology: Topology, scen
             return {"kind": "reaction", "cut": element.joint, "body": element.body, "direction": direction}
         case Joint():
             return _joint_value(output, element, topology)
+        case Gear():
+            return {"kind": "gear", "gear": element.name}
     return {"kind": "force", "quantity": output.column} if is_active(element, scene) else {"kind": "zero"}
 
 

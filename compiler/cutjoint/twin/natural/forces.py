@@ -16,7 +16,6 @@ from typing import Any
 
 import sympy
 
-from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import PLACE, is_active
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.geometry import GLOBAL_AXES
@@ -87,9 +86,7 @@ class _Forces:
             return "course", {"law": law, "course": self._trees.guide(guide)}, ()
         if force.coordinate in joint.element.measures:
             return "angle", {"law": law, "angle": layout.nodes.index(layout.angles[joint.name, force.coordinate])}, ()
-        base, follower = layout.slide_ends(joint)
-        way = self._table.way((follower, joint.at), (base, joint.at))
-        return "along", {"variable": "position", "law": law}, (way, self._table.direction(base, slide_axis(joint, force.coordinate)))
+        return "along", {"variable": "position", "law": law}, self._table.slide(joint, force.coordinate)
 
     def bushing(self, force: Bushing) -> tuple[str, Json, tuple[Uses, ...]]:
         way = self._table.way((force.follower, force.point), (force.base, force.point))

@@ -8,9 +8,10 @@ from typing import Any
 
 import sympy
 
+from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Use, Uses, total
-from cutjoint.model.records import GROUND, Vector
+from cutjoint.model.records import GROUND, Joint, Vector
 from cutjoint.twin.trees import Trees
 
 
@@ -33,6 +34,11 @@ class FormTable:
     def way(self, end: tuple[str, Vector], start: tuple[str, Vector]) -> Uses:
         """The way from one point to another."""
         return self.point(*end) + tuple(Use(-u.sign, u.group, u.form) for u in self.point(*start))
+
+    def slide(self, joint: Joint, coordinate: str) -> tuple[Uses, Uses]:
+        """The way between a joint's points and the direction along which a displacement counts."""
+        base, follower = self.layout.slide_ends(joint)
+        return self.way((follower, joint.at), (base, joint.at)), self.direction(base, slide_axis(joint, coordinate))
 
     def number(self, uses: Uses) -> int:
         """The number of a sum."""

@@ -9,13 +9,12 @@ from typing import Any
 import sympy
 
 from cutjoint.formulate.attitude import ATTITUDE
-from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, share
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reported_element, unit_of
-from cutjoint.model.records import Body, Joint, Marker, Output, Reaction, Scalar, Vector
+from cutjoint.model.records import Body, Gear, Joint, Marker, Output, Reaction, Scalar, Vector
 from cutjoint.twin.natural.forces import ForceElement
 from cutjoint.twin.natural.forms import FormTable, is_ground
 from cutjoint.twin.natural.masses import masses_of
@@ -47,6 +46,8 @@ class Reports:
                 return self._reaction(element)
             case Joint():
                 return self._joint(element, output.quantity)
+            case Gear():
+                return {"kind": "gear", "equation": next(i for i, row in enumerate(self.rows) if row.element == element.name)}
         return {"kind": "force", "quantity": output.column} if is_active(element, self.trees.scene) else {"kind": "zero"}
 
     def _axes(self, body: str) -> list[int] | None:
@@ -83,9 +84,7 @@ class Reports:
             return {"kind": "course", "course": self.trees.guide(joint.guide[index])}
         if (joint.name, coordinate) in layout.angles:
             return {"kind": "angle", "angle": layout.nodes.index(layout.angles[joint.name, coordinate])}
-        base, follower = layout.slide_ends(joint)
-        way = self.table.way((follower, joint.at), (base, joint.at))
-        axis = self.table.direction(base, slide_axis(joint, coordinate))
+        way, axis = self.table.slide(joint, coordinate)
         return {"kind": "slide", "way": self.table.number(way), "axis": self.table.number(axis)}
 
     # Reactions

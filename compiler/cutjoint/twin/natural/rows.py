@@ -1,6 +1,6 @@
 """The constraint equations of a description: what each is a product, turn or component of.
 
-- ``product``: sum of weight (u . w) over one or two pairs of forms - value - course - factor angle,
+- ``product``: sum of weight (u . w) over up to two pairs of forms - value - course - factor angle of up to two angles,
 - ``turned``: f . (b_2 cos angle - b_1 sin angle), the angle a node or a course,
 - ``component``: an element of a form,
 - ``angle``: an angle less its course.
@@ -10,23 +10,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import sympy
 
+from cutjoint.elements.gear import NAMES as GEAR_NAMES
 from cutjoint.elements.joint import Way
 from cutjoint.formulate.natural.constraints import held_across, kept_weight
 from cutjoint.formulate.natural.joint_rows import AngleRow, JointRow, SumRow, joint_rows
 from cutjoint.formulate.natural.layout import Group, combination
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses
 from cutjoint.formulate.natural.records import LagrangianEquations
-from cutjoint.model.records import Joint, Scalar
+from cutjoint.model.records import Gear, Joint, Scalar
 from cutjoint.twin.natural.forms import FormTable
 from cutjoint.twin.trees import Json, Trees
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """An equation of a body or joint over forms; ``pulls`` says that it holds the way between the joint's points, its first form."""
+    """An equation of a body, joint or gear over forms; ``pulls`` says that it holds the way between the joint's points, its first form."""
 
     element: str
     name: str
@@ -46,6 +48,7 @@ class _Rows:
     def __init__(self, equations: LagrangianEquations, table: FormTable, trees: Trees) -> None:
         self._layout = equations.layout
         self._joints = equations.topology.model.joints
+        self._gears = equations.topology.model.gears
         self._table = table
         self._trees = trees
 
@@ -54,6 +57,7 @@ class _Rows:
             yield from self._body(group)
         for joint in self._joints:
             yield from (self._joint(joint, row) for row in joint_rows(self._layout, joint))
+        yield from map(self._gear, self._gears)
 
     # Bodies
 
@@ -95,9 +99,9 @@ class _Rows:
                 return self._sum(joint, row)
             case AngleRow():
                 forms = tuple(self._table.direction(arm.body, arm.place) for arm in (row.pointer, row.first, row.second))
-                turn = self._angle(joint, row.coordinate) if row.guide is None else self._course(row.guide)
+                turn = {"angle": self._angle(joint, row.coordinate)} if row.guide is None else self._course(row.guide)
                 return Row(element=joint.name, name=row.name, details={"kind": "turned", **turn}, forms=forms)
-        details = {"kind": "angle", **self._angle(joint, row.coordinate), **self._course(row.guide)}
+        details = {"kind": "angle", "angle": self._angle(joint, row.coordinate), **self._course(row.guide)}
         return Row(element=joint.name, name=row.name, details=details)
 
     def _sum(self, joint: Joint, row: SumRow) -> Row:
@@ -105,7 +109,7 @@ class _Rows:
         if row.constant is not None:
             details["value"] = self._trees.one(row.constant)
         if row.pitch is not None:
-            details |= {**self._angle(joint, *joint.element.coordinates), "factor": self._trees.one(row.pitch)}
+            details["angles"] = [[self._angle(joint, *joint.element.coordinates), self._trees.one(row.pitch)]]
         if row.guide is not None:
             details |= self._course(row.guide)
         way = self._table.way((joint.follower, joint.to or joint.at), (joint.base, joint.at))
@@ -113,11 +117,32 @@ class _Rows:
         forms = tuple(way if isinstance(f, Way) else self._table.direction(f.body, f.place) for f in factors)
         return Row(element=joint.name, name=row.name, details=details, forms=forms, pulls=factors[0] is Way.WAY)
 
-    def _angle(self, joint: Joint, coordinate: str) -> Json:
-        return {"angle": self._layout.nodes.index(self._layout.angles[joint.name, coordinate])}
+    def _angle(self, joint: Joint, coordinate: str) -> int:
+        return self._layout.nodes.index(self._layout.angles[joint.name, coordinate])
 
     def _course(self, guide: Scalar) -> Json:
         return {"course": self._trees.guide(guide)}
+
+    # Gears
+
+    def _gear(self, gear: Gear) -> Row:
+        """The sum of a gear's coordinates with their factors."""
+        joints = {joint.name: joint for joint in self._joints}
+        forms: list[Uses] = []
+        weights: list[Any] = []
+        angles: list[Any] = []
+        course: Json = {}
+        for coordinate, factor in gear.terms:
+            joint = joints[coordinate.joint]
+            if (coordinate.joint, coordinate.name) in self._layout.angles:
+                angles.append([self._angle(joint, coordinate.name), self._trees.one(-factor)])
+            elif joint.guide is not None:
+                course = self._course(-factor * joint.guide[joint.element.coordinates.index(coordinate.name)])
+            else:
+                weights.append(self._trees.one(factor))
+                forms += self._table.slide(joint, coordinate.name)
+        details = {"kind": "product", "weights": weights, "angles": angles, **course}
+        return Row(element=gear.name, name=GEAR_NAMES[0], details=details, forms=tuple(forms))
 
 
 def _place(form: Form) -> sympy.Matrix:

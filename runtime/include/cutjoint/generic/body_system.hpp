@@ -9,11 +9,13 @@
 namespace cutjoint::generic {
 
 /// Body matrices, forces, couplings in the slots of a plan, and forces on joints' coordinates; what is added to the ground is not read.
+///
+/// Nodes beyond the bodies are geared joints' unknowns.
 template <class Real>
 class BodySystem {
  public:
-  BodySystem(std::size_t bodies, std::size_t slots)
-      : M_(bodies, Matrix6<Real>::Zero()), Q_(bodies, Vector6<Real>::Zero()), joint_force_(bodies, Vector6<Real>::Zero()),
+  BodySystem(std::size_t nodes, std::size_t slots)
+      : M_(nodes, Matrix6<Real>::Zero()), Q_(nodes, Vector6<Real>::Zero()), joint_force_(nodes, Vector6<Real>::Zero()),
         C_(slots, Matrix6<Real>::Zero()) {}
 
   void clear() {
@@ -28,7 +30,7 @@ class BodySystem {
   /// On the joint's speeds, in their order.
   Vector6<Real>& joint_force(int i) { return joint_force_[static_cast<std::size_t>(i)]; }
 
-  /// C_ij of body i's link to j.
+  /// C_ij of node i's link to j.
   Matrix6<Real> coupling(const Link& link) const {
     const Matrix6<Real>& C = C_[static_cast<std::size_t>(link.slot)];
     return link.transposed ? Matrix6<Real>(C.transpose()) : C;

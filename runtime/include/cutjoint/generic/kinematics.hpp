@@ -83,6 +83,8 @@ class Kinematics {
     return b.guided ? guides_[static_cast<std::size_t>(body)].rate[speed] : v[b.v + speed];
   }
 
+  Real guided_acceleration(int body, int coordinate) const { return guides_[static_cast<std::size_t>(body)].acceleration[coordinate]; }
+
   /// A body-fixed direction in global axes.
   Vector3<Real> direction(Fixed fixed) const { return frame(fixed.body).R * model_.vectors[fixed.vector]; }
 

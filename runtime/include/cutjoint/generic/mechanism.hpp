@@ -6,6 +6,7 @@
 
 #include "cutjoint/generic/description.hpp"
 #include "cutjoint/generic/force.hpp"
+#include "cutjoint/generic/gear.hpp"
 #include "cutjoint/generic/loops.hpp"
 #include "cutjoint/generic/read_model.hpp"
 #include "cutjoint/generic/recursion.hpp"
@@ -21,7 +22,7 @@ class GenericMechanism {
 
   explicit GenericMechanism(const Json& document)
       : model_(read_model<Real>(document)), description_(describe(model_)), plan_(Planner().plan(model_)), kinematics_(model_),
-        closures_(model_, kinematics_), forces_(model_, kinematics_), system_(model_.bodies.size(), plan_.slots),
+        closures_(model_, kinematics_), gears_(model_, kinematics_), forces_(model_, kinematics_), system_(static_cast<std::size_t>(model_.nodes), plan_.slots),
         recursion_(model_, kinematics_, plan_), reporter_(model_, kinematics_, forces_, closures_), inertias_(model_.bodies.size()), still_(description_.speeds.size()),
         without_(still_.size()), pull_(description_.equations.size()), correction_(pull_.size()) {}
 
@@ -36,6 +37,7 @@ class GenericMechanism {
     model_.vectors.load(model_.expressions);
     kinematics_.load();
     closures_.load(stabilisation);
+    gears_.load(stabilisation);
     forces_.load(roads);
     for (std::size_t i = 1; i < inertias_.size(); ++i) inertias_[i] = inertia_of(model_.expressions, model_.bodies[i]);
   }
@@ -48,18 +50,18 @@ class GenericMechanism {
 
   /// Accelerations for given multipliers, and the correction that the augmented update adds to these.
   void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) {
-    kinematics_.update(q, v);
-    closures_.update();
+    update(q, v);
     assemble(q, v, lambda);
     recursion_.condense(system_);
     recursion_.expand(vdot);
     correct_multipliers(model_, closures_, [this](int body) -> const Vector6<Real>& { return recursion_.Zdd(body); }, correction);
+    gears_.correct_multipliers(vdot, correction);
   }
 
-  /// Residual of the cut joints and its rate.
+  /// Residual of the cut joints and gears, and its rate.
   void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) {
-    kinematics_.update(q, v);
-    closures_.update();
+    update(q, v);
+    gears_.constraint_residual(residual, rate);
     for (std::size_t i = 0; i < model_.cuts.size(); ++i) {
       for (int n = 0; n < model_.cuts[i].size; ++n) {
         residual[model_.cuts[i].first + n] = closures_[i].equations.phi[n];
@@ -70,14 +72,13 @@ class GenericMechanism {
 
   /// The reported columns.
   void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) {
-    kinematics_.update(q, v);
-    closures_.update();
+    update(q, v);
     forces_.add(system_, q, v);
     forces_.add_tangents();
     reporter_.report({q, v, vdot, lambda}, column);
   }
 
-  /// The step that closes gaps of the cut joints: what multipliers of penalty times gap change in the accelerations.
+  /// The step that closes gaps of the cut joints and gears: what multipliers of penalty times gap change in the accelerations.
   void project(const Real* q, const Real* gap, Real* dz) {
     std::fill(pull_.begin(), pull_.end(), Real(0));
     evaluate(q, still_.data(), pull_.data(), without_.data(), correction_.data());
@@ -90,6 +91,12 @@ class GenericMechanism {
   void guard(const Real*, const Real*, Real*) const {}
 
  private:
+  void update(const Real* q, const Real* v) {
+    kinematics_.update(q, v);
+    closures_.update();
+    gears_.update(q, v);
+  }
+
   void assemble(const Real* q, const Real* v, const Real* lambda) {
     system_.clear();
     const Vector3<Real>& gravity = model_.vectors[model_.gravity];
@@ -99,6 +106,7 @@ class GenericMechanism {
     }
     forces_.add(system_, q, v);
     add_closures(system_, model_, closures_, plan_, lambda);
+    gears_.add(system_, plan_, lambda);
   }
 
   Model<Real> model_;
@@ -106,6 +114,7 @@ class GenericMechanism {
   Plan plan_;
   Kinematics<Real> kinematics_;
   Closures<Real> closures_;
+  Gears<Real> gears_;
   Forces<Real> forces_;
   BodySystem<Real> system_;
   Recursion<Real> recursion_;

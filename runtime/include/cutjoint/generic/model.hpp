@@ -90,13 +90,14 @@ struct Joint {
 /// A body and the tree joint that carries it, passed from the joint's follower to its base when `reversed`.
 ///
 /// `q`, `v` are the joint's first coordinate and the first of its `speeds`, which is 0 for fixed and guided joints; `root` is the body
-/// of this branch that stands next to the ground.  `mass` and `inertia` (xx, yy, zz, xy, xz, yz) are registers.
+/// of this branch that stands next to the ground.  `node` is the node of the body system that stands for a geared joint's unknowns, -1 of
+/// others.  `mass` and `inertia` (xx, yy, zz, xy, xz, yz) are registers.
 struct Body {
   int parent = ground, root = ground;
   Joint joint;
   bool reversed = false, guided = false, massless = false;
   std::array<Guide, 3> guides;  ///< of a guided joint's coordinates
-  int q = 0, v = 0, speeds = 0;
+  int q = 0, v = 0, speeds = 0, node = -1;
   int mass = -1;
   Fixed centre, inner;  ///< centre of mass; the joint's point of the parent
   std::array<int, 6> inertia{};
@@ -109,6 +110,17 @@ struct Cut {
   Joint joint;
   Fixed base, follower;  ///< the joint's points
   int first = 0, size = 0;
+};
+
+/// A coordinate of a gear: its place in a body's joint, and the register of its factor.
+struct GearTerm {
+  int body, coordinate, factor;
+};
+
+/// A gear: the sum of factor times coordinate is zero.
+struct Gear {
+  std::array<GearTerm, 2> terms;
+  int equation = 0;
 };
 
 /// A law over a position and a rate: registers of both, of the force, and of its partial derivatives.
@@ -167,11 +179,11 @@ struct Tyre {
 
 /// What a column reports, its meaning in `Output`.
 enum class Quantity {
-  zero, position, velocity, angular_velocity, acceleration, roll, pitch, yaw, reaction, force, joint_position, joint_rate
+  zero, position, velocity, angular_velocity, acceleration, roll, pitch, yaw, reaction, gear_force, force, joint_position, joint_rate
 };
 
 /// A column: `at` is a body's point, or a reaction's direction; `index` the component of a vector, the coordinate or speed of a
-/// joint, or a force's quantity; `cut` the cut joint of a reaction.
+/// joint, a force's quantity, or a gear's equation; `cut` the cut joint of a reaction.
 struct Output {
   Quantity quantity = Quantity::zero;
   Fixed at;
@@ -242,6 +254,7 @@ struct Model {
   int gravity = -1;
   std::vector<Body> bodies;  ///< the ground first
   std::vector<Cut> cuts;
+  std::vector<Gear> gears;
   std::vector<PointSpring> point_springs;
   std::vector<AxialForce> axial_forces;
   std::vector<Bushing> bushings;
@@ -251,6 +264,7 @@ struct Model {
   std::vector<Output> outputs;
   std::vector<Mark> marks;  ///< points and directions that others ask for
   int quantities = 0;  ///< how many all forces report
+  int nodes = 0;       ///< of the body system: the bodies, then the unknowns of geared joints
 
   /// A direction of a joint in the design position.
   Vector3<Real> direction_of(const Joint& joint, Direction direction) const {

@@ -1,7 +1,9 @@
 // The elimination of the joints, played through once on the body graph: which couplings meet which, and where they are stored.
 #pragma once
 
+#include <algorithm>
 #include <map>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -9,7 +11,7 @@
 
 namespace cutjoint::generic {
 
-/// A coupling C_ij of body i with `body`: a slot, or its transpose.
+/// A coupling C_ij of node i with `body`, a body or another node: a slot, or its transpose.
 struct Link {
   int body, slot;
   bool transposed;
@@ -28,10 +30,13 @@ enum class Pivot { none, scalars, free_root, ball };
 
 /// The elimination of one body.  `coupled` are its couplings, `inherited` those of its parent with the same bodies.  `rows` are the bodies
 /// on which its own acceleration comes to depend, stored from `first_row` on; the parent's is `parent_row`, -1 where there is none.
-/// `fills` are the couplings between the rows' bodies, for each row those with the later ones.
+/// `fills` are the couplings between the rows' bodies, for each row those with the later ones.  The unknowns of a geared joint are a node,
+/// whose couplings are `own`, in the rows `own_rows`; `self` is that of the body with this node.
 struct Elimination {
   Pivot pivot = Pivot::none;
-  std::vector<Link> coupled;
+  std::vector<Link> coupled, own;
+  std::optional<Link> self;
+  std::vector<int> own_rows;
   std::vector<Target> inherited, fills;
   std::vector<int> rows;
   int first_row = 0, parent_row = -1;
@@ -39,6 +44,7 @@ struct Elimination {
 
 struct Plan {
   std::vector<Target> closures;            ///< couplings of follower and base of each cut joint
+  std::vector<Target> gears;               ///< couplings of both joints' unknowns of each gear
   std::vector<Elimination> eliminations;   ///< by body
   std::size_t slots = 0, rows = 0;
 };
@@ -49,6 +55,7 @@ class Planner {
   template <class Real>
   Plan plan(const Model<Real>& model) {
     for (const Cut& cut : model.cuts) plan_.closures.push_back(couple(cut.follower.body, cut.base.body));
+    for (const Gear& gear : model.gears) plan_.gears.push_back(couple(model, gear));
     plan_.eliminations.resize(model.bodies.size());
     for (int i = static_cast<int>(model.bodies.size()) - 1; i > ground; --i) eliminate(i, model.body(i));
     return std::move(plan_);
@@ -65,29 +72,50 @@ class Planner {
     Elimination& e = plan_.eliminations[static_cast<std::size_t>(i)];
     e.pivot = pivot_of(body);
     e.coupled = links(i);
+    if (body.node >= 0) e.own = links(body.node);
+    e.self = split(e.coupled, body.node);
+    split(e.own, i);
     if (e.pivot != Pivot::none) choose_rows(e, body.parent);
     for (const Link& link : e.coupled) e.inherited.push_back(couple(body.parent, link.body));
     for (std::size_t j = 0; j < e.rows.size(); ++j)
       for (std::size_t k = j + 1; k < e.rows.size(); ++k) e.fills.push_back(couple(e.rows[j], e.rows[k]));
-    std::erase_if(open_, [i](const auto& entry) { return entry.first.first == i || entry.first.second == i; });
+    const auto is_gone = [i, &body](int node) { return node == i || node == body.node; };
+    std::erase_if(open_, [&](const auto& entry) { return is_gone(entry.first.first) || is_gone(entry.first.second); });
   }
 
-  /// The coupled bodies, then the parent; a ball passes on to its parent by a formula of its own.
+  template <class Real>
+  Target couple(const Model<Real>& model, const Gear& gear) {
+    const int first = model.body(gear.terms[0].body).node, last = model.body(gear.terms[1].body).node;
+    return first < 0 || last < 0 ? Target{} : couple(first, last);  // a guided joint has no unknowns
+  }
+
+  /// The coupled bodies, what the joint's own unknowns are coupled to, then the parent; a ball passes on to its parent by a formula of its own.
   void choose_rows(Elimination& e, int parent) {
     for (const Link& link : e.coupled) e.rows.push_back(link.body);
-    if (e.pivot != Pivot::ball && parent != ground) {
-      for (std::size_t n = 0; n < e.rows.size(); ++n)
-        if (e.rows[n] == parent) e.parent_row = static_cast<int>(n);
-      if (e.parent_row < 0) {
-        e.parent_row = static_cast<int>(e.rows.size());
-        e.rows.push_back(parent);
-      }
-    }
+    for (const Link& link : e.own) e.own_rows.push_back(row_of(e, link.body));
+    if (e.pivot != Pivot::ball && parent != ground) e.parent_row = row_of(e, parent);
     e.first_row = static_cast<int>(plan_.rows);
     plan_.rows += e.rows.size();
   }
 
-  /// Body i's couplings in the order in which they came to be.
+  /// The row of a node, a new one if it has none.
+  static int row_of(Elimination& e, int node) {
+    const auto found = std::find(e.rows.begin(), e.rows.end(), node);
+    const int row = static_cast<int>(found - e.rows.begin());
+    if (found == e.rows.end()) e.rows.push_back(node);
+    return row;
+  }
+
+  /// Takes the link to a node out of a list.
+  static std::optional<Link> split(std::vector<Link>& list, int node) {
+    const auto found = std::find_if(list.begin(), list.end(), [node](const Link& link) { return link.body == node; });
+    if (found == list.end()) return {};
+    const Link link = *found;
+    list.erase(found);
+    return link;
+  }
+
+  /// A node's couplings in the order in which they came to be.
   std::vector<Link> links(int i) const {
     std::map<int, Link> found;
     for (const auto& [bodies, slot] : open_) {
@@ -110,7 +138,7 @@ class Planner {
   }
 
   Plan plan_;
-  std::map<std::pair<int, int>, int> open_;  ///< slots of the couplings between bodies that are not yet eliminated
+  std::map<std::pair<int, int>, int> open_;  ///< slots of the couplings between nodes that are not yet eliminated
 };
 
 }  // namespace cutjoint::generic

@@ -91,7 +91,9 @@ class ModelReader {
     bodies_["ground"] = ground;
     origins_.push_back(-1);
     for (const Json& body : document_.at("bodies")) read_body(body);
+    model_.nodes = static_cast<int>(model_.bodies.size());
     for (const Json& cut : document_.at("cuts")) read_cut(cut);
+    for (const Json& gear : document_.at("gears")) read_gear(gear);
     for (const Json& force : document_.at("forces")) read_force(force);
     for (const Json& output : document_.at("outputs")) read_output(output);
     if (document_.contains("marks"))
@@ -193,6 +195,20 @@ class ModelReader {
     model_.cuts.push_back(cut);
   }
 
+  void read_gear(const Json& json) {
+    Gear gear;
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Json& term = json.at("terms").at(i);
+      gear.terms[i] = {body(term.at("body")), term.at("coordinate"), number(term.at("factor"))};
+      Body& turned = model_.bodies[static_cast<std::size_t>(gear.terms[i].body)];
+      if (!turned.guided && turned.node < 0) turned.node = model_.nodes++;
+    }
+    gear.equation = static_cast<int>(model_.names.equations.size());
+    append_names(model_.names.equations, json, "equations");
+    gears_[json.at("name")] = gear.equation;
+    model_.gears.push_back(gear);
+  }
+
   void read_force(const Json& json) {
     const std::string kind = json.at("kind");
     const int first = model_.quantities;
@@ -271,6 +287,7 @@ class ModelReader {
     Output output;
     if (kind == "motion") output = read_motion(json);
     else if (kind == "reaction") output = read_reaction(json);
+    else if (kind == "gear") output = {Quantity::gear_force, {}, gears_.at(json.at("gear")), -1};
     else if (kind == "force") output = {Quantity::force, {}, quantities_.at(json.at("quantity")), -1};
     else if (kind == "joint_position") output = {Quantity::joint_position, {body(json.at("body")), -1}, json.at("index"), -1};
     else if (kind == "joint_rate") output = {Quantity::joint_rate, {body(json.at("body")), -1}, json.at("index"), -1};
@@ -301,7 +318,7 @@ class ModelReader {
 
   const Json& document_;
   Model<Real> model_;
-  std::map<std::string, int> bodies_, cuts_, quantities_;
+  std::map<std::string, int> bodies_, cuts_, gears_, quantities_;
   std::vector<int> origins_;
 };
 

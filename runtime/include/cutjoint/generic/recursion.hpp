@@ -6,7 +6,9 @@
 //     C_jk -= y_j^T D^-1 y_k
 //     zdd_i = e - D^-1 ( y_p Zdd_p + sum_j y_j Zdd_j )       from the ground outwards
 //
-// (Cuadrado et al. 2000, eqs. 28-42, for couplings between any bodies).  A ball is eliminated about its centre in global axes.
+// (Cuadrado et al. 2000, eqs. 28-42, for couplings between any bodies).  A ball is eliminated about its centre in global axes.  The unknowns
+// x = zdd_i of a geared joint are coupled to others as bodies are: D += M_x + C_xi b + b^T C_ix, y_p += C_xi + C_xp, y_j += C_xj, and
+// b^T (Q_i - M_i d) + Q_x - C_xi d.
 #pragma once
 
 #include <vector>
@@ -21,7 +23,7 @@ class Recursion {
  public:
   Recursion(const Model<Real>& model, const Kinematics<Real>& kinematics, const Plan& plan)
       : model_(model), k_(kinematics), plan_(plan), pivots_(model.bodies.size()), rows_(plan.rows, Matrix6<Real>::Zero()),
-        Zdd_(model.bodies.size(), Vector6<Real>::Zero()) {}
+        Zdd_(static_cast<std::size_t>(model.nodes), Vector6<Real>::Zero()) {}
 
   /// Leaves first; the system is used up.
   void condense(BodySystem<Real>& system) {
@@ -105,12 +107,14 @@ class Recursion {
     const int parent = model_.body(i).parent;
     const Matrix6<Real>& M = system.M(i);
     const Vector6<Real>& d = k_.motion(i).d;
-    const Eigen::Matrix<Real, 6, K> U = times_b<K>(M, i);
-    factor_ldl<K>(Eigen::Matrix<Real, K, K>(b_times<K>(U, i)), pivot.lower, pivot.inverse);
+    Eigen::Matrix<Real, 6, K> U = times_b<K>(M, i);
+    Eigen::Matrix<Real, K, K> D = b_times<K>(U, i);
     const Vector6<Real> force = system.Q(i) - M * d;
     auto g = pivot.g.template head<K>();
     g = b_times<K>(force, i);
     g += system.joint_force(i).template head<K>();
+    if (model_.body(i).node >= 0) add_own<K>(system, i, U, D, g);
+    factor_ldl<K>(D, pivot.lower, pivot.inverse);
     forward<K>(pivot.lower, g);
     system.Q(parent) += force;
     system.M(parent) += M;
@@ -120,17 +124,27 @@ class Recursion {
       system.Q(e.coupled[n].body) -= C.transpose() * d;
       system.couple(e.inherited[n], C);
     }
-    add_parent_row<K>(e, U);
+    for (std::size_t n = e.coupled.size(); n < e.rows.size(); ++n) row(e, n).template leftCols<K>().setZero();
+    for (std::size_t n = 0; n < e.own.size(); ++n)
+      row(e, static_cast<std::size_t>(e.own_rows[n])).template leftCols<K>() += system.coupling(e.own[n]).transpose().template leftCols<K>();
+    if (e.parent_row >= 0) row(e, static_cast<std::size_t>(e.parent_row)).template leftCols<K>() += U;
     for (std::size_t n = 0; n < e.rows.size(); ++n) forward_columns<K>(pivot.lower, row(e, n).template leftCols<K>());
     pass_rows<K>(system, i);
   }
 
-  template <int K>
-  void add_parent_row(const Elimination& e, const Eigen::Matrix<Real, 6, K>& U) {
-    if (e.parent_row < 0) return;
-    const auto n = static_cast<std::size_t>(e.parent_row);
-    if (n < e.coupled.size()) row(e, n).template leftCols<K>() += U;
-    else row(e, n).template leftCols<K>() = U;
+  /// M_x, Q_x and C_xi of a geared joint.
+  template <int K, class G>
+  void add_own(BodySystem<Real>& system, int i, Eigen::Matrix<Real, 6, K>& U, Eigen::Matrix<Real, K, K>& D, G& g) const {
+    const int node = model_.body(i).node;
+    D += system.M(node).template topLeftCorner<K, K>();
+    g += system.Q(node).template head<K>();
+    if (!elimination(i).self) return;
+    const Matrix6<Real> by_own = system.coupling(*elimination(i).self);
+    const Eigen::Matrix<Real, 6, K> C = by_own.template leftCols<K>();
+    const Eigen::Matrix<Real, K, K> projected = b_times<K>(C, i);
+    D += projected + projected.transpose();
+    g -= C.transpose() * k_.motion(i).d;
+    U += C;
   }
 
   /// Q_j -= Y_j^T D^-1 g, M_j -= Y_j^T D^-1 Y_j, C_jk -= Y_j^T D^-1 Y_k.
@@ -221,6 +235,7 @@ class Recursion {
     solve_pivot<K>(i, x);
     Eigen::Map<Eigen::Matrix<Real, K, 1>> out(vdot);
     out = x;
+    if (const int node = model_.body(i).node; node >= 0) Zdd_[static_cast<std::size_t>(node)].template head<K>() = x;
     if constexpr (K == 6) {
       if (elimination(i).pivot == Pivot::free_root) {
         Zdd += x;

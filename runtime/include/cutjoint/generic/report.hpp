@@ -54,6 +54,7 @@ class Reporter {
     switch (output.quantity) {
       case Quantity::zero: return Real(0);
       case Quantity::reaction: return reaction(output, instant.lambda);
+      case Quantity::gear_force: return -instant.lambda[output.index];
       case Quantity::force: return forces_.quantity(output.index);
       case Quantity::joint_position: return k_.position(output.at.body, output.index, instant.q);
       case Quantity::joint_rate: return k_.rate(output.at.body, output.index, instant.v);

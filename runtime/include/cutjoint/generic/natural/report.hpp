@@ -23,7 +23,7 @@ enum class Quantity {
   angle, angle_rate,                 ///< an element of q or v
   slide, slide_rate,                 ///< a way along an axis
   course,                            ///< a register
-  reaction
+  reaction, gear_force
 };
 
 /// Forces, equations and the values and motion of all forms must belong to the instant.
@@ -95,6 +95,8 @@ class Reporter {
     } else if (kind == "reaction") {
       o.quantity = Quantity::reaction, o.form = json.at("direction"), o.number = reactions_.size();
       reactions_.push_back(read_reaction(json));
+    } else if (kind == "gear") {
+      o.quantity = Quantity::gear_force, o.number = json.at("equation");
     } else if (kind != "zero") {
       throw std::runtime_error("unknown kind of output '" + kind + "'");
     }
@@ -131,6 +133,7 @@ class Reporter {
       case Quantity::slide_rate: return forms_.v(o.form).dot(forms_.x(o.other)) + forms_.x(o.form).dot(forms_.v(o.other));
       case Quantity::course: return e_[o.form];
       case Quantity::reaction: return forms_.x(o.form).dot(reaction_force(reactions_[o.number], lambda, gravity));
+      case Quantity::gear_force: return -lambda[o.number];
       default: return attitude(o);
     }
   }

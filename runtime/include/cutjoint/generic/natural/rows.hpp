@@ -14,7 +14,7 @@
 namespace cutjoint::generic::natural {
 
 enum class RowKind {
-  product,    ///< the sum of weight (u . w) over one or two pairs of forms, - value - course - factor angle
+  product,    ///< the sum of weight (u . w) over up to two pairs of forms, - value - course - factor angle of up to two angles
   turned,     ///< f . (b_2 cos angle - b_1 sin angle), the angle a coordinate or a course
   component,  ///< an element of a form
   angle       ///< an angle less its course
@@ -37,7 +37,7 @@ class Rows {
     for (Row& row : rows_) {
       for (std::size_t pair = 0; pair < 2; ++pair) row.weight_values[pair] = e[row.weights[pair]];
       row.constant = e[row.value];
-      row.factor_value = e[row.factor];
+      for (AngleTerm& term : row.angles) term.factor_value = e[term.factor];
       for (std::size_t i = row.share; i < row.share + row.shares; ++i) shares_[i].coefficients.fill(Real(0));
       for (int slot = 0; slot < row.slots; ++slot)
         for (const Term<Real>& t : forms_.terms(row.forms[static_cast<std::size_t>(slot)]))
@@ -120,18 +120,27 @@ class Rows {
   }
 
  private:
+  /// A product's angle with its factor.
+  struct AngleTerm {
+    int at, factor;
+    std::size_t column = 0;
+    Real factor_value{0};
+  };
+
+  /// `angle` is that of a turned direction, or of an angle less its course.
   struct Row {
     RowKind kind;
     std::array<int, 4> forms{-1, -1, -1, -1};
     std::array<int, 2> weights{-1, -1};
-    int slots = 0, value = -1, factor = -1, angle = -1, axis = 0;
+    std::vector<AngleTerm> angles{};
+    int slots = 0, value = -1, angle = -1, axis = 0;
     bool is_guided = false;
     std::array<int, 3> course{};
     std::size_t first = 0, last = 0;    ///< of its columns
     std::size_t share = 0, shares = 0;  ///< of its coordinates
     std::size_t angle_column = 0;
     std::array<Real, 2> weight_values{};
-    Real constant{0}, factor_value{0};
+    Real constant{0};
     std::array<Real, 3> course_value{};
   };
 
@@ -166,27 +175,31 @@ class Rows {
       row.weights[pair] = e.read(is_given ? json.at("weights").at(pair) : Json(0.0));
     }
     row.value = number("value");
-    row.factor = number("factor");
     row.axis = json.value("axis", 0);
     row.is_guided = json.contains("course");
     for (std::size_t i = 0; row.is_guided && i < 3; ++i) row.course[i] = e.read(json.at("course").at(i));
     if (json.contains("angle")) row.angle = forms_.angle(json.at("angle"));
+    for (const Json& term : json.value("angles", Json::array())) row.angles.push_back({forms_.angle(term.at(0)), e.read(term.at(1))});
     enter_coordinates(row);
     rows_.push_back(row);
   }
 
-  /// The row's coordinates, three elements each but for a component's one, and its angle.
+  /// The row's coordinates, three elements each but for a component's one, and its angles.
   void enter_coordinates(Row& row) {
     std::set<int> coordinates;
     for (int slot = 0; slot < row.slots; ++slot)
       for (const Term<Real>& t : forms_.terms(row.forms[static_cast<std::size_t>(slot)])) coordinates.insert(t.at);
     if (row.angle >= 0) coordinates.insert(row.angle);
+    for (const AngleTerm& term : row.angles) coordinates.insert(term.at);
     row.first = columns_.size();
     row.share = shares_.size();
     for (const int at : coordinates) {
+      const auto term = std::find_if(row.angles.begin(), row.angles.end(), [at](const AngleTerm& t) { return t.at == at; });
+      const bool is_angle = at == row.angle || term != row.angles.end();
       if (at == row.angle) row.angle_column = columns_.size();
+      else if (is_angle) term->column = columns_.size();
       else shares_.push_back({at, columns_.size(), {}});
-      const bool is_one = row.kind == RowKind::component || at == row.angle;
+      const bool is_one = row.kind == RowKind::component || is_angle;
       for (int i = 0; i < (is_one ? 1 : 3); ++i) columns_.push_back(at + (is_one ? row.axis : i));
     }
     row.shares = shares_.size() - row.share;
@@ -213,7 +226,7 @@ class Rows {
           state.by_form[slot + 1] = weight * u;
           phi_[i] += weight * u.dot(w);
         }
-        if (row.angle >= 0) phi_[i] -= row.factor_value * q[row.angle], gradient_[row.angle_column] = -row.factor_value;
+        for (const AngleTerm& term : row.angles) phi_[i] -= term.factor_value * q[term.at], gradient_[term.column] = -term.factor_value;
         break;
       }
       case RowKind::turned: {
