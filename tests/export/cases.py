@@ -33,7 +33,7 @@ def turning_loop(kind: JointKind, closing: str, seed: int) -> Case:
 def geared() -> Case:
     """Racks, trains and a differential; a penalty of 1e6, since wheels are light."""
     model = read_model_text(GEARED, "gears.yaml")
-    return Case(model=model, scene=with_figures(model.scenes["run"], "recursive", {"penalty": 1e6}), parameters={})
+    return Case(model=model, scene=with_settings(model.scenes["run"], "recursive", {"penalty": 1e6}), parameters={})
 
 
 ROTOR = """
