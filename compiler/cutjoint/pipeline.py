@@ -20,13 +20,13 @@ from cutjoint.methods import DEFAULT_CLOSURE, DEFAULT_METHOD, DEFAULT_PRECISION,
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
-from cutjoint.run.artifact import Artifact, make_ready, require_choice, require_tangents
+from cutjoint.run.artifact import Artifact, make_simulator_run, require_choice, require_tangents
 from cutjoint.run.compiled_files import require_no_model, write_compiled
 from cutjoint.run.options import Options
-from cutjoint.run.ready import start
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulator import Progress
+from cutjoint.run.simulator_run import start
 from cutjoint.systems import generate_system
 from cutjoint.toolchain.build import FLAGS, Kind, build
 from cutjoint.topology.build import build_topology
@@ -117,4 +117,4 @@ def simulate(
     )  # fmt: skip
     if tangents is not None:
         require_tangents(artifact, options)
-    return start(make_ready(artifact, options, parameters), out=out, steps=steps, tangents=tangents, progress=progress)
+    return start(make_simulator_run(artifact, options, parameters), out=out, steps=steps, tangents=tangents, progress=progress)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from cutjoint.run.ready import Compilation
 from cutjoint.run.results import Batch, Effort, Equilibrium, Trajectory
+from cutjoint.run.simulator_run import Compilation
 
 if TYPE_CHECKING:
     from cutjoint.analysis.conditioning import RatedChoice, RatedOption

@@ -1,4 +1,4 @@
-"""The scene of a run: which one, and with what figures."""
+"""The scene of a run: which one, and with which settings."""
 
 from __future__ import annotations
 
@@ -47,6 +47,6 @@ def with_closure(scene: Scene, closure: str) -> Scene:
 
 
 def with_settings(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:
-    """The scene with other figures for one method."""
+    """The scene with other settings for one method."""
     own = {**scene.numerics.methods.get(method, {}), **changes}
     return replace(scene, numerics=replace(scene.numerics, methods={**scene.numerics.methods, method: own}))

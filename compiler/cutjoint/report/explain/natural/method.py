@@ -61,7 +61,7 @@ _REPEATED = {
 
 
 def explain_method(method: str, numerics: Numerics) -> Chapter:
-    """The equations of a step, with the scene's figures."""
+    """The equations of a step, with the scene's settings."""
     step = (
         "The unknowns are the coordinates at the end of a step that begins at $q_n$; the trapezoidal rule makes velocities and "
         "accelerations functions of them (eqs. 4, 5). Newton's method solves the equations of motion and of the constraints together.",
