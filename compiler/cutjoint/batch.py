@@ -15,7 +15,7 @@ import numpy as np
 from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, either, names_of
+from cutjoint.methods import CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, either, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import derive
 from cutjoint.run.cases import CaseTable
@@ -23,6 +23,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.results import Array, Batch
 from cutjoint.run.run_file import changing, following, make_run_file, parameter_values
+from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import FLAGS, Binary, build
@@ -52,6 +53,7 @@ def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -
         ToolchainError: the C++ side failed.
     """
     _require_batch(scene)
+    scene = with_closure(scene, PLAIN_CLOSURE)
     begin = perf_counter()
     equations = derive(model, scene, scene.outputs).starting
     source = emit(schedule_recursive(equations, lanes=False), equations, batch=True)
@@ -66,9 +68,9 @@ def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -
 def _require_batch(scene: Scene) -> None:
     """Check that a scene says nothing that batches do not have."""
     numerics, method = scene.numerics, METHODS[METHOD]
-    integrator = INTEGRATORS[numerics.integrator]
+    integrator = INTEGRATORS[numerics.integrator or DEFAULT_INTEGRATOR]
     faults = (
-        ("closure", not method.closure(numerics.closure).batch, names_of(CLOSURES, lambda c: c.batch)),
+        ("closure", numerics.closure is not None and not method.closure(numerics.closure).batch, names_of(CLOSURES, lambda c: c.batch)),
         ("integrator", METHOD in integrator.methods and not integrator.batch, names_of(INTEGRATORS, lambda i: i.batch)),
         ("events", numerics.events == Events.LOCATED, (Events.CROSSED,)),
     )

@@ -47,9 +47,9 @@ class Twin:
 class Method:
     """A formulation with its way to solve a step.
 
-    ``closures`` are the ways to hold cut joints that a scene can choose from; others hold them in one way, and start with the first of
-    CLOSURES.  ``symmetric`` is whether the tangent of a step is, ``saddle_point`` whether multipliers are unknowns beside the
-    coordinates, so that pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
+    ``closures`` are the ways to hold cut joints that a scene can choose from; others hold them in one way, and start with PLAIN_CLOSURE.
+    ``symmetric`` is whether the tangent of a step is, ``saddle_point`` whether multipliers are unknowns beside the coordinates, so that
+    pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
     ``own_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
     where none are given; the penalty then follows from masses and step.  ``fixed_cost`` is whether steps can have a fixed number of
     iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report the Jacobians of its
@@ -78,9 +78,12 @@ class Method:
         """The generated function that each iteration of a step calls."""
         return "linearise" if self.has_system else "evaluate"
 
-    def closure(self, wanted: str) -> Closure:
-        """The closure of a scene that wants one; it is meant for the methods that have it."""
-        return CLOSURES[wanted if wanted in self.closures else DEFAULT_CLOSURE]
+    def closure(self, wanted: str | None, implementation: Implementation = Implementation.GENERATED) -> Closure:
+        """The closure of a scene, which is meant for the methods that have it; where none is wanted, the one that needs no penalty."""
+        if wanted in self.closures:
+            return CLOSURES[wanted]
+        can_choose = wanted is None and self.closures and implementation == Implementation.GENERATED
+        return CLOSURES[DEFAULT_CLOSURE if can_choose else PLAIN_CLOSURE]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +110,10 @@ class Integrator:
     batch: bool = False
     tangents: bool = False
     in_files: bool = True
+
+    def takes(self, method: Method, implementation: Implementation) -> bool:
+        """Whether it runs an implementation of a method."""
+        return method.name in self.methods and (self.twin or implementation == Implementation.GENERATED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,9 +193,13 @@ INTEGRATORS: Mapping[str, Integrator] = _catalogue(
         name="trapezoidal", methods=tuple(METHODS), closures=("penalty", "proximal"), twin=True, events=Events.CROSSED, uses_solver=True,
         fixed_cost=True, batch=True, tangents=True,
     ),
-    Integrator(name="rk4", methods=("recursive",), settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY),
     Integrator(
-        name="dormand-prince", methods=("recursive",), adaptive=True, settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY
+        name="rk4", methods=("recursive",), closures=("penalty", "proximal"), settings=("absolute_tolerance",),
+        largest_penalty=_EXPLICIT_PENALTY,
+    ),
+    Integrator(
+        name="dormand-prince", methods=("recursive",), closures=("penalty", "proximal"), adaptive=True, settings=("absolute_tolerance",),
+        largest_penalty=_EXPLICIT_PENALTY,
     ),
     Integrator(
         name="sdirk4", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)
@@ -225,8 +236,11 @@ PRECISIONS: Mapping[str, Precision] = _catalogue(
 )
 
 DEFAULT_METHOD = "recursive"
+#: The integrator of equal steps.
 DEFAULT_INTEGRATOR = "trapezoidal"
-DEFAULT_CLOSURE = "penalty"
+DEFAULT_CLOSURE = "proximal"
+#: The closure of methods without a choice, of generic twins, of batches, and of steps of fixed cost.
+PLAIN_CLOSURE = "penalty"
 DEFAULT_SOLVER = "emitted"
 DEFAULT_PRECISION = "double"
 

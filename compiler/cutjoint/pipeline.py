@@ -16,7 +16,7 @@ from cutjoint.emit.source import Source, emit
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import DEFAULT_CLOSURE, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, Implementation
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
@@ -87,7 +87,7 @@ def generate(
     return recursive, program, emit(program, recursive)
 
 
-def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = DEFAULT_CLOSURE) -> RecursiveEquations:
+def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE) -> RecursiveEquations:
     """The recursive equations of a model, which start the runs of every method; errors as in `compile_scene`."""
     recursive = formulate_recursive(build_topology(model), scene, tuple(outputs), closure=closure)
     require_inertia(recursive)

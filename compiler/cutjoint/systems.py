@@ -96,7 +96,7 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
     Raises:
         RunError: the equations depend on each other in one of the states, or some law has no value in any of them.
     """
-    dt = equations.scene.numerics.of_method(equations.method).dt
+    dt = equations.scene.numerics.of_method(equations.method).step
     samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
     if not samples:
         file = equations.topology.model.span.file

@@ -95,7 +95,7 @@ def find_drift(case: Case, store: Store, say: Say = silently) -> Record | None:
     artifacts = compile_for_drift(case)
     if not artifacts:
         return None
-    dt = min(case.scene.numerics.of_method(method).dt for method in METHODS)
+    dt = min(case.scene.numerics.of_method(method).step for method in METHODS)
     runs = {method: identify(case, artifact) for method, artifact in artifacts.items()}
     of = {"drift": case.name, "dt": dt, "end": case.scene.end, "row": case.scene.output_step, "runs": runs}
     return store.get(of, lambda: plain(measure_drift(case, artifacts, dt)))
@@ -150,7 +150,7 @@ def _line(
 
 
 def _own_step(case: Case, contender: Contender) -> float:
-    return case.scene.numerics.of_method(contender.name.partition("/")[0]).dt
+    return case.scene.numerics.of_method(contender.name.partition("/")[0]).step
 
 
 def _identity(plan: Plan, case: Case, contender: Contender, runner: Runner) -> Record:

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
 
-from cutjoint.methods import AUTO, CLOSURES, DEFAULT_CLOSURE, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, either, names_of
+from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, either, names_of
 from cutjoint.model import records
 from cutjoint.model.body_parts import Body
 from cutjoint.model.force_parts import Force
@@ -176,15 +176,15 @@ class MethodNumerics(Part):
 class Numerics(Part):
     """Settings of the numerical method; ``methods`` changes some of them for one method."""
 
-    closure: Annotated[str, OneOf(CLOSURES)] = DEFAULT_CLOSURE
-    dt: Number = _NUMERICS.dt
+    closure: Annotated[str, OneOf(tuple(CLOSURES))] | None = None
+    dt: Number | None = None
     penalty: Number | None = None
     damping_ratio: Number = _NUMERICS.damping_ratio
     frequency: Number = _NUMERICS.frequency
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
-    integrator: Annotated[str, OneOf(names_of(INTEGRATORS, lambda i: i.in_files))] = DEFAULT_INTEGRATOR
+    integrator: Annotated[str, OneOf(names_of(INTEGRATORS, lambda i: i.in_files))] | None = None
     events: Annotated[str, OneOf(Events)] | None = None
     absolute_tolerance: Number | None = None
     spectral_radius: Number = _NUMERICS.spectral_radius
@@ -215,7 +215,7 @@ class Scene(Part):
             raise shape_error("'method: auto' and 'tolerance' go together", "write both, such as method: auto, tolerance: 1 mm")
         if self.budget is not None and self.method != AUTO:
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
-        integrator = INTEGRATORS[self.numerics.integrator]
+        integrator = INTEGRATORS[self.numerics.integrator or DEFAULT_INTEGRATOR]
         if self.method not in (None, *integrator.methods, *((AUTO,) if integrator.name == DEFAULT_INTEGRATOR else ())):
             message = f"the integrator {integrator.name} belongs to the method {either(integrator.methods)}"
             raise shape_error(message, "leave 'method' or 'integrator' away")

@@ -17,7 +17,6 @@ from typing import Any, TypeAlias
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.elements.kinds import JointKind as JointKind
-from cutjoint.methods import DEFAULT_CLOSURE, DEFAULT_INTEGRATOR
 
 #: A SymPy expression (SymPy ships no types).
 Scalar: TypeAlias = Any
@@ -381,16 +380,22 @@ class Output:
 _PENALTY = 1e9
 
 
+#: The length of equal steps where none is given, s.
+STEP = 1e-3
+
+
 @dataclass(frozen=True, kw_only=True)
 class Numerics:
     """Settings of the numerical method.
 
-    ``closure`` is how the recursive method holds its cut joints: "penalty", or "proximal", whose penalties follow from the effective masses
-    and of which ``penalty`` is an upper bound (None where the file says ``auto`` or nothing).
+    ``closure`` is how the recursive method holds its cut joints: "proximal", whose penalties follow from the effective masses and of
+    which ``penalty`` is an upper bound, or "penalty"; None for what `Method.closure` has.  A ``penalty`` of None is the run's to find.
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
-    ``multiplier_updates`` of its own.  ``integrator`` is that of the methods that know it; of "dormand-prince" and "sdirk4"
+    ``multiplier_updates`` of its own.  ``dt`` (s) is the length of equal steps, None for steps as long as the tolerance allows, where
+    the method has an integrator with such steps.  ``integrator`` is that of the methods that know it, None for the one that follows from
+    method and ``dt``; of "dormand-prince" and "sdirk4"
     ``tolerance`` is the relative error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as
     the relative one; "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``events`` says whether
     steps of the methods "recursive" and "recursive-newton" end where forces, guides or drives change their formulas: "located" or
@@ -398,20 +403,25 @@ class Numerics:
     ``by_step`` the penalty and frequency that were written as expressions of dt, whose values here are those at ``dt``.
     """
 
-    dt: float = 1e-3
-    penalty: float | None = _PENALTY
+    dt: float | None = None
+    penalty: float | None = None
     damping_ratio: float = 1.0
     frequency: float = 10.0
     tolerance: float = 1e-6
     iterations: int = 100
     multiplier_updates: int = 4
-    integrator: str = DEFAULT_INTEGRATOR
+    integrator: str | None = None
     events: str | None = None
     absolute_tolerance: float | None = None
     spectral_radius: float = 0.8
     methods: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     by_step: Mapping[str, Scalar] = field(default_factory=dict)
-    closure: str = DEFAULT_CLOSURE
+    closure: str | None = None
+
+    @property
+    def step(self) -> float:
+        """The length of equal steps, s."""
+        return STEP if self.dt is None else self.dt
 
     @property
     def start_penalty(self) -> float:
@@ -425,7 +435,7 @@ class Numerics:
         given = self.methods.get(method, {})
         dt = given.get("dt", self.dt)
         laws = self.by_step if dt != self.dt else {}
-        followed = {name: evaluate(law, dict.fromkeys(law.free_symbols, dt)) for name, law in laws.items()}
+        followed = {name: evaluate(law, dict.fromkeys(law.free_symbols, STEP if dt is None else dt)) for name, law in laws.items()}
         return replace(self, **{**followed, **given})  # type: ignore[arg-type]
 
 

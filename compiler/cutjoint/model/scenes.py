@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from math import inf, isfinite, isnan
 from typing import Any
 
-from cutjoint.methods import AUTO, CLOSURES, either, names_of
+from cutjoint.methods import AUTO, CLOSURES, PLAIN_CLOSURE, START, either, names_of
 from cutjoint.model import document
 from cutjoint.model.choices import Extent, measure
 from cutjoint.model.errors import nearest
@@ -23,6 +23,7 @@ from cutjoint.model.ranges import RANGES, fault_of_state
 from cutjoint.model.records import (
     COORDINATES,
     SPEEDS,
+    STEP,
     Binding,
     Joint,
     JointKind,
@@ -69,8 +70,8 @@ def read_scenes(model: document.Document, expansion: Expansion) -> dict[str, Sce
 
 def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
     numerics = _numerics(where, scene.numerics)
-    step, outputs = numerics.dt, stage.outputs
     end = _positive(where, where.number(scene.end, TIME, ("end",)), ("end",))
+    step, outputs = numerics.step if numerics.dt else min(numerics.step, end), stage.outputs
     if scene.output_step is not None:
         step = _positive(where, where.number(scene.output_step, TIME, ("output_step",)), ("output_step",))
     _require_steps(where, scene, end, step, numerics)
@@ -117,7 +118,7 @@ def _at_most(where: Element, value: float, most: float, keys: Path) -> None:
 
 def _require_steps(where: Element, scene: document.Scene, end: float, output_step: float, numerics: Numerics) -> None:
     """Note steps that no run of the scene has; each of the numbers is right for itself."""
-    given = {"scene": numerics.dt, **{name: own["dt"] for name, own in numerics.methods.items() if "dt" in own}}
+    given = {"scene": numerics.dt or min(output_step, end), **{name: own["dt"] for name, own in numerics.methods.items() if "dt" in own}}
     if not all(value > 0 for value in (end, output_step, *given.values())):
         return
     if scene.output_step is not None and not output_step <= end * (1 + 1e-9):
@@ -139,7 +140,7 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
         for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, AUTO)
     }  # fmt: skip
-    if part.penalty == AUTO and not CLOSURES[part.closure].finds_penalty:
+    if part.penalty == AUTO and part.closure is not None and not CLOSURES[part.closure].finds_penalty:
         able = either(names_of(CLOSURES, lambda c: c.finds_penalty))
         where.fail(f"penalty: auto belongs to closure: {able}", f"write a number, or closure: {able}", ("numerics", "penalty"))
     own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE, "spectral_radius": NONE}
@@ -148,16 +149,19 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         name: _settings(where, settings, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
         for name, settings in part.methods.items()
     }
-    steps = {numbers["dt"], *(settings["dt"] for settings in methods.values() if "dt" in settings)}
+    step = numbers.get("dt", STEP)
+    steps = {step, *(settings["dt"] for settings in methods.values() if "dt" in settings)}
     for key, law in laws.items():
         for dt in sorted(steps):
             _require_value(where, key, law, dt)
-        numbers[key] = evaluate(law, {_STEP: numbers["dt"]})
+        numbers[key] = evaluate(law, {_STEP: step})
     by_step = {key: law for key, law in laws.items() if _STEP in getattr(law, "free_symbols", ())}
-    if CLOSURES[part.closure].finds_penalty:
-        numbers.setdefault("penalty", None)
+    holds_by_penalty = (
+        part.penalty not in (None, AUTO) or part.model_fields_set & {"damping_ratio", "frequency"} or "penalty" in methods.get(START, {})
+    )
     return Numerics(
-        **numbers, methods=methods, integrator=part.integrator, events=part.events, by_step=by_step, closure=part.closure
+        **numbers, methods=methods, integrator=part.integrator, events=part.events, by_step=by_step,
+        closure=part.closure or (PLAIN_CLOSURE if holds_by_penalty else None),
     )  # fmt: skip
 
 

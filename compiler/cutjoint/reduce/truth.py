@@ -66,7 +66,7 @@ def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], e
     before: Trajectory | None = None
     moved, problem = inf, ""
     for halving in range(MOST_HALVINGS + 1):
-        dt = fraction(scene.output_step, scene.numerics.of_method(artifact.method).dt * 2.0**-halving)
+        dt = fraction(scene.output_step, scene.numerics.of_method(artifact.method).step * 2.0**-halving)
         run = run_at(artifact, dt, parameters)
         if run.failure is not None:
             problem = str(run.failure)

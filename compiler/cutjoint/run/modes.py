@@ -73,7 +73,7 @@ def _run_file(
 
 def _ending_at(scene: Scene, at: float) -> Scene:
     """The scene with steps that are at most as long as its own and the last of which ends at ``at`` (s)."""
-    dt = scene.numerics.of_method(LINEARISED).dt
+    dt = scene.numerics.of_method(LINEARISED).step
     try:
         steps = count_steps(min(dt, at), at, at).number
     except StepsError as error:

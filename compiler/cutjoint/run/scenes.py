@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.methods import CLOSURES, either, names_of
+from cutjoint.methods import PLAIN_CLOSURE
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.run.errors import RunError
 
@@ -32,18 +32,13 @@ def _empty_scene(model: Model) -> Scene:
 
 
 def with_closure(scene: Scene, closure: str) -> Scene:
-    """The scene with another closure; what it says of the penalty stays, a default becomes the closure's own.
+    """The scene with another closure; what it says of the penalty stays."""
+    return replace(scene, numerics=replace(scene.numerics, closure=closure))
 
-    Raises:
-        RunError: the scene leaves the penalty to a closure that finds it.
-    """
-    before = scene.numerics
-    finds_penalty = CLOSURES[closure].finds_penalty
-    if before.penalty is None and not finds_penalty:
-        able = either(names_of(CLOSURES, lambda c: c.finds_penalty))
-        raise RunError(f"{scene.span}: scene '{scene.name}': penalty: auto needs closure: {able}; write a number")
-    default = finds_penalty and before.penalty == Numerics.penalty
-    return replace(scene, numerics=replace(before, closure=closure, penalty=None if default else before.penalty))
+
+def of_fixed_cost(scene: Scene, iterations: int | None) -> Scene:
+    """The scene for steps that have so many iterations, if any: with the closure that such steps can have, unless it names one."""
+    return scene if iterations is None or scene.numerics.closure is not None else with_closure(scene, PLAIN_CLOSURE)
 
 
 def with_settings(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:

@@ -95,8 +95,8 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
     Raises:
         RunError: what is asked for does not go together, or a setting is out of its range.
     """
-    numerics, closure = scene.numerics, method.closure(scene.numerics.closure)
-    integrator = find_integrator(numerics, method, implementation, options.integrator)
+    numerics, closure = scene.numerics, method.closure(scene.numerics.closure, implementation)
+    integrator = find_integrator(numerics, method, implementation, options)
     events = find_events(numerics, method, implementation, integrator, options.events)
     if options.iterations is not None:
         _require_fixed_cost(method, integrator, closure, events)
@@ -105,8 +105,8 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
     settings = Settings(
         integrator=integrator.name,
         solver=_solver(method, implementation, options.solver) if integrator.uses_solver else None,
-        dt=min(scene.output_step, scene.end or scene.output_step) if integrator.adaptive else own.dt,
-        penalty=_penalty(numerics, method, integrator),
+        dt=min(scene.output_step, scene.end or scene.output_step) if integrator.adaptive else own.step,
+        penalty=own.penalty if closure.finds_penalty else _penalty(numerics, method, integrator),
         tolerance=own.tolerance,
         iterations=own.iterations if options.iterations is None else options.iterations,
         multiplier_updates=int(updates),
@@ -120,23 +120,36 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
     return settings
 
 
-def find_integrator(numerics: Numerics, method: Method, implementation: Implementation, asked: str | None) -> Integrator:
-    """The integrator of a run; a scene's is meant for the methods that it takes, others have the default.
+def find_integrator(numerics: Numerics, method: Method, implementation: Implementation, options: Options) -> Integrator:
+    """The integrator of a run; a scene's is meant for the methods that it takes, others have the method's own.
 
     Raises:
         RunError: there is none of the name, it does not take the method, or it does not hold the scene's cut joints.
     """
+    asked = options.integrator
     wanted = numerics.integrator if asked is None else asked
+    if wanted is None:
+        return _own_integrator(numerics, method, implementation, options)
     if wanted not in INTEGRATORS:
         raise RunError(f"no integrator '{wanted}'; there is {', '.join(INTEGRATORS)}")
     integrator = INTEGRATORS[wanted]
-    if not (method.name in integrator.methods and (integrator.twin or implementation == Implementation.GENERATED)):
+    if not integrator.takes(method, implementation):
         if asked is None:
-            return INTEGRATORS[DEFAULT_INTEGRATOR]
+            return _own_integrator(numerics, method, implementation, options)
         raise RunError(f"the integrator {wanted} takes generated code of the method {either(integrator.methods)}")
-    if method.closure(numerics.closure).name not in integrator.closures:
+    if method.closure(numerics.closure, implementation).name not in integrator.closures:
         raise RunError(f"the integrator {wanted} closes loops in its own way: use closure: {either(integrator.closures)}")
     return integrator
+
+
+def _own_integrator(numerics: Numerics, method: Method, implementation: Implementation, options: Options) -> Integrator:
+    """Without a length or a cost of steps, the first integrator of the method that holds the error of each; else equal steps."""
+    closure = method.closure(numerics.closure, implementation).name
+    if numerics.of_method(method.name).dt is None and options.iterations is None:
+        for integrator in INTEGRATORS.values():
+            if integrator.adaptive and closure in integrator.closures and integrator.takes(method, implementation):
+                return integrator
+    return INTEGRATORS[DEFAULT_INTEGRATOR]
 
 
 def find_events(
@@ -181,8 +194,8 @@ def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> floa
     own = numerics.methods.get(method.name, {}).get("penalty")
     if own is not None or method.own_updates is not None:
         return own
-    penalty = numerics.of_method(method.name).penalty
-    return penalty if penalty is None or integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
+    penalty = numerics.of_method(method.name).start_penalty
+    return penalty if integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
 
 
 def _stabilisation(own: Numerics, closure: Closure) -> Stabilisation:

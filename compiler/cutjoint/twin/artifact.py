@@ -67,7 +67,7 @@ def _require_twin(model: Model, scene: Scene, method: str) -> None:
         raise RunError(f"{method} has no generic twin: there is one of {twins}; use --implementation generated")
     if is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
-    closure = METHODS[method].closure(scene.numerics.closure)
+    closure = METHODS[method].closure(scene.numerics.closure, Implementation.GENERIC)
     if not closure.twin:
         known = all_of(names_of(CLOSURES, lambda c: c.twin))
         raise RunError(f"the generic twin knows closure: {known} only, not {closure.name}; use --implementation generated")

@@ -72,7 +72,7 @@ def suggest_grid(case: Case, *, parameter: str = "") -> Grid:
 
 def _steps(case: Case) -> tuple[float, ...]:
     """1, 2 and 5 of each decade, those that share rows with the case."""
-    own = [case.scene.numerics.of_method(method).dt for method in METHODS]
+    own = [case.scene.numerics.of_method(method).step for method in METHODS]
     shortest = max(SHORTEST, FINER * min(own), case.scene.end / max(MOST_STEPS.values()))
     longest = min(LONGEST, COARSER * max(own), case.scene.end / 8)
     steps = (float(f"{digit}e{power}") for power in range(-5, 0) for digit in (1, 2, 5))
@@ -168,7 +168,7 @@ def _describe(
         "axes": {"method": list(grid.methods), "precision": list(grid.precisions), "dt": list(grid.steps),
                  "penalty": list(grid.penalties), "parameter": grid.parameter, "value": list(grid.values),
                  "unit": next((p.unit for p in case.model.parameters if p.name == grid.parameter), "")},
-        "own": {m: {"dt": case.scene.numerics.of_method(m).dt, "value": _own_value(case, grid.parameter)} for m in grid.methods},
+        "own": {m: {"dt": case.scene.numerics.of_method(m).step, "value": _own_value(case, grid.parameter)} for m in grid.methods},
         "extent": [truths[value].extent for value in grid.values], "outcomes": dict(OUTCOMES), "cells": list(cells),
         "refused": dict(refused),
     }  # fmt: skip

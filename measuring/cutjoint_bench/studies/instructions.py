@@ -64,7 +64,7 @@ def main() -> None:
             artifact = compile_model(MODELS / f"{model}.yaml", scene=scene, method=method, flags=FLAGS)
             artifact = replace(artifact, scene=replace(artifact.scene, output_step=ends[1] - ends[0]))
             inside = f"{per_step(artifact, ends, '*::evaluate*'):.0f}" if METHODS[method].formulation is Formulation.RECURSIVE else ""
-            dt = artifact.scene.numerics.of_method(method).dt
+            dt = artifact.scene.numerics.of_method(method).step
             table.add_row(f"{model} {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
     console = Console(highlight=False, width=140)
     console.print(provenance(FLAGS), markup=False)

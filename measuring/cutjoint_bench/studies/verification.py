@@ -53,7 +53,7 @@ def row(m: Measurement) -> tuple[str, ...]:
     """The cells of a measurement, in the header's order."""
     p, scene = m.problem, m.artifact.scene
     return (
-        f"{p.name} {p.title}", f"{scene.numerics.dt:g}", f"{scene.end:g}", f"{m.errors.largest:.2e} {p.unit}", f"{m.errors.scaled:.2e}",
+        f"{p.name} {p.title}", f"{scene.numerics.step:g}", f"{scene.end:g}", f"{m.errors.largest:.2e} {p.unit}", f"{m.errors.scaled:.2e}",
         f"{p.threshold:g} {p.unit}", f"{m.orders[0]:.3f}, {m.orders[1]:.3f}", f"{m.run.evaluations / m.run.steps:.1f}",
         f"{median(m.ratios):.2e}", f"{min(m.ratios):.2e} .. {max(m.ratios):.2e}", m.artifact.source.digest[:8],
     )  # fmt: skip

@@ -12,14 +12,19 @@
 
 namespace cutjoint {
 
-/// Penalty of the proximal closure over the effective mass of its cut joint.
+/// Penalties of the proximal closure, by the effective masses of its cut joints while the others are held and while they are open.
 ///
-/// What an evaluation leaves of an error is the inverse square of it, and what rounding takes of the accelerations grows with it: 3e4 leaves
-/// ten digits of both.  With long steps it is less, for the sake of singular poses: there the fixed point diverges once a step changes the
-/// Jacobian's vanishing direction by more than the penalty blurs it, sqrt(mass/penalty).
+/// What an evaluation leaves of an error is the inverse square of penalty over held mass, and what rounding takes of the accelerations grows
+/// with it: 3e4 leaves ten digits of both.  A fixed point with steps `dt` (0 where there is none) wants less near singular poses: it diverges
+/// once a step changes the Jacobian's vanishing direction by more than the penalty blurs it, sqrt(open mass/penalty).
 template <class Real>
-Real stiffness_of_cuts(Real dt) {
-  return std::min(Real(3e4), Real(0.002) / (dt * dt));
+std::vector<Real> penalties_of_cuts(const std::vector<Real>& held, const std::vector<Real>& open, Real dt) {
+  std::vector<Real> penalties(held.size());
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    penalties[i] = Real(3e4) * held[i];
+    if (dt > Real(0)) penalties[i] = std::min(penalties[i], Real(0.005) * open[i] / (dt * dt));
+  }
+  return penalties;
 }
 
 /// Effective masses of the cut joints of a mechanism, kg or kg m^2, by S = Phi_v M^-1 Phi_v^T; a cut joint's is the largest of its equations.

@@ -119,9 +119,11 @@ void InitialState<M>::weigh() {
   const Real unbound = std::numeric_limits<Real>::infinity();
   const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
   load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
-  load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e4), unbound);
-  const Real stiffness = stiffness_of_cuts(Real(settings_.dt));
-  load(EffectiveMasses<M>(mechanism_, state_, penalties_).held(), stiffness, most);
+  const std::vector<Real> open = EffectiveMasses<M>(mechanism_, state_, penalties_).open();
+  load(open, Real(1e4), unbound);
+  const std::vector<Real> held = EffectiveMasses<M>(mechanism_, state_, penalties_).held();
+  const bool is_fixed_point = settings_.integrator == Integrator::trapezoidal;
+  load(penalties_of_cuts(held, open, is_fixed_point ? Real(settings_.dt) : Real(0)), Real(1), most);
 }
 
 extern template class InitialState<AnyMechanism<double>>;  // initial_state.cpp of the driver, since it takes long to compile

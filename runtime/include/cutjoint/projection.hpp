@@ -95,7 +95,7 @@ class Projection {
       add(dz_, share, now.step);
       add(right_, -share, now.closed);
     }
-    return true;
+    return dot(right_, right_) <= enough;
   }
 
   /// A gap, the step that answers it, and what this closes, -Phi_v step.

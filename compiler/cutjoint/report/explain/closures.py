@@ -8,7 +8,7 @@ import sympy
 
 from cutjoint.formulate.recursive import closures
 from cutjoint.formulate.recursive.closures import ClosureKernel, Matrix, derive_closure
-from cutjoint.methods import CLOSURES
+from cutjoint.methods import METHODS, START
 from cutjoint.model.records import Joint, Model, Numerics, Scalar
 from cutjoint.report.explain.gears import explain_gears
 from cutjoint.report.explain.groups import Counterparts, group
@@ -48,8 +48,9 @@ def explain_closures(topology: Topology, numerics: Numerics, counterparts: Seque
 
 
 def _numbers(numerics: Numerics) -> str:
-    if CLOSURES[numerics.closure].finds_penalty:
-        return f"In this scene the closure is {numerics.closure}: a run finds the penalty of each cut joint from the mass that it feels."
+    closure = METHODS[START].closure(numerics.closure)
+    if closure.finds_penalty:
+        return f"In this scene the closure is {closure.name}: a run finds the penalty of each cut joint from the mass that it feels."
     penalty, ratio, frequency = (number(x, times="e{}") for x in (numerics.start_penalty, numerics.damping_ratio, numerics.frequency))
     return rf"In this scene the penalty is $\alpha$ = {penalty}, the damping ratio $\xi$ = {ratio} and the frequency $w$ = {frequency} 1/s."
 

@@ -27,13 +27,18 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
   using Real = typename M::real_type;
 
   ExplicitMethod(M& mechanism, const RunSettings& settings, const Json& file)
-      : Base(mechanism, dynamics_, settings), inputs_(mechanism.description(), file),
+      : Base(mechanism, dynamics_, settings), mechanism_(mechanism), inputs_(mechanism.description(), file),
         dynamics_(mechanism, switches_of(mechanism.description(), settings), inputs_.roads(),
                   Table::adaptive ? Real(settings.tolerance) / 100 : Real(1e-12)) {
-    StabilisationSettings stabilisation = settings.stabilisation;
-    stabilisation.penalty = settings.penalty;
+    load_penalties(std::vector<double>(mechanism.description().cuts.size(), 1.0));
+  }
+
+  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
+  void load_penalties(const std::vector<double>& penalties) {
+    StabilisationSettings stabilisation = this->settings().stabilisation;
+    if (stabilisation.closure == Closure::penalty) stabilisation.penalty = this->settings().penalty;
     stabilisation.frequency = 0.0;  // loops are projected, not drawn together
-    inputs_.load_mechanism(mechanism, stabilisation, {});
+    inputs_.load_mechanism(mechanism_, stabilisation, converted<Real>(penalties));
   }
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
@@ -65,6 +70,7 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
   }
 
  private:
+  M& mechanism_;
   Inputs<Real> inputs_;
   Watched<M> dynamics_;
   std::vector<double> measured_;

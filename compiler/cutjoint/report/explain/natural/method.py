@@ -65,7 +65,7 @@ def explain_method(method: str, numerics: Numerics) -> Chapter:
     step = (
         "The unknowns are the coordinates at the end of a step that begins at $q_n$; the trapezoidal rule makes velocities and "
         "accelerations functions of them (eqs. 4, 5). Newton's method solves the equations of motion and of the constraints together.",
-        _figures(method, numerics),
+        _settings(method, numerics),
     )
     projection = (
         r"Then $\Phi$ is zero at the end of the step, but not $\dot \Phi$ and $\ddot \Phi$. The tangent of the last iteration tells the "
@@ -81,9 +81,9 @@ def explain_method(method: str, numerics: Numerics) -> Chapter:
     ))  # fmt: skip
 
 
-def _figures(method: str, numerics: Numerics) -> str:
+def _settings(method: str, numerics: Numerics) -> str:
     own, given = numerics.of_method(method), numerics.methods.get(method, {})
-    dt = rf"In this scene $\Delta t$ = {number(own.dt, times='e{}')} s"
+    dt = rf"In this scene $\Delta t$ = {number(own.step, times='e{}')} s"
     if METHODS[method].saddle_point:
         return f"{dt}."
     penalty = f"= {number(own.start_penalty, times='e{}')}" if "penalty" in given else "follows from masses and step"
