@@ -1,4 +1,4 @@
-"""Kept runs: they derive nothing, are what they were when they were prepared, and give way to whatever has changed."""
+"""Cached runs: they derive nothing, are what they were when they were prepared, and give way to whatever has changed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import cutjoint
 from cutjoint import cli, prepared
 from cutjoint.cli import main
 from cutjoint.commands import options, preparing
-from cutjoint.prepared import Prepared, Request, find_prepared
+from cutjoint.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.run.options import Options
 from cutjoint.toolchain import compiler
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
@@ -118,7 +118,7 @@ def table(model: Path, out: str = "run.csv") -> bytes:
 def test_a_run_that_is_compiled_imports_nothing_of_other_commands(shared: Path) -> None:
     script = (
         "import sys; from cutjoint.cli import main; import cutjoint.commands.simulate as simulate; "
-        "simulate.find_prepared = lambda *_: None; main(sys.argv[1:], standalone_mode=False); "
+        "simulate.find_cached_run = lambda *_: None; main(sys.argv[1:], standalone_mode=False); "
         f"later = {LATER}; print('derived:', 'cutjoint.pipeline' in sys.modules, 'of others:', "
         "[name for name in sys.modules if any(f'{name}.'.startswith(f'{package}.') for package in later)])"
     )
@@ -210,7 +210,7 @@ def test_a_kept_run_that_fails_says_where(model: Path) -> None:
 
 def test_a_scene_for_method_auto_is_measured_each_time(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert simulate(model, "--method", "auto").output.count("method auto needs a tolerance") == 1
-    assert find_prepared(Request(model=model, scene="still", method="auto"), {}) is None
+    assert find_cached_run(Request(model=model, scene="still", method="auto"), {}) is None
 
 
 def _copied(name: str, file: str) -> Callable[[Path, pytest.MonkeyPatch], None]:
@@ -245,10 +245,10 @@ CHANGES: dict[str, Callable[[Path, pytest.MonkeyPatch], None]] = {
 
 @pytest.mark.parametrize("what", CHANGES)
 def test_what_has_changed_is_prepared_anew(what: str, shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert find_prepared(Request(model=shared, scene="still"), {}) is not None
+    assert find_cached_run(Request(model=shared, scene="still"), {}) is not None
     forget_digests()
     CHANGES[what](tmp_path, monkeypatch)
-    assert find_prepared(Request(model=shared, scene="still"), {}) is None
+    assert find_cached_run(Request(model=shared, scene="still"), {}) is None
 
 
 def test_another_processor_is_another_run_where_flags_mean_it(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -267,7 +267,7 @@ def test_the_same_sources_elsewhere_are_the_same_code(shared: Path, tmp_path: Pa
     copies = tuple(Path(shutil.copytree(p, tmp_path / p.name)) for p in prepared.code_folders())
     (copies[0] / "more.pyc").write_bytes(b"")
     monkeypatch.setattr(prepared, "code_folders", lambda: copies)
-    assert find_prepared(Request(model=shared, scene="still"), {}) is not None
+    assert find_cached_run(Request(model=shared, scene="still"), {}) is not None
 
 
 @pytest.mark.parametrize(("old", "new"), [("mass: 1", "mass: 2"), ("name: slide", "name: slide  # that slides"), ("\n", "\r\n")])
@@ -275,9 +275,9 @@ def test_another_text_of_the_model_is_prepared_anew(old: str, new: str, model: P
     """A comment too: messages and generated code have lines of the file."""
     assert simulate(model).exit_code == 0
     model.write_bytes(SLIDE.encode())
-    assert find_prepared(Request(model=model, scene="still"), {}) is not None
+    assert find_cached_run(Request(model=model, scene="still"), {}) is not None
     model.write_bytes(SLIDE.replace(old, new).encode())
-    assert find_prepared(Request(model=model, scene="still"), {}) is None
+    assert find_cached_run(Request(model=model, scene="still"), {}) is None
 
 
 @pytest.mark.parametrize(
@@ -289,33 +289,33 @@ def test_another_text_of_the_model_is_prepared_anew(old: str, new: str, model: P
     ids=str,
 )  # fmt: skip
 def test_another_request_is_prepared_anew(asked: dict[str, object], shared: Path) -> None:
-    assert find_prepared(Request(model=shared, scene="still"), {}) is not None
-    assert find_prepared(replace(Request(model=shared, scene="still"), **asked), {}) is None  # type: ignore[arg-type]
+    assert find_cached_run(Request(model=shared, scene="still"), {}) is not None
+    assert find_cached_run(replace(Request(model=shared, scene="still"), **asked), {}) is None  # type: ignore[arg-type]
 
 
 def test_another_name_of_the_file_is_prepared_anew(model: Path) -> None:
     """Messages have the name."""
     assert simulate(model).exit_code == 0
     model.rename(model.with_name("other.yaml"))
-    assert find_prepared(Request(model=model.with_name("other.yaml"), scene="still"), {}) is None
+    assert find_cached_run(Request(model=model.with_name("other.yaml"), scene="still"), {}) is None
 
 
-def _kept(model: Path) -> tuple[Path, Prepared]:
+def _cached(model: Path) -> tuple[Path, PreparedRun]:
     assert simulate(model).exit_code == 0
     request = Request(model=model, scene="still")
     file = prepared._place(request, model.read_bytes())
-    found = find_prepared(request, {})
+    found = find_cached_run(request, {})
     assert found is not None
     return file, found
 
 
 def test_what_came_to_harm_is_prepared_anew(model: Path) -> None:
-    file, _ = _kept(model)
+    file, _ = _cached(model)
     sound, rows = file.read_bytes(), table(model)
     harmed = list(damaged_records(sound))
     for content in harmed:
         file.write_bytes(content)
-        assert find_prepared(Request(model=model, scene="still"), {}) is None
+        assert find_cached_run(Request(model=model, scene="still"), {}) is None
     for content in harmed[:: len(harmed) // 5]:
         file.write_bytes(content)
         assert simulate(model).exit_code == 0
@@ -324,18 +324,18 @@ def test_what_came_to_harm_is_prepared_anew(model: Path) -> None:
 
 @pytest.mark.parametrize("damage", ["gone", "cut off", "a bit flipped", "not executable", "a folder", "digest gone"])
 def test_a_simulator_that_came_to_harm_is_not_run(damage: str, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, found = _kept(model)
+    _, found = _cached(model)
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
     shutil.copytree(found.run.simulator.parent, cache_folder() / found.run.simulator.parent.name)
-    _, copied = _kept(model)
+    _, copied = _cached(model)
     assert copied.run.simulator.is_relative_to(cache_folder())
     DAMAGE[damage](copied.run.simulator)
-    assert find_prepared(Request(model=model, scene="still"), {}) is None
+    assert find_cached_run(Request(model=model, scene="still"), {}) is None
 
 
 @can_mount
 def test_a_run_needs_no_cache_to_write_to(model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, found = _kept(model)
+    _, found = _cached(model)
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
     shutil.copytree(found.run.simulator.parent, cache_folder() / found.run.simulator.parent.name)
     command = ["simulate", str(model), "--scene", "still", "--out", str(model.parent / "run.csv")]
@@ -346,11 +346,11 @@ def test_a_run_needs_no_cache_to_write_to(model: Path, tmp_path: Path, monkeypat
         done = run_mounted(cache_folder(), script)
         assert done.returncode == 0, done.stderr
         assert table(model) == rows
-        _kept(model)
+        _cached(model)
 
 
 def test_a_kept_file_names_no_program_outside_of_the_cache(model: Path) -> None:
-    file, found = _kept(model)
+    file, found = _cached(model)
     data = read_record(file)
     folder = model.parent / "elsewhere"
     folder.mkdir()
@@ -358,14 +358,14 @@ def test_a_kept_file_names_no_program_outside_of_the_cache(model: Path) -> None:
     for place in (str(folder), os.path.relpath(folder, cache_folder()), f"../{cache_folder().name}/{found.run.simulator.parent.name}"):
         assert (cache_folder() / place / "simulator").exists()
         write_record(file, {**data, "run": {**data["run"], "simulator": place}})
-        assert find_prepared(Request(model=model, scene="still"), {}) is None
+        assert find_cached_run(Request(model=model, scene="still"), {}) is None
 
 
 def test_a_pipe_is_left_to_who_reads_the_model(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     pipe = os.open(tmp_path / "pipe", os.O_RDWR)
     os.write(pipe, b"x")
-    assert find_prepared(Request(model=tmp_path / "pipe"), {}) is None
+    assert find_cached_run(Request(model=tmp_path / "pipe"), {}) is None
     assert os.read(pipe, 1) == b"x"
     os.close(pipe)
 

@@ -55,7 +55,7 @@ _HOMES = {
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        """What is above, imported with its first use: SymPy takes longer to import than a kept run takes to run."""
+        """What is above, imported with its first use: SymPy takes longer to import than a cached run takes to run."""
         for home, names in _HOMES.items():
             if name in names:
                 return getattr(import_module(home), name)

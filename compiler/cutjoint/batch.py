@@ -90,7 +90,7 @@ def simulate_batch(
     A run that fails does not stop the others.
 
     Raises:
-        RunError: a parameter that cannot be set, figures that no run has, or cases that do not set the same parameters.
+        RunError: a parameter that cannot be set, settings that no run has, or cases that do not set the same parameters.
         SimulatorError: the simulator could not begin.
         OutputError: the table cannot be written.
         Interrupted, Terminated: a signal has ended the batch.

@@ -21,7 +21,7 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.accuracy import run_accurately
-from cutjoint.run.artifact import Artifact, make_ready, require_choice, require_tangents
+from cutjoint.run.artifact import Artifact, make_simulator_run, require_choice, require_tangents
 from cutjoint.run.compiled_files import require_no_model, write_compiled
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
@@ -118,5 +118,5 @@ def simulate(
     )  # fmt: skip
     if tangents is not None:
         require_tangents(artifact, options)
-    ready = make_ready(artifact, options, parameters)
-    return run_accurately(ready, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error)
+    run = make_simulator_run(artifact, options, parameters)
+    return run_accurately(run, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error)

@@ -1,8 +1,8 @@
-"""Prepared runs, kept: a second run of a scene derives nothing, and imports nothing of what derives.
+"""The cache of prepared runs: a second run of a scene derives nothing, and imports nothing of what derives.
 
 The key covers all that a run follows from: the text of the model and the name of its file, which messages have, what was asked for, the
 sources of the compiler and the runtime, the versions of what the compiler calls, the C++ compiler, its flags and the processor that they
-mean.  What is kept is plain data (JSON), and a simulator by its name in the cache.
+mean.  The cache has plain data (JSON), and a simulator by its name in the cache.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from typing import Any
 from cutjoint.locations import code_folders
 from cutjoint.methods import DEFAULT_PRECISION, Implementation
 from cutjoint.run.options import Options
-from cutjoint.run.ready import Compilation, ReadyRun
+from cutjoint.run.simulator_run import Compilation, SimulatorRun
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler, resolve
 from cutjoint.toolchain.errors import ToolchainError
 
-#: Bytes that are read of a model file: more than a model may have, so that a part of a larger file is none that was kept.
+#: Bytes that are read of a model file: more than a model may have, so that a part of a larger file is in no cache.
 _LARGEST = 8_000_000
 
 
@@ -47,8 +47,8 @@ class Request:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prepared:
-    """A compiled model's run, and what is told of it.
+class PreparedRun:
+    """A compiled model's run, and what is reported of it.
 
     ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
     file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
@@ -59,14 +59,14 @@ class Prepared:
     places: Mapping[str, str]
     compilation: Compilation
     following: tuple[str, ...]
-    run: ReadyRun
+    run: SimulatorRun
 
     def takes(self, parameters: Mapping[str, float]) -> bool:
         """Whether parameters can be changed without the model."""
         return not parameters or (not self.following and parameters.keys() <= self.run.run_file["parameters"].keys())
 
 
-def find_prepared(request: Request, parameters: Mapping[str, float]) -> Prepared | None:
+def find_cached_run(request: Request, parameters: Mapping[str, float]) -> PreparedRun | None:
     """The run that was prepared before from what is there now, with parameters (SI units) changed; None where there is none."""
     if not request.model.is_file():
         return None  # a pipe can be read once
@@ -82,8 +82,8 @@ def find_prepared(request: Request, parameters: Mapping[str, float]) -> Prepared
     return replace(prepared, run=prepared.run.with_parameters(parameters))
 
 
-def keep_prepared(request: Request, text: str, prepared: Prepared) -> None:
-    """Keep what was prepared from the text of a model, with the parameters that it has there; a run needs no cache to write to."""
+def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
+    """Cache what was prepared from the text of a model, with the parameters of that text; a cache that cannot be written is no error."""
     with suppress(PackageNotFoundError, ToolchainError):  # installed without versions, or a cache that cannot be written
         write_record(_place(request, text.encode()), _as_json(prepared))
 
@@ -95,12 +95,12 @@ def _place(request: Request, content: bytes) -> Path:
 
 
 def made_with() -> tuple[Any, ...]:
-    """What all that is kept follows from besides the model: sources, versions, the C++ compiler, its flags and
+    """What cached runs follow from besides the model: sources, versions, the C++ compiler, its flags and
     the processor that they mean.
 
     Raises:
         ToolchainError: a tool is missing.
-        PackageNotFoundError: what is installed does not tell its version.
+        PackageNotFoundError: a package is installed without its version.
     """
     compiler = find_compiler()
     return code_digest(code_folders()), versions(), compiler.command, compiler.key, resolve(FLAGS)
@@ -124,18 +124,18 @@ def versions() -> tuple[str, ...]:
     return (sys.version, *(f"{name} {version(name)}" for name in ("cutjoint", *required)))
 
 
-def _as_json(prepared: Prepared) -> dict[str, Any]:
+def _as_json(prepared: PreparedRun) -> dict[str, Any]:
     found = replace(prepared.compilation, generate_seconds=0.0, compile_seconds=0.0)
     run = {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}
     return {**asdict(replace(prepared, compilation=found)), "run": run}
 
 
-def _from_json(data: Mapping[str, Any]) -> Prepared:
+def _from_json(data: Mapping[str, Any]) -> PreparedRun:
     run, compilation = data["run"], data["compilation"]
     if not re.fullmatch(r"[\w-]+", run["simulator"]):
         raise ValueError("a simulator has a name in the cache, not a path")
-    return Prepared(
+    return PreparedRun(
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"])}), following=tuple(data["following"]),
-        run=ReadyRun(**{**run, "simulator": cache_folder() / run["simulator"] / "simulator"}),
+        run=SimulatorRun(**{**run, "simulator": cache_folder() / run["simulator"] / "simulator"}),
     )  # fmt: skip

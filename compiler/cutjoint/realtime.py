@@ -53,7 +53,7 @@ def run_in_real_time(
     same; only the method recursive has that.
 
     Raises:
-        RunError: a parameter that cannot be set, figures that no run has, or steps that cannot be of fixed cost.
+        RunError: a parameter that cannot be set, settings that no run has, or steps that cannot be of fixed cost.
         SimulatorError: the simulator could not begin, or could not write a file.
         OutputError: a file cannot be written.
         Interrupted, Terminated: a signal has ended the run.

@@ -18,14 +18,14 @@ from cutjoint.run.outputs import require_apart, require_folder
 from cutjoint.run.result_files import write_whole
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose, groups
+from cutjoint_bench.prebuild import prebuild
 from cutjoint_bench.progress import progress_bar
-from cutjoint_bench.ready import make_ready
 from cutjoint_bench.records import Case
 from cutjoint_bench.reference import TOLERANCES
 from cutjoint_bench.store import Store
 from cutjoint_bench.study import Plan, perform
 
-#: More timed runs of a point tell nothing more.
+#: More timed runs of a point add nothing.
 MOST_REPETITIONS = 1000
 
 
@@ -55,7 +55,7 @@ def run_bench(
     )
     require_folder(out)
     with progress_bar() as say:
-        make_ready([plan], measurements, say)
+        prebuild([plan], measurements, say)
         data = perform(plan, Store(measurements), say)
         say("drawing")
         page = render_page({"bench": data})

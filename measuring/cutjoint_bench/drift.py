@@ -17,7 +17,7 @@ from cutjoint.run.run_file import Evaluator
 from cutjoint_bench.errors import energies
 from cutjoint_bench.records import Case
 
-#: What tells attitude and rotation of a body.
+#: Quantities of the attitude and the rotation of a body.
 _ROTATION = ("roll", "pitch", "yaw", "wx", "wy", "wz")
 
 

@@ -52,7 +52,7 @@ def _mean(distances: Array) -> float:
 
 
 def _energy_error(case: Case, mine: Mapping[str, Array], known: Mapping[str, Array]) -> float:
-    """The difference of the energies that places and velocities tell, relative to the largest kinetic energy."""
+    """The difference of the energies that follow from places and velocities, relative to the largest kinetic energy."""
     kinetic, weight = energies(case, known)
     size = float(np.abs(kinetic).max())
     found = sum(energies(case, mine))

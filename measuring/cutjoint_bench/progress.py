@@ -1,4 +1,4 @@
-"""What a bench tells of its work while it goes on."""
+"""What a bench reports of its work while it runs."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn
 
 
 class Say(Protocol):
-    """Is told what is being done, and which ``share`` of the whole is done, 0 to 1, where that is known."""
+    """Receives what is being done, and which ``share`` of the whole is done, 0 to 1, where that is known."""
 
     def __call__(self, text: str, /, *, share: float | None = None) -> None: ...
 
 
 def silently(text: str, /, *, share: float | None = None) -> None:
-    """Tells nobody."""
+    """Reports nothing."""
 
 
 def part_of(say: Say, number: int, count: int) -> Say:
-    """Tells the shares of one of ``count`` equal parts as those of the whole."""
+    """Reports the shares of one of ``count`` equal parts as those of the whole."""
 
     def say_part(text: str, /, *, share: float | None = None) -> None:
         say(text, share=None if share is None else (number + share) / count)

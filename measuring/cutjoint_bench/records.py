@@ -35,7 +35,7 @@ class Case:
         return f"{self.model.name}/{self.scene.name}"
 
     def input_digest(self, method: str) -> str:
-        """A digest of all that a simulator of this case reads when it runs: parameters, figures of the method, start, roads."""
+        """A digest of all that a simulator of this case reads when it runs: parameters, settings of the method, start, roads."""
         given = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method, options=PLAIN_STEPS)
         return sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:32]
 
@@ -95,8 +95,8 @@ class Contender:
     """A way to run a case.  ``prepare`` compiles it and raises an error of the user's making where the case does not suit it.
 
     ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "reduced", "solvers", "generic",
-    "precision", "peer".  ``identify`` tells, without compiling, the part of the configuration by which kept figures are known to be of this
-    version: digests of generated code and runtime, or a peer's version.
+    "precision", "peer".  ``identify`` finds, without compiling, the part of the configuration by which stored results are known to be
+    of this version: digests of generated code and runtime, or a peer's version.
     """
 
     name: str

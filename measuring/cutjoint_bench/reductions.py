@@ -1,4 +1,4 @@
-"""The reduced models of a scene's reduction sequence as contenders: what each pass leaves of the model, by every method."""
+"""The models of a scene's reduction sequence as contenders, by every method."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from cutjoint.methods import METHODS
 from cutjoint.pipeline import compile_scene, generate
 from cutjoint.reduce.sequence import APPROXIMATIONS, ROLLING, STEPS, ReducedModel, reduction_sequence
 from cutjoint.run.errors import RunError
-from cutjoint_bench.own import OwnRunner, identity
+from cutjoint_bench.cutjoint_contenders import OwnRunner, identity
 from cutjoint_bench.records import Case, Contender
 
-#: What a reduced model is called after: all passes.
+#: The passes, after which reduced models are called.
 NAMES = tuple(step.name for step in (*STEPS, *APPROXIMATIONS, ROLLING))
 
 
 class NoReductionError(RunError):
-    """A scene's reduction sequence has no reduced model of that name."""
+    """A scene's reduction sequence has no model of that name."""
 
 
 def reduced_contenders() -> Iterator[Contender]:
-    """Each pass with each method; those that leave a scene as it is refuse it."""
+    """A contender for each pass and method; it refuses scenes that its pass leaves as they are."""
     for method in METHODS:
         for name in NAMES:
             yield Contender(
@@ -53,7 +53,7 @@ def _variant(case: Case, method: str, name: str) -> ReducedModel:
     return variant
 
 
-#: The last case's reduction sequences by method: its reduced models are asked for one after the other.
+#: The reduction sequence of the last case and method: its models are asked for one after the other.
 _LAST: dict[tuple[int, str], tuple[Case, list[ReducedModel]]] = {}
 
 

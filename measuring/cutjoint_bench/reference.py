@@ -56,7 +56,7 @@ class Reference:
 
 
 def find_reference(case: Case, *, precision: str = "quad", say: Say = silently) -> Reference:
-    """The reference of a case, from the cache where it is; ``precision`` is one of TOLERANCES, ``say`` is told what is being done.
+    """The reference of a case, from the cache where it is; ``precision`` is one of TOLERANCES, ``say`` receives what is being done.
 
     Raises:
         RunError: neither route reaches the end.

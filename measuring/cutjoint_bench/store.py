@@ -1,4 +1,4 @@
-"""What was measured, kept line by line, so that an interrupted bench goes on where it stopped."""
+"""What was measured, stored line by line, so that an interrupted bench goes on where it stopped."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Store:
                 self._known[record["key"]] = record
 
     def get(self, of: Mapping[str, Any], make: Callable[[], Record]) -> Record:
-        """The result of what ``of`` describes in full; made and kept if there is none yet."""
+        """The result of what ``of`` describes in full; made and stored if there is none yet."""
         key = _digest(of)
         if key not in self._known:
             record = {"key": key, "of": dict(of), "result": make()}

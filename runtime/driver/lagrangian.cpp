@@ -7,7 +7,7 @@
 #include "cutjoint/run.hpp"
 #include "cutjoint/sdirk/method.hpp"
 #include "cutjoint/stepping/newton_rule.hpp"
-#include "cutjoint/stepping/parted.hpp"
+#include "cutjoint/stepping/split_steps.hpp"
 
 extern template class cutjoint::Newton<cutjoint::AnySystem<cutjoint::Precision>>;  // newton.cpp
 extern template class cutjoint::AugmentedNewton<cutjoint::AnySystem<cutjoint::Precision>>;
@@ -43,7 +43,7 @@ int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySy
       case Integrator::sdirk4_fixed:
         return run<sdirk::ImplicitMethod<S>>(start, system, settings, file);
       default:
-        if (settings.events) return run<stepping::PartedSteps<S, stepping::NewtonRule<S>>>(start, system, settings, file);
+        if (settings.events) return run<stepping::SplitSteps<S, stepping::NewtonRule<S>>>(start, system, settings, file);
         return run<LagrangianMethod<S>>(start, system, settings, file);
     }
   });

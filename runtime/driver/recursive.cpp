@@ -7,7 +7,7 @@
 #include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/runge_kutta/method.hpp"
-#include "cutjoint/stepping/parted.hpp"
+#include "cutjoint/stepping/split_steps.hpp"
 #include "cutjoint/stepping/trapezoidal_rule.hpp"
 
 extern template class cutjoint::Trapezoidal<cutjoint::AnyMechanism<cutjoint::Precision>>;  // trapezoidal.cpp
@@ -41,7 +41,7 @@ int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMe
       case Integrator::dormand_prince:
         return run<runge_kutta::ExplicitMethod<M, runge_kutta::DormandPrinceTable>>(start, mechanism, settings, file);
       default:
-        if (settings.events) return run<stepping::PartedSteps<M, stepping::TrapezoidalRule<M>>>(start, mechanism, settings, file);
+        if (settings.events) return run<stepping::SplitSteps<M, stepping::TrapezoidalRule<M>>>(start, mechanism, settings, file);
         return run<Recursive<M>>(start, mechanism, settings, file);
     }
   });

@@ -227,7 +227,7 @@ def test_a_long_chain_needs_more_corrections_of_its_multipliers(tmp_path: Path) 
     artifact = compile_scene(case.model, case.scene, outputs=case.outputs)
     truth = exact_truth(partial(chain_motion, chain), 10.0)
     errors = [
-        try_run(case, artifact, truth, dt=0.02, row=0.02, figures={"multiplier_updates": updates}).position
+        try_run(case, artifact, truth, dt=0.02, row=0.02, settings={"multiplier_updates": updates}).position
         for updates in (4, chain.multiplier_updates)
     ]
     assert errors[1] < 0.6 * errors[0]

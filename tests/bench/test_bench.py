@@ -19,14 +19,14 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.steps import common_step
-from cutjoint_bench import own
+from cutjoint_bench import cutjoint_contenders
 from cutjoint_bench.cases import falling_steps, make_case
 from cutjoint_bench.command import command
 from cutjoint_bench.contenders import CONTENDERS, choose
+from cutjoint_bench.cutjoint_contenders import OwnRunner
 from cutjoint_bench.errors import measure_errors
 from cutjoint_bench.findings import breakdown, order, time_at
 from cutjoint_bench.measure import largest_step, shared_steps
-from cutjoint_bench.own import OwnRunner
 from cutjoint_bench.records import Case
 from cutjoint_bench.reference import Reference
 from cutjoint_bench.report.page import describe
@@ -229,7 +229,7 @@ def test_every_method_is_a_contender() -> None:
 def test_contenders_have_the_events_of_their_names_whatever_the_scene_says(monkeypatch: pytest.MonkeyPatch) -> None:
     case = make_case(MODELS / "pendulum.yaml", end=0.1)
     asked: list[object] = []
-    monkeypatch.setattr("cutjoint_bench.own.simulate", lambda *_, **how: asked.append((how["integrator"], how["events"])))
+    monkeypatch.setattr("cutjoint_bench.cutjoint_contenders.simulate", lambda *_, **how: asked.append((how["integrator"], how["events"])))
     for events in ("located", "crossed"):
         scene = replace(case.scene, numerics=replace(case.scene.numerics, events=events))
         for name in ("recursive", "recursive/events", "recursive/rk4"):
@@ -287,7 +287,7 @@ def test_each_run_is_of_a_copy_of_the_simulator(monkeypatch: pytest.MonkeyPatch)
         assert artifact.binary.path.read_bytes() == kept.read_bytes()
         return simulate(artifact, **how)
 
-    monkeypatch.setattr(own, "simulate", run)
+    monkeypatch.setattr(cutjoint_contenders, "simulate", run)
     one, other = runner(0.01), runner(0.01)
     assert one.columns["bob.x"].tolist() == other.columns["bob.x"].tolist()
     assert len({kept, *used}) == 3

@@ -14,7 +14,7 @@ SCRIPT = """
 import os, time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from cutjoint_bench.ready import end_with_parent
+from cutjoint_bench.prebuild import end_with_parent
 
 if __name__ == "__main__":
     pool = ProcessPoolExecutor(2, mp_context=get_context("spawn"), initializer=end_with_parent)

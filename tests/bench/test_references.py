@@ -11,8 +11,8 @@ from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
 from cutjoint_bench.cases import make_case
+from cutjoint_bench.cutjoint_contenders import TOLERANCES
 from cutjoint_bench.errors import measure_errors
-from cutjoint_bench.own import TOLERANCES
 from cutjoint_bench.reference import find_reference
 from tests.conftest import DATA, MODELS
 from tests.physics.simulation import read_reference

@@ -15,7 +15,7 @@ from multiprocessing import get_context
 
 import click
 
-from cutjoint_bench.ready import end_with_parent
+from cutjoint_bench.prebuild import end_with_parent
 
 from .kinds import KINDS
 from .tally import Tally

@@ -104,6 +104,6 @@ def _require_table(folder: Path, file: dict[str, Any], summary: dict[str, Any]) 
 def _is_long(text: str) -> bool:
     """Whether a run file asks for more steps or rows than can be waited for."""
     file = json.loads(text)
-    figures = file["numerics"]
-    lengths = [x for x in (figures.get("dt"), file.get("output_step")) if isinstance(x, int | float) and x > 0]
-    return any(file["end"] / x * max(1, figures.get("iterations", 1)) > MANY for x in lengths)
+    numerics = file["numerics"]
+    lengths = [x for x in (numerics.get("dt"), file.get("output_step")) if isinstance(x, int | float) and x > 0]
+    return any(file["end"] / x * max(1, numerics.get("iterations", 1)) > MANY for x in lengths)

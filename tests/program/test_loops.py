@@ -14,7 +14,7 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.program.interpret import interpret_scalar, interpret_scalars
-from cutjoint.program.loops import Given, Input, Kept, Loop, Rolled, Table, roll
+from cutjoint.program.loops import Given, Input, Loop, Rolled, Stored, Table, roll
 from cutjoint.program.records import LoweredFunction, Program
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
@@ -85,7 +85,7 @@ class Machine:
         self.inputs = {place(*node.data): self.values[n] for n in known for node in [self.nodes[n]] if node.op == "symbol"}  # type: ignore[misc]
         rows = [(i, k, row) for i, loop in enumerate(rolled.loops) for k, row in enumerate(loop.iterations)]
         self.where = {n: (i, j, k) for i, k, row in rows for j, n in enumerate(row)}
-        self.kept: dict[tuple[int, int], dict[int, Any]] = {}
+        self.stored: dict[tuple[int, int], dict[int, Any]] = {}
         self.results: dict[tuple[str, int], Any] = {}
 
     def run(self) -> dict[tuple[str, int], Any]:
@@ -116,19 +116,19 @@ class Machine:
     def keep(self, loop: int, statement: int, place: int, value: Any) -> None:
         first, last = self.rolled.loops[loop].arrays[statement]
         assert first <= place <= last
-        array = self.kept.setdefault((loop, statement), {})
+        array = self.stored.setdefault((loop, statement), {})
         assert place not in array or np.array_equal(array[place], value)
         array[place] = value
 
     def is_ready(self, given: Given, k: int) -> bool:
-        return not isinstance(given, Kept) or given.step.at(k) in self.kept.get((given.loop, given.statement), {})
+        return not isinstance(given, Stored) or given.step.at(k) in self.stored.get((given.loop, given.statement), {})
 
     def given(self, given: Given, table: list[Any], k: int) -> Any:
         match given:
             case Input(array, step):
                 return self.inputs[array, step.at(k)]
-            case Kept(loop, statement, step):
-                return self.kept[loop, statement][step.at(k)]
+            case Stored(loop, statement, step):
+                return self.stored[loop, statement][step.at(k)]
             case Table():
                 return table[k]
 
@@ -140,7 +140,7 @@ class Machine:
             return -self.value(self.nodes[a].args[0], local)
         if a in self.where:
             loop, statement, k = self.where[a]
-            return self.kept[loop, statement][k]
+            return self.stored[loop, statement][k]
         return self.values[a]
 
 

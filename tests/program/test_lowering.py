@@ -98,7 +98,7 @@ def test_stages_run_in_turn(tried: Tried) -> None:
     known = {n: node.data for n, node in enumerate(graph.nodes) if node.op == "const"}
     run(tried, program.loaded, known, {"parameters", "numerics"})
     run(tried, program.stepped, known, {"t", "motion"})
-    kept = {n: value for n, value in known.items() if n in program.kept or graph.nodes[n].op == "const"}
+    kept = {n: value for n, value in known.items() if n in program.stored or graph.nodes[n].op == "const"}
     for n, node in enumerate(graph.nodes):  # the negation of what is kept is written out where it is read
         if node.op == "neg" and node.args[0] in kept:
             kept[n] = -kept[node.args[0]]

@@ -235,14 +235,14 @@ def test_the_cost_of_a_parameter_is_what_closing_it_in_the_file_saves() -> None:
 
 def test_the_scalars_that_a_parameter_keeps_are_those_that_change_with_it() -> None:
     equations, program = open_pendulum()
-    kept = sorted(set(program.loaded) & program.kept)
+    kept = sorted(set(program.loaded) & program.stored)
     numerics = np.array([1e9, 1.0, 10.0])
     before, *changed = (
         interpret_scalars(program.graph, kept, {"parameters": np.array(p), "numerics": numerics}, {})
         for p in ((2.1, 0.3), (2.7, 0.3), (2.1, 0.4))
     )
     found = [sum(before[n] != after[n] for n in kept) for after in changed]
-    assert found == [c.kept for c in parameter_costs(equations, program)]
+    assert found == [c.stored for c in parameter_costs(equations, program)]
     assert all(found)
 
 

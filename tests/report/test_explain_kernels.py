@@ -14,10 +14,10 @@ from cutjoint.model.records import Force, Joint, JointKind, Span
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.report.explain import tyre
+from cutjoint.report.explain.force_descriptions import DESCRIPTIONS
 from cutjoint.report.explain.joints import _matrices
 from cutjoint.report.explain.latex import latex, number, variants
 from cutjoint.report.explain.laws import differentiate, expand_polynomials
-from cutjoint.report.explain.manners import MANNERS
 from cutjoint.topology.records import TreeJoint
 
 LENGTH, RATE = sympy.Symbol("length", real=True), sympy.Symbol("rate", real=True)
@@ -149,7 +149,7 @@ def test_the_printed_derivatives_of_the_tyre(state: tuple[float, float, float]) 
 
 
 def test_every_kind_of_force_can_be_explained() -> None:
-    assert set(MANNERS) == set(get_args(Force))
+    assert set(DESCRIPTIONS) == set(get_args(Force))
 
 
 def test_laws_that_differ_are_printed_with_their_owners() -> None:

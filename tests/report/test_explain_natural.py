@@ -16,7 +16,7 @@ from cutjoint.formulate.inputs import TIME
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Force, Scene
 from cutjoint.report.explain.document import explain
-from cutjoint.report.explain.natural import manners
+from cutjoint.report.explain.natural import force_descriptions
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
 from cutjoint.report.explain.natural.layout import explain_layout
 from cutjoint.report.explain.natural.shapes import explain_shapes
@@ -169,7 +169,7 @@ def test_explaining_does_not_change_the_layout(iltis: Explained) -> None:
 
 
 def test_every_kind_of_force_acts_on_natural_coordinates() -> None:
-    assert set(manners._ACTIONS) == set(get_args(Force))
+    assert set(force_descriptions._ACTIONS) == set(get_args(Force))
 
 
 # Rendering

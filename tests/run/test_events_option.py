@@ -14,7 +14,7 @@ from cutjoint.cli import main
 from cutjoint.methods import INTEGRATORS, METHODS, Events
 from cutjoint.pipeline import compile_model, simulate
 from cutjoint.realtime import run_in_real_time
-from cutjoint.run.artifact import Artifact, make_ready
+from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.twin.artifact import compile_generic_model
@@ -33,7 +33,7 @@ OTHERS: Mapping[str, Callable[[Path], Artifact]] = {
 
 def told(artifact: Artifact, **how: Any) -> bool | None:
     """What the run file says of events; None for nothing."""
-    found: bool | None = make_ready(artifact, Options(**how)).run_file["numerics"]["events"]
+    found: bool | None = make_simulator_run(artifact, Options(**how)).run_file["numerics"]["events"]
     return found
 
 

@@ -17,10 +17,10 @@ import pytest
 from click.testing import Result
 
 from cutjoint.run.outputs import OutputError, partial_of, reason_of, require_apart, units_of
-from cutjoint.run.ready import ReadyRun, start
 from cutjoint.run.result_files import TableFile, write_whole
 from cutjoint.run.results import read_table
 from cutjoint.run.simulator import SimulatorError
+from cutjoint.run.simulator_run import SimulatorRun, start
 from tests.run.program import PATIENCE, call, files, has_content, launch, run, small_disk, wait_for
 from tests.runtime.test_last_row import DRIVEN
 
@@ -177,20 +177,20 @@ def test_a_run_that_fails_leaves_an_earlier_table_and_says_where_its_rows_are(fo
 
 
 @pytest.fixture
-def script(tmp_path: Path) -> Callable[[str], ReadyRun]:
+def script(tmp_path: Path) -> Callable[[str], SimulatorRun]:
     """A run whose simulator is a program in Python."""
 
-    def write(text: str) -> ReadyRun:
+    def write(text: str) -> SimulatorRun:
         path = tmp_path / "simulator"
         head = "import json, os, sys, time\nrun = json.load(open(sys.argv[1]))\nout = os.fdopen(run['out']['descriptor'], 'w')\n"
         path.write_text(f"#!{sys.executable}\n{head}{dedent(text)}", encoding="utf-8")
         path.chmod(0o755)
-        return ReadyRun(simulator=path, run_file={}, description=None, units={"a.x": "m"})
+        return SimulatorRun(simulator=path, run_file={}, description=None, units={"a.x": "m"})
 
     return write
 
 
-def test_a_damaged_simulator_leaves_an_earlier_table(script: Callable[[str], ReadyRun], folder: Path) -> None:
+def test_a_damaged_simulator_leaves_an_earlier_table(script: Callable[[str], SimulatorRun], folder: Path) -> None:
     Path("keep.csv").write_text("t,a.x\n0,1\n", encoding="utf-8")
     ready = script("")
     for content in (b"", b"#!/bin/sh\nexit 3\n", b"#!/bin/sh\nkill -9 $$\n"):
@@ -201,7 +201,7 @@ def test_a_damaged_simulator_leaves_an_earlier_table(script: Callable[[str], Rea
         assert [name for name in files(folder) if name != "simulator"] == ["keep.csv"]
 
 
-def test_a_table_that_is_cut_in_a_number_is_never_whole(script: Callable[[str], ReadyRun], folder: Path) -> None:
+def test_a_table_that_is_cut_in_a_number_is_never_whole(script: Callable[[str], SimulatorRun], folder: Path) -> None:
     ready = script("""
         out.write("t,a.x\\n0,1\\n1,-1.1925\\n2,-1.1")
         out.close()

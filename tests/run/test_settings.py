@@ -1,4 +1,4 @@
-"""Figures that no run has are refused by name, on the command line and from Python, before anything runs."""
+"""Settings that no run has are refused by name, on the command line and from Python, before anything runs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def compiled() -> Artifact:
 
 
 @pytest.mark.parametrize(
-    ("figures", "message"),
+    ("asked", "message"),
     [
         ({"dt": -1e-3}, "dt: -0.001 is not above 0; write a larger number"),
         ({"dt": 0.0}, "dt: 0 is not above 0; write a larger number"),
@@ -50,9 +50,9 @@ def compiled() -> Artifact:
         ({"threads": 0}, "threads: 0 is not above 0; write a larger number"),
     ],
 )
-def test_what_no_run_has(figures: dict[str, Any], message: str) -> None:
+def test_what_no_run_has(asked: dict[str, Any], message: str) -> None:
     with pytest.raises(RunError) as error:
-        require_settings(**figures)
+        require_settings(**asked)
     assert str(error.value) == message
 
 

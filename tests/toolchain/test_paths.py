@@ -28,11 +28,11 @@ WITH_RUNTIME = """
 cmake_minimum_required(VERSION 3.18)
 project(small CXX)
 include(${CUTJOINT_RUNTIME}/small.cmake)
-add_library(launch STATIC main.cpp)
+add_library(initial_state STATIC main.cpp)
 add_library(driver STATIC main.cpp)
 add_executable(simulator main.cpp)
 target_include_directories(simulator PRIVATE ${CUTJOINT_RUNTIME}/include)
-target_include_directories(launch PRIVATE ${CUTJOINT_RUNTIME}/include)
+target_include_directories(initial_state PRIVATE ${CUTJOINT_RUNTIME}/include)
 target_include_directories(driver PRIVATE ${CUTJOINT_RUNTIME}/include)
 """
 

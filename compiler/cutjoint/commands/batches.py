@@ -27,7 +27,7 @@ def run_batch(
 
     Raises:
         RunError: there is no table, or what is asked for does not go with one.
-        SystemExit: some of the runs failed, which is told.
+        SystemExit: some of the runs failed; a message says so.
     """
     model, scene, method = read_request(request)
     if table is None:

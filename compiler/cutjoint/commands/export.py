@@ -41,7 +41,7 @@ def command(
         options.out.print(sentence, markup=False)
     if left_out := [o.column for o in chosen.outputs if not asked and o not in outputs]:
         options.out.print(f"outputs left out: {', '.join(left_out)}", markup=False)
-    options.out.print(f"{', '.join(exported.files)} in {out}; the first of them tells how to run it", markup=False)
+    options.out.print(f"{', '.join(exported.files)} in {out}; the first of them says how to run it", markup=False)
 
 
 def _output(model: Model, name: str) -> Output:

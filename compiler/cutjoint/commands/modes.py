@@ -22,7 +22,7 @@ from cutjoint.states import find_modes
 @click.option("--at", type=options.Setting("at"), metavar="T",
               help="Linearise about the scene's motion at T seconds; otherwise about the static equilibrium.")
 @options.changes
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file for all figures.")
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="JSON file for all numbers.")
 @options.reports_errors
 def command(model: Path, scene: str | None, at: float | None, changes: tuple[str, ...], out: Path | None) -> None:
     """Linearise MODEL and print eigenvalues, frequencies, damping and mode shapes."""

@@ -103,7 +103,7 @@ def console_beside(*outputs: Path | None) -> Console:
 
 
 def _user_errors() -> tuple[type[Exception], ...]:
-    """Imported where something is raised: a kept run needs none of the stages that these belong to."""
+    """Imported where something is raised: a cached run needs none of the stages that these belong to."""
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.model.errors import ModelError
@@ -122,7 +122,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
 
 
 def take_scene(model: Model, name: str | None) -> Scene:
-    """The scene of that name, else the first one, which is told where there are others.
+    """The scene of that name, else the first one, with a message where there are others.
 
     Raises:
         RunError: there is no such scene.

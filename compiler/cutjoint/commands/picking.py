@@ -9,7 +9,7 @@ from cutjoint.commands import options
 from cutjoint.commands.preparing import Play, compile_request, prepare, require_own
 from cutjoint.methods import AUTO
 from cutjoint.model.records import Model, Scene
-from cutjoint.prepared import Prepared, Request
+from cutjoint.prepared import PreparedRun, Request
 from cutjoint.reduce.choose import choose, chosen_model
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.reductions import choice_table
@@ -20,8 +20,8 @@ from cutjoint.run.results import Trajectory
 
 def pick_and_play(
     request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], play: Play
-) -> tuple[Prepared, Trajectory]:  # fmt: skip
-    """Let method auto pick model, scene and method; nothing is kept, since what it picks was measured."""
+) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
+    """Let method auto pick model, scene and method; nothing is cached, since what it picks was measured."""
     asked = request.options
     require_own(
         "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=asked.solver,

@@ -1,4 +1,4 @@
-"""From a model file to a prepared run and its trajectory: what `cutjoint simulate` does where none is kept."""
+"""From a model file to a prepared run and its trajectory: what `cutjoint simulate` does where none is cached."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISI
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
-from cutjoint.prepared import Prepared, Request, keep_prepared
+from cutjoint.prepared import PreparedRun, Request, cache_run
 from cutjoint.report.tables import topology_facts
-from cutjoint.run.artifact import Artifact, make_ready
+from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_scene, of_fixed_cost, with_closure
 
-Play = Callable[[Prepared], Trajectory]
+Play = Callable[[PreparedRun], Trajectory]
 
 
 def read_request(request: Request) -> tuple[Model, Scene, str]:
@@ -43,7 +43,7 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
 
 def prepare_and_play(
     request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play
-) -> tuple[Prepared, Trajectory]:  # fmt: skip
+) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Compile a model as `read_request` found it, with ``parameters`` (SI units) changed, and play the run; keep what it needed.
 
     Raises:
@@ -54,9 +54,9 @@ def prepare_and_play(
     """
     artifact = compile_request(request, model, scene, method)
     prepared = prepare(artifact, request.options)
-    keep_prepared(request, model.text, prepared)
+    cache_run(request, model.text, prepared)
     if parameters:
-        prepared = replace(prepared, run=make_ready(artifact, request.options, parameters))
+        prepared = replace(prepared, run=make_simulator_run(artifact, request.options, parameters))
     return prepared, play(prepared)
 
 
@@ -86,12 +86,12 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
     return compile_generic(model, scene, method=method)
 
 
-def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> Prepared:
-    """The run of a compiled model with options and ``parameters`` (SI units), and what is told of it."""
+def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:
+    """The run of a compiled model with options and ``parameters`` (SI units), and what is reported of it."""
     model = artifact.topology.model
-    return Prepared(
+    return PreparedRun(
         model=model.name, counts=topology_facts(artifact.topology, find_mobility(artifact.mechanism)), places=artifact.places,
-        compilation=artifact.compilation, following=changing(model, artifact.scene), run=make_ready(artifact, asked, parameters),
+        compilation=artifact.compilation, following=changing(model, artifact.scene), run=make_simulator_run(artifact, asked, parameters),
     )  # fmt: skip
 
 

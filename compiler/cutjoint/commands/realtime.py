@@ -40,5 +40,5 @@ def command(
         options.console_beside(out).print(table)
     if times.failure is not None:
         where = options.describe_failure(times.failure, artifact.scene.name, artifact.places, model)
-        options.err.print(f"{where}; the figures are of the steps up to then; {options.describe_rest(times.table)}", markup=False)
+        options.err.print(f"{where}; the times are of the steps up to then; {options.describe_rest(times.table)}", markup=False)
         raise SystemExit(1)

@@ -1,4 +1,4 @@
-"""`cutjoint simulate`: a run that is kept needs nothing of what derives and compiles."""
+"""`cutjoint simulate`: a cached run needs nothing of what derives and compiles."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cutjoint.methods import (
     Implementation,
     names_of,
 )
-from cutjoint.prepared import Prepared, Request, find_prepared
+from cutjoint.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.options import Options
@@ -87,11 +87,11 @@ def command(
         run_batch(request, parameters, batch, threads=threads, out=out, steps=steps, plots=plots)
         return
 
-    def play(prepared: Prepared) -> Trajectory:
+    def play(prepared: PreparedRun) -> Trajectory:
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
             return run_accurately(prepared.run, out=out, steps=steps, progress=progress, estimate=error)
 
-    prepared = find_prepared(request, parameters)
+    prepared = find_cached_run(request, parameters)
     if prepared is not None:
         run = play(prepared)
     else:
@@ -113,8 +113,8 @@ def command(
 
 
 def _derive_and_play(
-    request: Request, parameters: Mapping[str, float], play: Callable[[Prepared], Trajectory]
-) -> tuple[Prepared, Trajectory]:  # fmt: skip
+    request: Request, parameters: Mapping[str, float], play: Callable[[PreparedRun], Trajectory]
+) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Compile the model, or let method auto measure what to compile."""
     from cutjoint.commands.preparing import prepare_and_play, read_request
 
@@ -126,7 +126,7 @@ def _derive_and_play(
     return pick_and_play(request, model, scene, parameters, play)
 
 
-def _plot(prepared: Prepared, run: Trajectory, folder: Path) -> list[Path]:
+def _plot(prepared: PreparedRun, run: Trajectory, folder: Path) -> list[Path]:
     from cutjoint.report.plots import plot_run
 
     return plot_run(run, f"{prepared.model}, {prepared.compilation.scene}", folder)

@@ -1,6 +1,6 @@
 """A static factorisation as straight-line code: one block of statements for each block of the factors.
 
-Left-looking: a block starts with the matrix's values, loses what all earlier tiles change in it, and is finished and kept.
+Left-looking: a block starts with the matrix's values, loses what all earlier tiles change in it, and is finished and stored.
 """
 
 from __future__ import annotations

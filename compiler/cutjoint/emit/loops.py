@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from cutjoint.emit.names import common_name, identifier, unique
 from cutjoint.emit.printer import Printer, kept_type, lanes_type
-from cutjoint.program.loops import Input, Kept, Loop, Rolled, Step, Table
+from cutjoint.program.loops import Input, Loop, Rolled, Step, Stored, Table
 from cutjoint.program.scalars import Graph
 
 
@@ -52,7 +52,7 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
             name = common_name(*(names.get(nodes[j], "") for nodes in (loop.iterations[0], loop.iterations[-1])))
             if j in loop.arrays:
                 first, last = loop.arrays[j]
-                array = unique(name or f"{prefixes[node.section]}_kept", taken)
+                array = unique(name or f"{prefixes[node.section]}_stored", taken)
                 arrays[i, j] = array, -first
                 kind = "Real" if loop.lanes else kept_type(node, conditions)
                 declared.append(f"{kind} {array}[{last - first + 1}];")
@@ -71,9 +71,9 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
             match given:
                 case Input(array, step):
                     pass
-                case Kept(number, statement, kept):
+                case Stored(number, statement, stored):
                     array, front = arrays[number, statement]
-                    step = Step(kept.first + front, kept.stride)
+                    step = Step(stored.first + front, stored.stride)
                 case Table(nodes):
                     array, step = unique("given", taken), Step(0, 1)
                     own.append((array, nodes))

@@ -74,7 +74,7 @@ class Viewer:
         self._locals = self._local_names()
         self._roads = road_names(equations.roads)
         self._inputs = self._input_names()
-        self._kept = self._kept_names()
+        self._stored = self._kept_names()
         self._rolled = {f.name: roll(program, f, self._place) for f in program.functions}
 
     def _input_names(self) -> dict[int, str]:
@@ -110,11 +110,11 @@ class Viewer:
 
     def _kept_names(self) -> dict[int, str]:
         """Members that hold the values of earlier stages."""
-        kept: dict[int, str] = {}
+        stored: dict[int, str] = {}
         taken = set(self._names.values())
-        for n in sorted(self._program.kept):
-            kept[n] = self._names.get(n) or unique(self._parameter_name(n) or f"value_{len(kept) + 1}", taken)
-        return kept
+        for n in sorted(self._program.stored):
+            stored[n] = self._names.get(n) or unique(self._parameter_name(n) or f"value_{len(stored) + 1}", taken)
+        return stored
 
     def _parameter_name(self, n: int) -> str:
         node = self._program.graph.nodes[n]
@@ -129,9 +129,9 @@ class Viewer:
         return f"p_{self._equations.parameters[index].name}" if symbol == "parameters" else f"{symbol}_now"
 
     def members(self, binding: BindingTime) -> tuple[tuple[str, str], ...]:
-        """Type and name of the kept values of one stage."""
+        """Type and name of the stored values of one stage."""
         nodes = self._program.graph.nodes
-        return tuple((kept_type(nodes[n], self._conditions), name) for n, name in self._kept.items() if nodes[n].binding is binding)
+        return tuple((kept_type(nodes[n], self._conditions), name) for n, name in self._stored.items() if nodes[n].binding is binding)
 
     def lane_types(self) -> tuple[tuple[str, int], ...]:
         """The types with lanes that the program uses, and their number of lanes."""
@@ -140,7 +140,7 @@ class Viewer:
 
     def _member(self, n: int) -> str:
         loaded = self._program.graph.nodes[n].binding is BindingTime.PARAM
-        return f"{'loaded' if loaded else 'step'}_.{self._kept[n]}"
+        return f"{'loaded' if loaded else 'step'}_.{self._stored[n]}"
 
     def load(self) -> FunctionView:
         """The stage of parameters."""
@@ -154,16 +154,16 @@ class Viewer:
 
     def _known(self, latest: BindingTime) -> dict[int, str]:
         nodes = self._program.graph.nodes
-        return {n: self._member(n) for n in self._kept if nodes[n].binding <= latest}
+        return {n: self._member(n) for n in self._stored if nodes[n].binding <= latest}
 
     def _early(
         self, name: str, arguments: tuple[str, ...], nodes: Sequence[int], binding: BindingTime, known: Mapping[int, str],
         extra: tuple[str, ...],
     ) -> FunctionView:  # fmt: skip
-        kept = [n for n in self._kept if self._program.graph.nodes[n].binding is binding]
+        stored = [n for n in self._stored if self._program.graph.nodes[n].binding is binding]
         printer = self._printer(known, self._program.graph, self._program.sections, self._names, self._taken())
-        sections = self._sections(printer.statements(nodes, printer.count_uses(nodes, kept)), self._program.sections)
-        results = [f"{self._member(n)} = {printer.text(n)};" for n in kept]
+        sections = self._sections(printer.statements(nodes, printer.count_uses(nodes, stored)), self._program.sections)
+        results = [f"{self._member(n)} = {printer.text(n)};" for n in stored]
         return self._view(name, arguments, _in_parts(sections), [*results, *extra], ())
 
     def function(self, name: str) -> FunctionView:

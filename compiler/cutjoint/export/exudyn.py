@@ -65,7 +65,7 @@ def script_name(model: str) -> str:
 
 
 def _forces(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> dict[str, object]:
-    """What the template is told of forces and roads."""
+    """What the template takes of forces and roads."""
     roads = road_statements(mechanism, numbers, scene)
     writer = ForceWriter(mechanism, numbers, {radius: name for radius, (name, _) in roads.items()})
     statements = ((force.name, writer.statement(force)) for force in mechanism.forces)
@@ -85,10 +85,10 @@ def _differences(mechanism: Mechanism, left_out: Sequence[Constraint]) -> Iterat
 
 def _body(body: RigidBody) -> str:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
-    figures = (
+    arguments = (
         f"mass={body.mass!r}, centre={body.centre!r}, inertia={(xx, yy, zz, yz, xz, xy)!r}, velocity={body.velocity!r}, spin={body.spin!r}"
     )
-    return f"mechanism.body({body.name!r}, {figures})"
+    return f"mechanism.body({body.name!r}, {arguments})"
 
 
 def _parts(mechanism: Mechanism) -> Iterator[str]:

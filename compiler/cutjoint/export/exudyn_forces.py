@@ -97,10 +97,10 @@ class ForceWriter:
         ends = f"{self.end(force.base, force.start)}, {self.end(force.follower, force.end)}"
         slopes = [sympy.diff(law, x) for x in (LENGTH, RATE)]
         stiffness, damping = (max(0.0, evaluate(slope, self.stretch(force))) for slope in slopes)
-        figures = f"stiffness={stiffness!r}, damping={damping!r}"
+        arguments = f"stiffness={stiffness!r}, damping={damping!r}"
         if all(slope.is_Number and slope >= 0 for slope in slopes) and not law.has(TIME):
-            return f"mechanism.spring({ends}, {figures}, force={evaluate(law, {LENGTH: 0.0, RATE: 0.0})!r})"
-        return f"mechanism.spring_law({ends}, {figures}, law={function(('length', 'rate'), law)})"
+            return f"mechanism.spring({ends}, {arguments}, force={evaluate(law, {LENGTH: 0.0, RATE: 0.0})!r})"
+        return f"mechanism.spring_law({ends}, {arguments}, law={function(('length', 'rate'), law)})"
 
     def stretch(self, force: PointSpring) -> dict[Scalar, float]:
         """Length and rate of a spring at the start."""
@@ -124,9 +124,9 @@ class ForceWriter:
 
     def wheel(self, tyre: Tyre) -> str:
         constants = {name: self.numbers.number(value) for name, value in tyre.constants.items()}
-        figures = ", ".join(f"{name}={value!r}" for name, value in sorted(constants.items()))
+        arguments = ", ".join(f"{name}={value!r}" for name, value in sorted(constants.items()))
         centre, axis = self.arm(tyre.body, tyre.centre), self.direction(tyre.body, tyre.axis)
-        return f"wheel({centre!r}, {axis!r}, Tyre({figures}), {self.roads[constants['radius']]})"
+        return f"wheel({centre!r}, {axis!r}, Tyre({arguments}), {self.roads[constants['radius']]})"
 
     def joint_force(self, force: JointForce) -> str | None:
         """A force or a torque between the bodies of a joint; on a guided or welded joint it moves nothing."""

@@ -66,7 +66,7 @@ def write_mjcf(mechanism: Mechanism) -> Mjcf:
 
 @dataclass(frozen=True)
 class _Elementary:
-    """One of MuJoCo's joints: ``label`` tells it from the others of a chain, ``coordinate`` is that of the model, if any."""
+    """One of MuJoCo's joints: ``label`` distinguishes it from the others of a chain, ``coordinate`` is that of the model, if any."""
 
     type: str
     axis: Triple | None

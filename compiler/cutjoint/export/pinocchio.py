@@ -45,7 +45,7 @@ def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float]
         raise ModelError(problems)
     columns = make_columns(model, mechanism, numbers, outputs)
     tree, forces = build_tree(model, scene, mechanism), write_forces(mechanism, numbers, scene)
-    differences, figures = tuple(_differences(mechanism, tree)), scene.numerics.of_method("recursive")
+    differences, numerics = tuple(_differences(mechanism, tree)), scene.numerics.of_method("recursive")
     program = environment().get_template("export/pinocchio.cpp.jinja").render(
         name=mechanism.name, scene=scene.name, differences=differences, definitions=" ".join(DEFINITIONS), integrator=INTEGRATORS[0],
         joints=[_joint(joint) for joint in tree.joints], masses=[_mass(mass) for mass in tree.masses],
@@ -54,7 +54,7 @@ def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float]
         laws=[f"{{{tree.places[f.joint, f.index]}, {offset(mechanism, f)!r}, {f.function}}}" for f in forces.joint_forces],
         guides=[f"{{{tree.places[g.joint, g.index]}, {g.function}}}" for g in forces.guides],
         columns=[column_text(mechanism, forces, column) for column in columns], parts=part_texts(mechanism, forces),
-        gravity=vector(mechanism.gravity), frequency=repr(float(figures.frequency)), ratio=repr(float(figures.damping_ratio)),
+        gravity=vector(mechanism.gravity), frequency=repr(float(numerics.frequency)), ratio=repr(float(numerics.damping_ratio)),
         add_forces="nullptr" if all(isinstance(f, JointForce) for f in mechanism.forces) else "add_forces",
     )  # fmt: skip
     files = {f"{model.name}.cpp": program, "forces.hpp": forces.text, **support_files(*ENGINE)}

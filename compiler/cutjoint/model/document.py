@@ -164,7 +164,7 @@ _NUMERICS = records.Numerics()
 
 
 class MethodNumerics(Part):
-    """Figures that one method has instead of the scene's."""
+    """Settings that one method has instead of the scene's."""
 
     dt: Number | None = None
     penalty: Number | None = None
@@ -174,7 +174,7 @@ class MethodNumerics(Part):
 
 
 class Numerics(Part):
-    """Figures of the numerical method; ``methods`` changes some of them for one method."""
+    """Settings of the numerical method; ``methods`` changes some of them for one method."""
 
     closure: Annotated[str, OneOf(tuple(CLOSURES))] | None = None
     dt: Number | None = None

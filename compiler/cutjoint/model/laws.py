@@ -180,7 +180,7 @@ class _Law:
 
 
 def _position(kind: LawKind) -> str | None:
-    """The variable that tells where the parts of a force element are."""
+    """The variable that says where the parts of a force element are."""
     return next((name for name in ("length", "travel", "position") if name in kind.variables), None)
 
 

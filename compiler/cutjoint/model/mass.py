@@ -1,6 +1,6 @@
 """Mass, centre of mass and inertia of bodies: as given in any frame and about any point, or of their shapes.
 
-An inertia is a symmetric 3x3 SymPy matrix in global design axes; :func:`moments_problem` tells whether one can exist.
+An inertia is a symmetric 3x3 SymPy matrix in global design axes; :func:`moments_problem` says whether one can exist.
 """
 
 from __future__ import annotations

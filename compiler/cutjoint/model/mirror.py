@@ -138,7 +138,7 @@ def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
 def _force(mirror: Mirror, force: Force, signs: Mapping[str, Mapping[str, int]]) -> Force:
     match force:
         case JointForce():
-            return replace(force, law=turned_law(force.law, signs.get(force.joint, {}).get(force.coordinate, 1)))
+            return replace(force, law=reflected_law(force.law, signs.get(force.joint, {}).get(force.coordinate, 1)))
         case PointSpring():
             return replace(force, start=mirror.vector(force.start), end=mirror.vector(force.end))
         case AxialForce():
@@ -157,7 +157,7 @@ def _bushing(mirror: Mirror, force: Bushing) -> Bushing:
     """Its axes change their sign along the mirror's axis once more, which keeps them right-handed, and global axes global."""
     x, y, z = (_times(sign, mirror.vector(axis)) for sign, axis in zip(mirror.signs, force.axes, strict=True))
     signs = (*mirror.signs, *(-sign for sign in mirror.signs))
-    laws = tuple(turned_law(law, sign) for sign, law in zip(signs, force.laws, strict=True))
+    laws = tuple(reflected_law(law, sign) for sign, law in zip(signs, force.laws, strict=True))
     return replace(force, point=mirror.vector(force.point), axes=(x, y, z), laws=laws)
 
 
@@ -165,7 +165,7 @@ def _times(sign: int, v: Vector) -> Vector:
     return (sign * v[0], sign * v[1], sign * v[2])
 
 
-def turned_law(law: Scalar, sign: int) -> Scalar:
+def reflected_law(law: Scalar, sign: int) -> Scalar:
     """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""
     if sign > 0:
         return law

@@ -386,7 +386,7 @@ STEP = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Numerics:
-    """Figures of the numerical method.
+    """Settings of the numerical method.
 
     ``closure`` is how the recursive method holds its cut joints: "proximal", whose penalties follow from the effective masses and of
     which ``penalty`` is an upper bound, or "penalty"; None for what `Method.closure` has.  A ``penalty`` of None is the run's to find.
@@ -399,7 +399,7 @@ class Numerics:
     ``tolerance`` is the relative error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as
     the relative one; "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``events`` says whether
     steps of the methods "recursive" and "recursive-newton" end where forces, guides or drives change their formulas: "located" or
-    "crossed", None for what is usual with the integrator.  ``methods`` has what a method changes, by the names of these figures;
+    "crossed", None for what is usual with the integrator.  ``methods`` has what a method changes, by the names of these settings;
     ``by_step`` the penalty and frequency that were written as expressions of dt, whose values here are those at ``dt``.
     """
 
@@ -429,7 +429,7 @@ class Numerics:
         return _PENALTY if self.penalty is None else self.penalty
 
     def of_method(self, method: str) -> Numerics:
-        """The figures of one method, at its step; NaN where an expression has no value there."""
+        """The settings of one method, at its step; NaN where an expression has no value there."""
         from cutjoint.model.evaluate import evaluate
 
         given = self.methods.get(method, {})

@@ -1,4 +1,4 @@
-"""What tells a reduced model from one that is read from a file."""
+"""What distinguishes a reduced model from one that is read from a file."""
 
 from __future__ import annotations
 

@@ -135,7 +135,7 @@ def _require_steps(where: Element, scene: document.Scene, end: float, output_ste
 
 
 def _numerics(where: Element, part: document.Numerics) -> Numerics:
-    """The figures; those of the cut joints may follow ``dt``."""
+    """The settings; those of the cut joints may follow ``dt``."""
     laws = {
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
         for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, AUTO)
@@ -144,13 +144,13 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         able = either(names_of(CLOSURES, lambda c: c.finds_penalty))
         where.fail(f"penalty: auto belongs to closure: {able}", f"write a number, or closure: {able}", ("numerics", "penalty"))
     own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE, "spectral_radius": NONE}
-    numbers = _figures(where, part, own, ("numerics",))
+    numbers = _settings(where, part, own, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
-        name: _figures(where, figures, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
-        for name, figures in part.methods.items()
+        name: _settings(where, settings, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
+        for name, settings in part.methods.items()
     }
     step = numbers.get("dt", STEP)
-    steps = {step, *(figures["dt"] for figures in methods.values() if "dt" in figures)}
+    steps = {step, *(settings["dt"] for settings in methods.values() if "dt" in settings)}
     for key, law in laws.items():
         for dt in sorted(steps):
             _require_value(where, key, law, dt)
@@ -165,17 +165,17 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     )  # fmt: skip
 
 
-def _figures(
+def _settings(
     where: Element, part: document.Numerics | document.MethodNumerics, dimensions: Mapping[str, Dimension], keys: Path
 ) -> dict[str, Any]:
-    """The figures that are given, each in its range."""
-    figures: dict[str, Any] = {
+    """The settings that are given, each in its range."""
+    settings: dict[str, Any] = {
         key: where.number(getattr(part, key), of, (*keys, key)) for key, of in dimensions.items() if getattr(part, key, None) is not None
     }
-    figures |= {key: getattr(part, key) for key in ("iterations", "multiplier_updates") if getattr(part, key) is not None}
-    for key, value in figures.items():
+    settings |= {key: getattr(part, key) for key in ("iterations", "multiplier_updates") if getattr(part, key) is not None}
+    for key, value in settings.items():
         _in_range(where, key, value, (*keys, key))
-    return figures
+    return settings
 
 
 def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:

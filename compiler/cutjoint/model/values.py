@@ -1,6 +1,6 @@
 """The shapes of values in a model file: numbers, points, directions, inertia, laws.
 
-Only shapes are checked here; names, numbers and units are resolved later.  Unions are told apart by their
+Only shapes are checked here; names, numbers and units are resolved later.  Members of unions are distinguished by their
 form, so that what is wrong is reported once and in the user's words.
 """
 
@@ -45,7 +45,7 @@ def shape_error(message: str, hint: str = "") -> PydanticCustomError:
 
 
 def told_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
-    """Tells the members of a union apart: by a value's type, or by a key that a mapping has.
+    """Distinguishes the members of a union: by a value's type, or by a key that a mapping has.
 
     ``forms`` gives the tag for each; ``message`` is for values of no such form.
     """

@@ -3,11 +3,11 @@
 A function's statements come section by section (a body, a joint, a force).  Where sections of the same shape follow each other again and
 again, one of them, or a period of several, is the body of a loop.  What an iteration reads from outside is the same in all, or lies in
 step: inputs at regular places, values of this loop or of another some iterations away, or in the opposite direction; or it is read from a
-table, if it is known before the loop.  Values that are read outside their own iteration are kept in arrays; what the first
+table, if it is known before the loop.  Values that are read outside their own iteration are stored in arrays; what the first
 iteration has where the others have the one before is copied to the same array, in front.  The order of evaluation stays, and with it
 every rounding.
 
-Where no iteration reads what another has kept, several are computed side by side, if the program may have lanes.
+Where no iteration reads what another has stored, several are computed side by side, if the program may have lanes.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Input:
 
 
 @dataclass(frozen=True)
-class Kept:
+class Stored:
     """Elements of the array of a value: that of statement ``statement`` in the body of loop ``loop``."""
 
     loop: int
@@ -81,7 +81,7 @@ class Table:
 
 
 #: What stands for a value from outside in the body of a loop.
-Given: TypeAlias = Input | Kept | Table
+Given: TypeAlias = Input | Stored | Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,7 +294,7 @@ class _Rolling:
             inside = [k for k, a in enumerate(column) if self._where.get(a, (None,))[0] == i]
             return inside[0] if inside else Table(column)
         stride = other[2] - one[2]
-        return self._fit_array(i, Kept(*one[:2], Step(other[2] - stride * middle, stride)), column)
+        return self._fit_array(i, Stored(*one[:2], Step(other[2] - stride * middle, stride)), column)
 
     def _fit_input(self, places: Sequence[tuple[str, int]], column: _Column) -> Given | int:
         """The elements of an input; where only the first or the last do not lie in step, these do not fit."""
@@ -307,12 +307,12 @@ class _Rolling:
             return Input(places[0][0], step)
         return Table(column) if len(wrong) > _BEYOND else wrong[-1] if wrong[-1] < middle else wrong[0]
 
-    def _fit_array(self, i: int, kept: Kept, column: _Column) -> Given | int:
+    def _fit_array(self, i: int, stored: Stored, column: _Column) -> Given | int:
         """The array of a value, or the first iteration that has something else, which cannot be copied to its ends."""
         copies = {}
-        count = len(self._runs[kept.loop].iterations)
+        count = len(self._runs[stored.loop].iterations)
         for k, a in enumerate(column):
-            place = (kept.loop, kept.statement, kept.step.at(k))
+            place = (stored.loop, stored.statement, stored.step.at(k))
             if self._where.get(a) != place:
                 near = -_BEYOND <= place[2] < 0 or count <= place[2] < count + _BEYOND
                 is_known = a not in self._where or self._where[a][0] != i
@@ -320,7 +320,7 @@ class _Rolling:
                     return k
                 copies[place] = (i, a)
         self._copies = copies | self._copies
-        return kept
+        return stored
 
     # What comes out
 
@@ -339,11 +339,11 @@ class _Rolling:
     def _wanted(self) -> frozenset[tuple[int, int]]:
         """Statements of loops whose values are read outside their own iteration."""
         given = [g for run in self._runs for g in run.given.values()]
-        kept = {(g.loop, g.statement) for g in given if isinstance(g, Kept)}
+        stored = {(g.loop, g.statement) for g in given if isinstance(g, Stored)}
         read = {a for g in given if isinstance(g, Table) for a in g.nodes} | {a for _, a in self._copies.values()}
         read |= {a for n in self._order if n not in self._where for a in self._arguments(n)}
         read |= {c[0] for run in self._runs for row in zip(*run.iterations, strict=True) for c in self._columns(row) if len(set(c)) == 1}
-        return frozenset(kept | {self._where[a][:2] for a in read if a in self._where})
+        return frozenset(stored | {self._where[a][:2] for a in read if a in self._where})
 
     def _loop(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]], graph: Graph, sections: list[Section]) -> Loop:
         body: dict[int, int] = {}
@@ -377,8 +377,8 @@ class _Rolling:
 
     def _lanes(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]]) -> int:
         """How many iterations of a run are computed side by side: none where they read each other's values, have lanes of their own, or
-        keep conditions or read kept ones."""
-        alone = not any(isinstance(g, Kept) and g.loop == i for g in run.given.values())
+        keep conditions or read stored ones."""
+        alone = not any(isinstance(g, Stored) and g.loop == i for g in run.given.values())
         nodes = [self._nodes[n] for n in run.iterations[0] if n >= 0]
         plain = not any(x.lanes or x.op in ("lane", "lane_sum") or x.op.startswith("road_") for x in nodes)
         shared = [run.iterations[0][j] for loop, j in wanted if loop == i] + [column[0] for column in run.given]

@@ -32,7 +32,7 @@ class LoweredFunction:
 class Program:
     """All functions on one graph.
 
-    ``loaded`` and ``stepped`` are the nodes computed when parameters are loaded and when a step begins; ``kept`` are those of them that
+    ``loaded`` and ``stepped`` are the nodes computed when parameters are loaded and when a step begins; ``stored`` are those of them that
     later code reads.  ``labels`` names blocks as the formulation did.  ``lanes`` says whether what is alike may be computed side by side.
     """
 
@@ -43,7 +43,7 @@ class Program:
     functions: tuple[LoweredFunction, ...]
     loaded: tuple[int, ...]
     stepped: tuple[int, ...]
-    kept: frozenset[int]
+    stored: frozenset[int]
     lanes: bool = False
 
     def function(self, name: str) -> LoweredFunction:

@@ -30,7 +30,7 @@ def schedule(builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block
     loaded = tuple(n for n in early if graph.nodes[n].binding is BindingTime.PARAM)
     return Program(
         graph=graph, sections=tuple(builder.sections), elements=lowering.elements, labels=dict(builder.labels),
-        functions=lowered, loaded=loaded, stepped=stepped, kept=_kept(graph, lowered, loaded, stepped), lanes=lanes,
+        functions=lowered, loaded=loaded, stepped=stepped, stored=_stored(graph, lowered, loaded, stepped), lanes=lanes,
     )  # fmt: skip
 
 
@@ -51,15 +51,15 @@ def _early(graph: Graph, functions: Sequence[LoweredFunction]) -> list[int]:
     return [n for n in reached if graph.nodes[n].binding in (BindingTime.PARAM, BindingTime.STEP)]
 
 
-def _kept(
+def _stored(
     graph: Graph, functions: Sequence[LoweredFunction], loaded: Sequence[int], stepped: Sequence[int]
 ) -> frozenset[int]:
     """Early nodes that a later stage reads."""
-    kept: set[int] = set()
+    stored: set[int] = set()
     late = [n for f in functions for n in f.statements]
     for n in (*stepped, *late):
         when = graph.nodes[n].binding
-        kept.update(a for a in graph.nodes[n].args if BindingTime.CONST < graph.nodes[a].binding < when)
+        stored.update(a for a in graph.nodes[n].args if BindingTime.CONST < graph.nodes[a].binding < when)
     results = [r.scalar for f in functions for r in f.results]
-    kept.update(n for n in results if BindingTime.CONST < graph.nodes[n].binding < BindingTime.ITERATION)
-    return frozenset(graph.signless(n) for n in kept) & (set(loaded) | set(stepped))
+    stored.update(n for n in results if BindingTime.CONST < graph.nodes[n].binding < BindingTime.ITERATION)
+    return frozenset(graph.signless(n) for n in stored) & (set(loaded) | set(stepped))

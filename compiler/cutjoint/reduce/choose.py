@@ -79,7 +79,7 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
     try:
         place = _place(model, scene, parameters or {})
     except PackageNotFoundError:
-        return _calibrate(model, scene, parameters or {})  # installed in a way that does not tell the versions
+        return _calibrate(model, scene, parameters or {})  # installed without its versions
     kept = _read(place)
     return kept if kept is not None else _keep(_calibrate(model, scene, parameters or {}), place)
 
@@ -98,7 +98,7 @@ def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
 
 
 def _place(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
-    """Where a choice is kept: the model, what compiles it, and the machine that times it."""
+    """Where a choice is cached: the model, what compiles it, and the machine that times it."""
     about = (model.text, repr(scene), sorted(parameters.items()), made_with(), machine())
     return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 

@@ -1,4 +1,4 @@
-"""What the reduced models of a reduction sequence cost, and how far they are from the full model."""
+"""What the models of a reduction sequence cost, and how far their motion is from that of the full model."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ REPETITIONS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """A reduced model's run at one step: the fastest of several in ``seconds``, and the distance from another run, see `distance`."""
+    """A model's run at one step: the fastest of several in ``seconds``, and the distance from another run, see `distance`."""
 
     seconds: float
     error: float
@@ -52,10 +52,10 @@ def distance(run: Trajectory, truth: Trajectory) -> float:
 def measure_reduced(
     variants: Sequence[ReducedModel], *, dt: float | None = None, parameters: Mapping[str, float] | None = None
 ) -> list[Cost]:
-    """Each reduced model compiled and run at the same step (s); errors are distances from the first reduced model's run.
+    """Compile and run models at the same step (s); errors are distances from the run of the first, which is the full model.
 
     Raises:
-        RunError: the first reduced model, the full model, does not run to the end; or as for `distance`.
+        RunError: the full model does not run to its end; or as for `distance`.
     """
     costs: list[Cost] = []
     truth: Trajectory | None = None

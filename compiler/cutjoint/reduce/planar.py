@@ -73,7 +73,7 @@ def _flatten(model: Model, scene: Scene, plane: Plane, held: Collection[str]) ->
         own_images(settle(model, scene), plane, loose)
     cuts = {joint.name for joint in build_topology(model).cuts}
     in_plane = {j.name: _restricted(j, plane) for j in model.joints if j.name not in cuts}
-    images = Images(bodies={}, joints={}, forces={}, turned={})
+    images = Images(bodies={}, joints={}, forces={}, signs={})
     gone = idle_forces(model, in_plane)
     half = Half(model=model, plane=plane, images=images, removed=frozenset(), gone=gone, in_plane=in_plane, flat=True)
     changed = half_scene(half, scene)

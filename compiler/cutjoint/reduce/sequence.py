@@ -26,7 +26,7 @@ from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.errors import RunError
 from cutjoint.topology.spanning_tree import TopologyError
 
-#: The motion of a reduced model: the full one's, the same while guards hold, or near it.
+#: The motion of a reduced model: that of the full one, the same while guards hold, or near it.
 MOTIONS = ("exact", "guarded", "approximate")
 
 
@@ -72,7 +72,7 @@ ROLLING = Step(name="rolling", reduce=roll_straight, motion="approximate")
 class ReducedModel:
     """A model of the reduction sequence.
 
-    ``name`` is the last pass that changed it, ``done`` what the passes up to it did, ``left`` what it left.
+    ``name`` is that of the last pass that changed it; ``done`` is what the passes up to that one did, ``left`` what they found and left.
 
     ``motion`` is one of MOTIONS; ``operations`` are those of an evaluation, ``unknowns`` and ``equations`` the numbers of coordinates and
     of the cut joints' equations.
@@ -100,10 +100,10 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
         ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
     """
     whole = Outcome(model=model, scene=scene, left=tuple(_geared(model, STEPS + APPROXIMATIONS if approximate else STEPS)))
-    variants = _descend("full", "exact", whole, method)
+    variants = _reduce("full", "exact", whole, method)
     if approximate:
         _approximate(whole, variants, method)
-        _take(variants, ROLLING)
+        _try_pass(variants, ROLLING)
     return variants
 
 
@@ -113,16 +113,16 @@ def _geared(model: Model, steps: Sequence[Step]) -> Iterator[Note]:
     yield from (Note(element=gear.name, words=words, span=gear.span) for gear in model.gears)
 
 
-def _descend(name: str, motion: str, outcome: Outcome, method: str) -> list[ReducedModel]:
-    """A reduced model for the model as it is, and those of the passes that are exact or guarded."""
+def _reduce(name: str, motion: str, outcome: Outcome, method: str) -> list[ReducedModel]:
+    """The model as it is, then a reduced model for each pass, exact or guarded, that lowers its operations."""
     variants = [_variant(name, outcome, method, motion=motion)]
     for step in STEPS:
-        _take(variants, step)
+        _try_pass(variants, step)
     return variants
 
 
-def _take(variants: list[ReducedModel], step: Step) -> None:
-    """Add a reduced model for a pass on what the last one leaves, or say there why not."""
+def _try_pass(variants: list[ReducedModel], step: Step) -> None:
+    """Try a pass on the last model: add the reduced model where it costs less, else a note of why not to the last one."""
     below = variants[-1]
     if below.model.gears and not step.gears:
         return
@@ -142,7 +142,7 @@ def _take(variants: list[ReducedModel], step: Step) -> None:
 
 
 def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> None:
-    """Add the reduced models of the approximations of a whole model, one on the other, that cost less than the reduced model below."""
+    """Try each approximation on the whole model as approximated so far: add the model that all passes make of it, where it costs less."""
     for step in (s for s in APPROXIMATIONS if s.gears or not whole.model.gears):
         changed, below = step.reduce(whole.model, whole.scene), variants[-1]
         if not changed.done:
@@ -150,7 +150,7 @@ def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> N
             continue
         changed = replace(changed, done=whole.done + changed.done, left=whole.left + changed.left)
         try:
-            above = _descend(step.name, step.motion, changed, method)[-1]
+            above = _reduce(step.name, step.motion, changed, method)[-1]
         except _REFUSALS:
             variants[-1] = replace(below, left=(*below.left, *_refused(changed.done, step.name, method)))
             continue
@@ -174,6 +174,6 @@ def _refused(notes: Sequence[Note], name: str, method: str) -> list[Note]:
 
 
 def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[Note]:
-    """What a pass found and what is not done since it would cost more."""
+    """What a pass found, left undone since it would cost more."""
     words = f"stays: the pass '{name}' would take {found} operations in place of {before}"
     return [replace(note, words=words) for note in notes]

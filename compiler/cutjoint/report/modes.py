@@ -63,7 +63,7 @@ def _amplitude(value: complex) -> str:
 
 
 def modes_json(modes: Modes, model: str, scene: str) -> str:
-    """All figures; complex numbers are [real, imaginary]."""
+    """All numbers; complex numbers are [real, imaginary]."""
     content = {
         "model": model, "scene": scene, "about": "static equilibrium" if modes.at_rest else "motion", "t": modes.time,
         "degrees_of_freedom": modes.freedoms, "modes": [_plain_mode(m) for m in modes.modes],

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.report.names import closing_equations
-from cutjoint.run.ready import Compilation
 from cutjoint.run.results import Batch, Effort, Equilibrium, ErrorEstimate, Trajectory
+from cutjoint.run.simulator_run import Compilation
 
 if TYPE_CHECKING:
     from cutjoint.analysis.conditioning import RatedChoice, RatedOption

@@ -13,9 +13,9 @@ from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
-from cutjoint.run.ready import Compilation, ReadyRun
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Settings, find_goal, find_settings, with_options
+from cutjoint.run.simulator_run import Compilation, SimulatorRun
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology
 
@@ -79,8 +79,8 @@ class Artifact:
         return find_settings(scene, METHODS[self.method], self.implementation, options)
 
 
-def make_ready(artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None) -> ReadyRun:
-    """The run of a compiled model with options and ``parameters`` (SI units), ready to be started.
+def make_simulator_run(artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None) -> SimulatorRun:
+    """The run of a compiled model with options and ``parameters`` (SI units).
 
     Raises:
         RunError: a parameter that cannot be set, options that do not go together, or that no run has.
@@ -89,7 +89,7 @@ def make_ready(artifact: Artifact, options: Options, parameters: Mapping[str, fl
         artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
         implementation=artifact.implementation, options=options,
     )  # fmt: skip
-    return ReadyRun(
+    return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
         description=artifact.description, goal=find_goal(artifact.scene, artifact.method, run_file["integrator"], options),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The scene of a run: which one, and with what figures."""
+"""The scene of a run: which one, and with which settings."""
 
 from __future__ import annotations
 
@@ -42,6 +42,6 @@ def of_fixed_cost(scene: Scene, iterations: int | None) -> Scene:
 
 
 def with_settings(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:
-    """The scene with other figures for one method."""
+    """The scene with other settings for one method."""
     own = {**scene.numerics.methods.get(method, {}), **changes}
     return replace(scene, numerics=replace(scene.numerics, methods={**scene.numerics.methods, method: own}))

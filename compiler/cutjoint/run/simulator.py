@@ -95,7 +95,7 @@ def _read_records(process: subprocess.Popen[str], progress: Progress | None, rec
 
 
 def _when(summary: Mapping[str, Any]) -> str:
-    """When a run was interrupted, as far as its summary tells."""
+    """When a run was interrupted, as far as its summary says."""
     time = summary.get("time")
     return "interrupted" if time is None else f"interrupted at t = {time:.6g} s"
 

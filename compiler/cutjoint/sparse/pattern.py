@@ -33,7 +33,7 @@ class Pattern:
 def make_pattern(size: int, entries: Iterable[tuple[int, int]], *, symmetric: bool) -> Pattern:
     """The pattern of a set of entries (row, column), given in any order and any number of times.
 
-    Of a symmetric matrix either half may be given; the lower triangle is kept.
+    Of a symmetric matrix either half may be given; the lower triangle is stored.
 
     Raises:
         ValueError: an entry is outside the matrix.

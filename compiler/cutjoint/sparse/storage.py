@@ -1,14 +1,14 @@
-"""Where the blocks of a tiled factorisation are kept in one array of numbers.
+"""Where the blocks of a tiled factorisation are stored in one array of numbers.
 
 First the reciprocals of all pivots, in the order of elimination, then for each tile its diagonal block, its blocks of U and its blocks of
 L, the other tile ascending.  A block of a tile with w pivots has w columns of four numbers, of which the last are zero when the other tile
 is smaller than four:
 
 - the diagonal block holds the unit lower triangle L, the upper triangle U, and the reciprocals of the pivots, by columns,
-- a block of L is kept by columns, the rows of the tile below in a column,
-- a block of U is kept by rows, the columns of the tile on the right in such a row.
+- a block of L is stored by columns, the rows of the tile below in a column,
+- a block of U is stored by rows, the columns of the tile on the right in such a row.
 
-L D L^T is kept as L U with U = D L^T, so that both kinds are factored and solved alike.
+L D L^T is stored as L U with U = D L^T, so that both kinds are factored and solved alike.
 """
 
 from __future__ import annotations

@@ -115,9 +115,10 @@ def _driver_parts(source: Source, compiler: Compiler, flags: Sequence[str], kind
     Integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts are, too.
     """
     resolved = resolve(flags)
-    launch = [runtime_digest(), *compiler.key, *(resolved if kind.comparison or source.driver == "batch" else ())]
-    driver = [*launch, source.driver, runtime_digest(part=source.driver), *kind.definitions, *resolved]
-    return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in (("launch", launch), ("driver", driver))}
+    start = [runtime_digest(), *compiler.key, *(resolved if kind.comparison or source.driver == "batch" else ())]
+    driver = [*start, source.driver, runtime_digest(part=source.driver), *kind.definitions, *resolved]
+    keys = {"initial_state": start, "driver": driver}
+    return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in keys.items()}
 
 
 #: Parts of the runtime that only one kind of simulator has: the generic twin, and batches.

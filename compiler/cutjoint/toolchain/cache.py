@@ -1,6 +1,6 @@
 """Files by content keys: each has its digest beside it, and counts as absent unless it is what was stored.
 
-A digest is compared at each use: a file of 1 MB takes a millisecond, while size and time of change do not tell a flipped bit.  For the same
+A digest is compared at each use: a file of 1 MB takes a millisecond, while size and time of change do not show a flipped bit.  For the same
 reason nothing is flushed to the disk: what a power failure cuts off is no longer what was stored.
 """
 

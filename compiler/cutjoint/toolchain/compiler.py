@@ -111,7 +111,7 @@ _CAPABILITIES = (
 
 @cache
 def processor(file: Path = Path("/proc/cpuinfo")) -> tuple[str, ...]:
-    """What this machine's processor can do; where nothing tells, the machine's name, so that no other one runs its code."""
+    """What this machine's processor can do; where that is unknown, the machine's name, so that no other one runs its code."""
     known: dict[str, str] = {}
     with suppress(OSError), file.open(encoding="utf-8", errors="replace", buffering=4096) as stream:
         for name, _, value in (line.partition(":") for line in stream):

@@ -12,7 +12,7 @@ from cutjoint.model.records import Gear, Joint, Model
 class TreeJoint:
     """A joint of the spanning tree, seen from its inner body.
 
-    ``reversed`` tells that the tree passes from the joint's follower to its base.
+    ``reversed`` is whether the tree passes from the joint's follower to its base.
     """
 
     joint: Joint

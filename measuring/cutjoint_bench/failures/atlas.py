@@ -17,8 +17,8 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import parameter_values
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.errors import ToolchainError
+from cutjoint_bench.cutjoint_contenders import TOLERANCES, identity
 from cutjoint_bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
-from cutjoint_bench.own import TOLERANCES, identity
 from cutjoint_bench.progress import Say, silently
 from cutjoint_bench.records import Case
 from cutjoint_bench.reference import Reference, find_reference
@@ -153,10 +153,10 @@ def _tolerance(precision: str) -> float | None:
 
 
 def _cell(case: Case, artifact: Artifact, truth: Truth, dt: float, penalty: float | None) -> Record:
-    figures = {"penalty": penalty, "tolerance": _tolerance(artifact.precision)}
+    settings = {"penalty": penalty, "tolerance": _tolerance(artifact.precision)}
     return try_run(
         case, artifact, truth, dt=dt, row=common_step(dt, case.scene.output_step),
-        figures={name: x for name, x in figures.items() if x is not None},
+        settings={name: x for name, x in settings.items() if x is not None},
     ).as_record()  # fmt: skip
 
 

@@ -79,15 +79,15 @@ def exact_truth(motion: Callable[[Array], Mapping[str, Array]], end: float) -> T
 
 
 def try_run(
-    case: Case, artifact: Artifact, truth: Truth, *, dt: float, row: float, figures: Mapping[str, float] | None = None,
+    case: Case, artifact: Artifact, truth: Truth, *, dt: float, row: float, settings: Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None,
 ) -> Finding:  # fmt: skip
     """Run a compiled case with a step and rows of its own and judge how it ends.
 
-    The integrator is the trapezoidal rule whatever the scene says.  ``figures`` are numerical ones instead of the scene's for the method,
+    The integrator is the trapezoidal rule whatever the scene says.  ``settings`` are numerical ones instead of the scene's for the method,
     such as its penalty; ``parameters`` those of the model.
     """
-    scene = with_settings(artifact.scene, artifact.method, figures or {})
+    scene = with_settings(artifact.scene, artifact.method, settings or {})
     own = replace(artifact, scene=replace(scene, output_step=row))
     with temporary_folder() as folder:
         steps = folder / "steps.csv"

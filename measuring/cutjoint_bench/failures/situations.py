@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from math import inf
 
+from cutjoint_bench.cutjoint_contenders import TOLERANCES
 from cutjoint_bench.exact.chain import Chain, chain_motion, singular_times, write_chain
 from cutjoint_bench.exact.crank import SLIDER_CRANK, slider_crank_motion, upright_time
 from cutjoint_bench.exact.pendulum import PENDULUM, pendulum_motion
 from cutjoint_bench.failures.trials import Pose, Situation, Trial
-from cutjoint_bench.own import TOLERANCES
 
 #: What is right: to the point, on the right motion, a message, and anything but a wrong result.
 GOOD = ("converged",)
@@ -26,7 +26,7 @@ LIGHT = 1e-3
 #: Steps (s) that are too short across a singular pose, with a penalty that follows them.
 FINE = (2e-5, 4e-5)
 
-#: Figures of the recursive method that do not follow the step.
+#: Settings of the recursive method that do not follow the step.
 FIXED = {"penalty": 1e4, "frequency": 200.0}
 
 
@@ -89,7 +89,7 @@ def _cross(steps: Sequence[float], landing: Sequence[float], *, lost: float = in
             if lands else "No step ends on the pose, and beside it the tangent is regular.",
         )  # fmt: skip
     yield Trial(
-        method="recursive", dt=LIGHT, expected=STOPS, figures={"penalty": 1e8},
+        method="recursive", dt=LIGHT, expected=STOPS, settings={"penalty": 1e8},
         because="Beside the pose a heavy penalty asks for accelerations that change faster than the fixed point can follow.",
     )
 
@@ -113,7 +113,7 @@ def _cross_recursively(dt: float, lands: bool) -> Iterator[Trial]:
         because="A penalty by the inverse square of the step and a frequency by its inverse keep the fixed point contracting.",
     )  # fmt: skip
     yield Trial(
-        method="recursive", dt=dt, lands=lands, expected=GOOD if dt <= LIGHT else STOPS, figures=FIXED,
+        method="recursive", dt=dt, lands=lands, expected=GOOD if dt <= LIGHT else STOPS, settings=FIXED,
         because="The fixed point contracts across the pose while step times root of penalty over mass is below about 0.1: with 1e4 N/m and "
         "1 kg up to 1 ms.",
     )  # fmt: skip
@@ -155,9 +155,9 @@ def _fine_steps(dt: float) -> Iterator[Trial]:
     yield Trial(method="classical", dt=dt, expected=GOOD, because=resolved)
     for penalty in (1e9, 1e12):
         noise = penalty * 1e-16
-        yield Trial(method="augmented", dt=dt, figures={"penalty": penalty}, expected=GOOD, because=resolved)
+        yield Trial(method="augmented", dt=dt, settings={"penalty": penalty}, expected=GOOD, because=resolved)
         yield Trial(
-            method="recursive", dt=dt, figures={"penalty": penalty}, expected=GOOD if noise < 1e-6 else STOPS,
+            method="recursive", dt=dt, settings={"penalty": penalty}, expected=GOOD if noise < 1e-6 else STOPS,
             because=f"Rounding is enlarged by penalty over mass, to {noise:.0e} of the accelerations; a step is to settle to 1e-6.",
         )  # fmt: skip
 
@@ -197,15 +197,15 @@ def place_far(offset: float) -> Situation:
 def _far_places(offset: float) -> Iterator[Trial]:
     for precision, digit in {"single": 6e-8, "double": 1.1e-16}.items():
         place = digit * offset
-        figures = {"tolerance": TOLERANCES["single"]} if precision == "single" else {}
-        light = {**figures, "penalty": 100.0, "frequency": 10.0} if precision == "single" else {}
+        settings = {"tolerance": TOLERANCES["single"]} if precision == "single" else {}
+        light = {**settings, "penalty": 100.0, "frequency": 10.0} if precision == "single" else {}
         yield Trial(
-            method="recursive", dt=1e-3, precision=precision, figures=light, expected=GOOD if place < 1e-4 else ("inaccurate", "wrong"),
+            method="recursive", dt=1e-3, precision=precision, settings=light, expected=GOOD if place < 1e-4 else ("inaccurate", "wrong"),
             because=f"Each branch is computed from its own first joint; only places in the table are rounded, to {place:.0e} m.",
         )  # fmt: skip
         for method in ("augmented", "classical"):
             yield Trial(
-                method=method, dt=1e-3, precision=precision, figures=figures,
+                method=method, dt=1e-3, precision=precision, settings=settings,
                 expected=GOOD if place < 1e-12 else FAIR if place < 1e-9 else ("inaccurate", "wrong", "diverged"),
                 because=f"Coordinates are places in the world, rounded to {place:.0e} m; over a step of 1 ms that is "
                 f"{place / 2.5e-7:.0e} m/s2 of acceleration.",

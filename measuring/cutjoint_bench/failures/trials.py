@@ -16,8 +16,8 @@ from cutjoint.run.scenes import with_settings
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.cases import make_case
+from cutjoint_bench.cutjoint_contenders import identity
 from cutjoint_bench.failures.outcomes import Truth, exact_truth, identify, try_run
-from cutjoint_bench.own import identity
 from cutjoint_bench.progress import Say, silently
 from cutjoint_bench.records import Case
 from cutjoint_bench.store import Store
@@ -35,14 +35,14 @@ class Pose:
 class Trial:
     """A run by a method with a step of ``dt`` s, the outcomes that are right and the reason in words.
 
-    ``figures`` are numerical ones instead of the scene's.  With ``lands`` the step is the nearest with which one ends on the pose.
+    ``settings`` are numerical ones instead of the scene's.  With ``lands`` the step is the nearest with which one ends on the pose.
     """
 
     method: str
     dt: float
     expected: tuple[str, ...]
     because: str
-    figures: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, float] = field(default_factory=dict)
     precision: str = "double"
     lands: bool = False
 
@@ -97,7 +97,7 @@ def _compiled(case: Case, trial: Trial) -> Artifact | str:
 def _about(situation: Situation, trial: Trial) -> dict[str, Any]:
     return {
         "name": situation.name, "words": situation.words, "method": trial.method, "precision": trial.precision, "lands": trial.lands,
-        "figures": dict(trial.figures), "expected": list(trial.expected), "because": trial.because,
+        "figures": dict(trial.settings), "expected": list(trial.expected), "because": trial.because,
     }  # fmt: skip
 
 
@@ -106,26 +106,26 @@ def _result(situation: Situation, case: Case, trial: Trial, artifact: Artifact |
         return {"dt": trial.dt, "outcome": "diverged", "message": artifact}
     pose = situation.pose if trial.lands else None
     of = {
-        **identify(case, artifact), "dt": trial.dt, "figures": dict(trial.figures),
+        **identify(case, artifact), "dt": trial.dt, "figures": dict(trial.settings),
         "pose": None if pose is None else {"column": pose.column, "time": pose.time},
     }  # fmt: skip
     return store.get(of, partial(_try, case, trial, artifact, truth, pose))
 
 
 def _try(case: Case, trial: Trial, artifact: Artifact, truth: Truth, pose: Pose | None) -> dict[str, Any]:
-    dt = trial.dt if pose is None else landing_step(artifact, pose, trial.dt, trial.figures)
+    dt = trial.dt if pose is None else landing_step(artifact, pose, trial.dt, trial.settings)
     row = dt * max(1, round(case.scene.output_step / dt))
-    return {"dt": dt, **try_run(case, artifact, truth, dt=dt, row=row, figures=trial.figures).as_record()}
+    return {"dt": dt, **try_run(case, artifact, truth, dt=dt, row=row, settings=trial.settings).as_record()}
 
 
-def landing_step(artifact: Artifact, pose: Pose, dt: float, figures: Mapping[str, float] | None = None) -> float:
+def landing_step(artifact: Artifact, pose: Pose, dt: float, settings: Mapping[str, float] | None = None) -> float:
     """The step near ``dt`` (s) with which a step of the computed motion ends on a pose, to the last digits, by the secant method.
 
     The pose is met at another time than in the exact motion, by the error of the method.  Where a run fails, the last step that was
     tried lands nearly enough to make it fail.
     """
     count = round(pose.time / dt)
-    scene = with_settings(artifact.scene, artifact.method, figures or {})
+    scene = with_settings(artifact.scene, artifact.method, settings or {})
 
     def miss(step: float) -> float | None:
         end = step * count * (1 - 1e-12)

@@ -1,4 +1,4 @@
-"""Exports in C++ -> programs, compiled once and kept by content."""
+"""Exports in C++ -> programs, compiled once and cached by content."""
 
 from __future__ import annotations
 

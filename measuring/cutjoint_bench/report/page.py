@@ -30,7 +30,7 @@ from cutjoint_bench.report.tables import (
 
 Data = Mapping[str, Any]
 
-#: Distances (m) of the routes of a reference that tell of a jump of speed, and of kinks in a road.
+#: Distances (m) of the routes of a reference that show a jump of speed, and of kinks in a road.
 _JUMP, _KINK = 1e-3, 1e-8
 
 

@@ -20,9 +20,9 @@ from rich.table import Table
 
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.pipeline import compile_model
-from cutjoint.run.artifact import Artifact, make_ready
+from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.options import Options
-from cutjoint.run.ready import ReadyRun
+from cutjoint.run.simulator_run import SimulatorRun
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.provenance import provenance
 
@@ -34,14 +34,14 @@ CASES = (
 )
 
 
-def count(ready: ReadyRun, within: str = "") -> tuple[int, int]:
+def count(run: SimulatorRun, within: str = "") -> tuple[int, int]:
     """Instructions of a run, or of one function in it, and its steps."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "run.json").write_text(json.dumps({**ready.run_file, "out": str(folder / "table.csv")}), encoding="utf-8")
+        (folder / "run.json").write_text(json.dumps({**run.run_file, "out": str(folder / "table.csv")}), encoding="utf-8")
         only = [f"--toggle-collect={within}"] if within else []
         valgrind = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder / 'out'}", *only]
-        done = subprocess.run([*valgrind, ready.simulator, folder / "run.json"], capture_output=True, text=True, check=True)
+        done = subprocess.run([*valgrind, run.simulator, folder / "run.json"], capture_output=True, text=True, check=True)
     summary = json.loads(done.stdout.splitlines()[-1])
     collected = re.search(r"Collected : (\d+)", done.stderr)
     assert collected is not None, done.stderr
@@ -50,7 +50,7 @@ def count(ready: ReadyRun, within: str = "") -> tuple[int, int]:
 
 def per_step(artifact: Artifact, ends: tuple[float, float], within: str = "") -> float:
     """Instructions of a step, or of what one function does of it."""
-    (first, before), (last, after) = (count(make_ready(artifact, Options(end=end)), within) for end in ends)
+    (first, before), (last, after) = (count(make_simulator_run(artifact, Options(end=end)), within) for end in ends)
     return (last - first) / (after - before)
 
 

@@ -1,7 +1,7 @@
 """The fixed point and Newton's iteration on the paper's scenes: iterations of a step, the longest steps, and time at equal error.
 
 Errors are the farthest that an output in m is from a run of `recursive-newton` at a hundredth of the paper's step; how far `augmented` at
-that step is from it is told beside.  All times are of one run of this program, the least of several runs each, in turns; ratios
+that step is from it stands beside.  All times are of one run of this program, the least of several runs each, in turns; ratios
 are to that of `recursive`.  Runs end with a row, so that all steps end there too.
 """
 
@@ -26,7 +26,7 @@ METHODS = ("recursive", "recursive-newton", "augmented")
 TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5)
 #: Steps as parts of the rows of the table, which are 30 ms apart.
 PARTS = (1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-#: Of these, steps whose iterations are told: 5, 7.5, 10 ms.
+#: Of these, steps whose iterations are printed: 5, 7.5, 10 ms.
 COUNTED = (6, 4, 3)
 ROW = 0.03
 END = 333 * ROW
@@ -50,7 +50,7 @@ def compare(scene: str, table: Table) -> None:
         longest = max((dt for dt, r in steps.items() if r.failure is None), default=float("nan"))
         each = (iterations(steps.get(ROW / part)) for part in COUNTED)
         table.add_row(
-            scene, name, f"{longest * 1e3:.3g}", *each, "none" if how is None else told(how),
+            scene, name, f"{longest * 1e3:.3g}", *each, "none" if how is None else describe(how),
             f"{seconds[name] * 1e3:.2f}" if how is not None else "",
             f"{seconds['recursive'] / seconds[name]:.2f}" if how is not None and "recursive" in seconds else "", f"{apart:.1e}",
         )  # fmt: skip
@@ -77,7 +77,7 @@ def in_turns(contenders: dict[str, tuple[Artifact, dict[str, Any]]]) -> dict[str
     return seconds
 
 
-def told(how: dict[str, Any]) -> str:
+def describe(how: dict[str, Any]) -> str:
     """A step in ms, or a tolerance."""
     return f"{how['dt'] * 1e3:.3g}" if "dt" in how else f"tolerance {how['tolerance']:g}"
 

@@ -22,9 +22,9 @@ from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose
 from cutjoint_bench.exact.chain import Chain, chain_motion, write_chain
 from cutjoint_bench.failures.situations import all_situations
-from cutjoint_bench.kept import find_outdated
+from cutjoint_bench.outdated import find_outdated
+from cutjoint_bench.prebuild import prebuild
 from cutjoint_bench.progress import Say, part_of, progress_bar
-from cutjoint_bench.ready import make_ready
 from cutjoint_bench.records import Case
 from cutjoint_bench.report.charts import draw_work_precision
 from cutjoint_bench.report.page import link_charts, render_page
@@ -183,7 +183,7 @@ def _unexpected(studies: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def _measure(only: tuple[str, ...], kept: dict[str, Any], data: Path, say: Say) -> None:
     """Put what is measured into ``kept``, and into a file after each study."""
     plans = {name: STUDIES[name]() for name in only or STUDIES}
-    make_ready(list(plans.values()), MEASUREMENTS, say)
+    prebuild(list(plans.values()), MEASUREMENTS, say)
     store = Store(MEASUREMENTS)
     for number, (name, plan) in enumerate(plans.items()):
         kept[name] = perform(plan, store, part_of(say, number, len(plans)))

@@ -1,4 +1,4 @@
-// The driver's door: generated mechanisms and systems come in through their base classes, so that one driver serves all models.
+// The interface of the driver: it takes generated mechanisms and systems as their base classes, so that one driver serves all models.
 #pragma once
 
 #include "cutjoint/lagrangian/system.hpp"

@@ -13,16 +13,16 @@
 
 namespace cutjoint {
 
-/// y = (q, v).  The multipliers are corrected in each evaluation until what is left would change the accelerations by a share `settled` or
+/// y = (q, v).  The multipliers are corrected in each evaluation until what is left would change the accelerations by a share `tolerance` or
 /// less, so that no penalty is left in them; what the loops drift apart comes from the integrator alone.
 template <Mechanism M>
 class Relative {
  public:
   using Real = typename M::real_type;
 
-  Relative(M& mechanism, Real settled)
+  Relative(M& mechanism, Real tolerance)
       : mechanism_(mechanism), d_(mechanism.description()), n_(d_.coordinates.size()), state_(d_),
-        settled_(std::max(settled, 16 * std::numeric_limits<Real>::epsilon())), before_(d_.speeds.size()), correction_(d_.equations.size()) {}
+        tolerance_(std::max(tolerance, 16 * std::numeric_limits<Real>::epsilon())), before_(d_.speeds.size()), correction_(d_.equations.size()) {}
 
   std::size_t size() const { return n_ + d_.speeds.size(); }
   std::string name(std::size_t i) const { return std::string(i < n_ ? d_.coordinates[i] : d_.speeds[i - n_]); }
@@ -43,7 +43,7 @@ class Relative {
   }
 
   /// Quaternions get their length back.
-  void settle(Real, std::vector<Real>& y) const {
+  void project(Real, std::vector<Real>& y) const {
     using std::sqrt;
     for (const Chart& chart : d_.charts) {
       if (!chart.ball) continue;
@@ -104,7 +104,7 @@ class Relative {
       }
       owed = largest(correction_);
       for (std::size_t i = 0; i < correction_.size(); ++i) state_.lambda[i] += correction_[i];
-      if (age_ < fresh && Real(10) * effect_ * owed <= settled_ * size) break;
+      if (age_ < fresh && Real(10) * effect_ * owed <= tolerance_ * size) break;
       if (pass > 1 && !(change < last)) break;  // what is left is rounding
       if (pass > 0) last = change;
     }
@@ -133,7 +133,7 @@ class Relative {
     rate[3] = (w[2] * e[0] + w[0] * e[2] - w[1] * e[1]) / Real(2);
   }
 
-  Real settled_;
+  Real tolerance_;
   std::vector<Real> before_, correction_;
   Real effect_{0};  ///< of a correction of 1 on the accelerations
   int age_ = 1000;  ///< evaluations since it was seen

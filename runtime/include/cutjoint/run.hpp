@@ -13,7 +13,7 @@
 
 #include "cutjoint/failure_report.hpp"
 #include "cutjoint/json.hpp"
-#include "cutjoint/launch.hpp"
+#include "cutjoint/initial_state.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/output_file.hpp"
 #include "cutjoint/pace.hpp"
@@ -33,7 +33,7 @@ namespace cutjoint {
 /// - `begin`, which takes over a start, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
-/// - `explain`, which tells more of a failure of a step,
+/// - `explain`, which adds to a failure of a step what is known of its cause,
 /// - `evaluate`, the results of its functions at the run file's states,
 /// - if others may know it, `state`, that of its last step,
 /// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state,
@@ -44,7 +44,7 @@ class Run {
   using Real = typename Method::Real;
 
   Run(M& mechanism, Method& method, const RunSettings& settings, const Json& file)
-      : launch_(mechanism, settings, file), method_(method), settings_(settings), file_(file) {}
+      : initial_state_(mechanism, settings, file), method_(method), settings_(settings), file_(file) {}
 
   /// Do the run's task and return its summary.  A Failure or a request to stop ends in the summary, and the table has the rows up to then.
   /// Throws where a file cannot be written.
@@ -58,7 +58,7 @@ class Run {
         if (file_.value("with_state", false)) summary["state"] = method_.state();
     } catch (const Failure& failure) {
       summary = counts();
-      report(begun_ ? method_.explain(failure) : launch_.explain(failure), summary);
+      report(begun_ ? method_.explain(failure) : initial_state_.explain(failure), summary);
     }
     if (table_) summary["rows"] = table_->rows();
     close_files();
@@ -72,13 +72,13 @@ class Run {
       if constexpr (requires { method_.evaluate(); }) return Json{{"results", method_.evaluate()}};
     }
     if (task == Task::equilibrium) {
-      const auto& start = launch_.at_rest();
-      if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
+      const auto& start = initial_state_.at_rest();
+      if constexpr (requires { method_.load_penalties(initial_state_.penalties()); }) method_.load_penalties(initial_state_.penalties());
       method_.begin(start, 0.0);
       return columns();
     }
-    const auto& start = launch_.in_motion();
-    if constexpr (requires { method_.load_penalties(launch_.penalties()); }) method_.load_penalties(launch_.penalties());
+    const auto& start = initial_state_.in_motion();
+    if constexpr (requires { method_.load_penalties(initial_state_.penalties()); }) method_.load_penalties(initial_state_.penalties());
     method_.begin(start, 1.0);
     begun_ = true;
     if (task == Task::factor) {
@@ -208,7 +208,7 @@ class Run {
   }
 
   Json counts() const {
-    Json summary{{"steps", steps_}, {"seconds", seconds_}, {"undetermined", launch_.undetermined()}};
+    Json summary{{"steps", steps_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}};
     method_.summarise(summary);
     return summary;
   }
@@ -221,7 +221,7 @@ class Run {
     std::cout << Json{{"progress", static_cast<double>(step) / static_cast<double>(steps)}} << std::endl;
   }
 
-  Launch<M> launch_;
+  InitialState<M> initial_state_;
   Method& method_;
   const RunSettings& settings_;
   const Json& file_;

@@ -107,10 +107,10 @@ class Starter {
     std::fill(state.v.begin(), state.v.end(), Real(0));
     Vector travel = Vector::Zero(n_);
     seek_rest(state, held, travel);
-    // Differences tell the free directions to some digits only, so the steps have strayed along them.
+    // Differences tell the free directions to some digits only, so the steps have drifted along them.
     const Matrix K = held_out(stiffness(state, held), held);
-    const Vector astray = travel - least_norm(K, K * travel);
-    move(state, astray, Real(-1));
+    const Vector drift = travel - least_norm(K, K * travel);
+    move(state, drift, Real(-1));
     const Vector a = seek_rest(state, held, travel);
     if (!(largest(a) <= Real(1e-6))) {
       const auto worst = static_cast<std::size_t>(index_of_largest(a));

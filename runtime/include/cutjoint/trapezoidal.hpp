@@ -19,7 +19,7 @@ namespace cutjoint {
 /// How the fixed point is sought.
 ///
 /// It counts as reached when the accelerations change by at most `tolerance` times (1 + the largest of them).  The multipliers are
-/// corrected in the first `multiplier_updates` iterations of a step and then kept: the penalty carries what is left.  Near a singular
+/// corrected in the first `multiplier_updates` iterations of a step and stay the same then: the penalty carries what is left.  Near a singular
 /// pose the multipliers of the vanishing direction have no limit, and correcting them further would never end.
 ///
 /// With the proximal closure positions and speeds are projected at the end of a step.  A step of fixed cost has `iterations` of them, no

@@ -57,7 +57,7 @@ class Motion:
 
     @property
     def key(self) -> tuple[int, int]:
-        """What tells it from all others."""
+        """What distinguishes it from all others."""
         return self.row, self.group
 
 

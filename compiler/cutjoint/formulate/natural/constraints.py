@@ -169,11 +169,11 @@ class ConstraintMaker:
         """What keeps a group rigid, and holds it to shared nodes that its basis does not have."""
         for u, w in group.pairs:
             name = _way_name(u) if u == w else f"{_way_name(u)}*{_way_name(w)}"
-            yield self._stacked(group.name, [name], [self._kept(group.name, u, w)])
+            yield self._stacked(group.name, [name], [self._remaining_row(group.name, u, w)])
         for node in group.surplus:
             yield from self._held(group, node)
 
-    def _kept(self, group: str, u: Form, w: Form) -> _Row:
+    def _remaining_row(self, group: str, u: Form, w: Form) -> _Row:
         """The product of two ways keeps its design value."""
         row = self._row()
         p, q = (sympy.Matrix(_design(form)) for form in (u, w))

@@ -46,7 +46,7 @@ def formulate_lagrangian(
     ``left_out`` are not held.
 
     Raises:
-        ModelError: outputs that natural coordinates do not tell.
+        ModelError: outputs that natural coordinates do not determine.
     """
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
@@ -57,7 +57,7 @@ def formulate_lagrangian(
     motions = NodeMotions(builder=b, translator=translator, layout=layout)
     maker = ForceMaker(motions, model, scene)
     system = _System(
-        b=b, motions=motions, layout=layout, constraints=tuple(_kept(b, ConstraintMaker(motions, model, scene).all(), left_out)),
+        b=b, motions=motions, layout=layout, constraints=tuple(_without(b, ConstraintMaker(motions, model, scene).all(), left_out)),
         elements={e.name: e for e in maker.all()}, masses=tuple(_masses(layout, model)), maker=maker, start=start,
     )  # fmt: skip
     guarded, margins = maker.guarded()
@@ -97,11 +97,11 @@ def without(equations: LagrangianEquations, left_out: Collection[str]) -> Lagran
     return formulate_lagrangian(equations.start, equations.method, equations.outputs, left_out) if left_out else equations
 
 
-def _kept(b: Builder, constraints: Iterable[Constraint], left_out: Collection[str]) -> Iterator[Constraint]:
+def _without(b: Builder, constraints: Iterable[Constraint], left_out: Collection[str]) -> Iterator[Constraint]:
     for c in constraints:
-        kept = c.without([name for name in c.names if f"{c.element}.{name}" in left_out], b)
-        if kept is not None:
-            yield kept
+        remaining = c.without([name for name in c.names if f"{c.element}.{name}" in left_out], b)
+        if remaining is not None:
+            yield remaining
 
 
 def _masses(layout: Layout, model: Model) -> Iterator[tuple[Node, Node, Scalar]]:

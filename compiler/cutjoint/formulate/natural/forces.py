@@ -121,7 +121,7 @@ class ForceMaker:
         return elements
 
     def guarded(self) -> tuple[list[Element], dict[str, Block]]:
-        """The forces that guards stand for, as elements that do nothing but tell where their parts are; and their smallest margins."""
+        """The forces that guards stand for, as elements that only report where their parts are; and their smallest margins."""
         elements, margins = [], {}
         for guard in guards_of(self._model, self._scene):
             name = guard.force.name

@@ -32,7 +32,7 @@ class NaturalReporter:
         """The block of one output; zero for a force that the scene has switched off or that a guard stands for.
 
         Raises:
-            ModelError: a reaction that points and vectors alone do not tell.
+            ModelError: a reaction that points and vectors alone do not determine.
         """
         name = output.element
         for body in self.model.bodies:

@@ -33,7 +33,7 @@ class ReactionMaker:
         """The force (3, 1) of a reaction's joint on its follower.
 
         Raises:
-            ModelError: natural coordinates do not tell it.
+            ModelError: natural coordinates do not determine it.
         """
         b = self.motions.builder
         joint = next(j for j in self.model.joints if j.name == reaction.joint)

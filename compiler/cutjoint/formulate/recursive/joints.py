@@ -42,7 +42,7 @@ QUATERNION = sympy.symbols("e0:4", real=True)
 class JointKernel:
     """The motion of one joint.
 
-    ``q`` are its scalar coordinates, ``has_ball`` tells of a quaternion behind them, ``u`` its speeds: the rates of q, then the ball's
+    ``q`` are its scalar coordinates, ``has_ball`` is whether a quaternion follows them, ``u`` its speeds: the rates of q, then the ball's
     angular velocity in the inner body's axes.  ``rotation`` (3, 3), ``displacement`` (3, 1), ``subspace`` (6, nu), ``drift`` (6, 1).
     ``columns`` (6, n) are those of the elementary motions in the chain's order, whose sums by speeds are the subspace.
     """

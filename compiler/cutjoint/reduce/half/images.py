@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 from cutjoint.elements.joint import Direction, JointElement
-from cutjoint.model.mirror import coordinate_signs, turned_law
+from cutjoint.model.mirror import coordinate_signs, reflected_law
 from cutjoint.model.records import (
     Body,
     Force,
@@ -25,13 +25,13 @@ NAMING = frozenset({"name", "span", "active", "base", "follower", "body"})
 class Images:
     """The image of each element by name: itself, or the other one of a pair; a force that is switched off may have none.
 
-    ``turned`` has for each joint, by coordinate and speed, 1 where its image's counts the same way, else -1.
+    ``signs`` has for each joint, by coordinate and speed, 1 where its image's counts the same way, else -1.
     """
 
     bodies: Mapping[str, str]
     joints: Mapping[str, str]
     forces: Mapping[str, str]
-    turned: Mapping[str, Mapping[str, int]]
+    signs: Mapping[str, Mapping[str, int]]
 
 
 def require_images(pairs: Pairs) -> Images:
@@ -48,11 +48,11 @@ def require_images(pairs: Pairs) -> Images:
     for body, reflection in zip(elements.bodies, pairs.mirrored.bodies, strict=True):
         _require_body(reflection, next(b for b in elements.bodies if b.name == pairs.bodies[body.name]), plane, pairs.same)
     joints = {j.name: j for j in elements.joints}
-    turned = {j.name: _turned(pairs, j, joints[pairs.joints[j.name]]) for j in elements.joints}
+    signs = {j.name: _signs(pairs, j, joints[pairs.joints[j.name]]) for j in elements.joints}
     for joint in elements.joints:
-        _require_joint(joint, joints[pairs.joints[joint.name]], turned[joint.name], plane)
-    forces = _force_images(pairs, turned)
-    return Images(bodies=pairs.bodies, joints=pairs.joints, forces=forces, turned=turned)
+        _require_joint(joint, joints[pairs.joints[joint.name]], signs[joint.name], plane)
+    forces = _force_images(pairs, signs)
+    return Images(bodies=pairs.bodies, joints=pairs.joints, forces=forces, signs=signs)
 
 
 def _require_body(reflection: Body, image: Body, plane: Plane, same: Same) -> None:
@@ -64,7 +64,7 @@ def _require_body(reflection: Body, image: Body, plane: Plane, same: Same) -> No
         raise AsymmetryError(reflection.name, f"{words}: its {differ[0]}{' is not' if own else ' differs'}", reflection.span)
 
 
-def _turned(pairs: Pairs, joint: Joint, image: Joint) -> Mapping[str, int]:
+def _signs(pairs: Pairs, joint: Joint, image: Joint) -> Mapping[str, int]:
     """How coordinates and speeds count in the image."""
     flips = pairs.signs(joint, image)
     assert flips is not None
@@ -75,15 +75,15 @@ def _turned(pairs: Pairs, joint: Joint, image: Joint) -> Mapping[str, int]:
     return {**signs, **dict(zip(joint.element.speeds, signs.values(), strict=False)), **spin}
 
 
-def _flips(element: JointElement, signs: Sequence[int]) -> Mapping[str, int]:
+def _flips(element: JointElement, of_axes: Sequence[int]) -> Mapping[str, int]:
     """The signs of coordinates when axes are turned about; the second direction across one is a product with two of them."""
-    turned = dict(zip((Direction.AXIS, Direction.AXIS_2), signs, strict=False))
-    if signs:
-        turned[Direction.ACROSS_1] = signs[0]
-    return {m.coordinate: turned.get(m.direction, 1) for m in element.scalar_motions}
+    signs = dict(zip((Direction.AXIS, Direction.AXIS_2), of_axes, strict=False))
+    if of_axes:
+        signs[Direction.ACROSS_1] = of_axes[0]
+    return {m.coordinate: signs.get(m.direction, 1) for m in element.scalar_motions}
 
 
-def _require_joint(joint: Joint, image: Joint, turned: Mapping[str, int], plane: Plane) -> None:
+def _require_joint(joint: Joint, image: Joint, signs: Mapping[str, int], plane: Plane) -> None:
     """Raises AsymmetryError unless the image is cut and guided as the joint is."""
     if joint.cut is not image.cut:
         raise AsymmetryError(joint.name, f"is not cut as '{image.name}' is, its image in the plane {plane}", joint.span)
@@ -91,19 +91,19 @@ def _require_joint(joint: Joint, image: Joint, turned: Mapping[str, int], plane:
         raise AsymmetryError(joint.name, f"is not guided as '{image.name}' is, its image in the plane {plane}", joint.span)
     guides = zip(joint.element.coordinates, joint.guide or (), image.guide or (), strict=False)
     for coordinate, guide, other in guides:
-        if not is_same(turned[coordinate] * guide, other):
+        if not is_same(signs[coordinate] * guide, other):
             own = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"
             words = own if joint.name == image.name else f"is not guided as the plane {plane} shows '{image.name}'"
             raise AsymmetryError(joint.name, words, joint.span)
 
 
-def _force_images(pairs: Pairs, turned: Mapping[str, Mapping[str, int]]) -> Mapping[str, str]:
+def _force_images(pairs: Pairs, signs: Mapping[str, Mapping[str, int]]) -> Mapping[str, str]:
     """The image of each force; one that the scene has switched off needs none."""
     images: dict[str, str] = {}
     forces = pairs.elements.forces
     for force, reflection in zip(forces, pairs.mirrored.forces, strict=True):
         free = sorted((f for f in forces if f.name not in images and f.active is force.active), key=lambda f: f.name != force.name)
-        like = [f for f in free if _is_attached(pairs, force, f) and _is_image(pairs, force, reflection, f, turned)]
+        like = [f for f in free if _is_attached(pairs, force, f) and _is_image(pairs, force, reflection, f, signs)]
         if force.name not in images and like:
             images |= {force.name: like[0].name, like[0].name: force.name}
     alone = [f for f in forces if f.name not in images]
@@ -140,9 +140,9 @@ def _is_attached(pairs: Pairs, force: Force, candidate: Force) -> bool:
     return type(force) is type(candidate) and (images == ends(candidate) or swapped)
 
 
-def _is_image(pairs: Pairs, force: Force, reflection: Force, candidate: Force, turned: Mapping[str, Mapping[str, int]]) -> bool:
+def _is_image(pairs: Pairs, force: Force, reflection: Force, candidate: Force, signs: Mapping[str, Mapping[str, int]]) -> bool:
     if isinstance(force, JointForce) and isinstance(candidate, JointForce):
-        return pairs.same(turned_law(force.law, turned[force.joint][force.coordinate]), candidate.law)
+        return pairs.same(reflected_law(force.law, signs[force.joint][force.coordinate]), candidate.law)
     names = [f.name for f in fields(reflection) if f.name not in NAMING]
     shown = {name: getattr(reflection, name) for name in names}
     if isinstance(force, PointSpring) and tuple(pairs.bodies[body] for body in ends(force)) != ends(candidate):

@@ -13,13 +13,13 @@ import sympy
 from cutjoint.model.elements import Elements
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.geometry import unit
-from cutjoint.model.mirror import mirror_elements, turned_law
+from cutjoint.model.mirror import mirror_elements, reflected_law
 from cutjoint.model.records import Body, Force, Joint, JointForce, Model, PointSpring, Scalar, Vector
 from cutjoint.reduce.half.images import NAMING, Images, ends
 from cutjoint.reduce.half.pairs import Pairs
 from cutjoint.reduce.half.plane import is_same
 
-#: What counts as near: a share of a mechanism's size, of a figure, of a law's values.
+#: What counts as near: a share of a mechanism's size, of a number, of a law's values.
 NEAR = 0.05
 
 #: What the length of a unit vector may be off by.
@@ -31,7 +31,7 @@ _SAMPLES = (-0.7, -0.2, 0.0, 0.3, 0.6, 1.1)
 
 @dataclass(frozen=True, kw_only=True)
 class Nearness:
-    """Compares fields of records: places by the mechanism's ``size`` (m), directions and figures by their own, laws by what they give."""
+    """Compares fields of records: places by the mechanism's ``size`` (m), directions and numbers by their own, laws by what they give."""
 
     values: Mapping[Scalar, float]
     size: float
@@ -115,7 +115,7 @@ class Means:
     def _mean_force(self, force: Force, seen: Force) -> Force:
         if isinstance(force, JointForce) and isinstance(seen, JointForce):
             law = next(f.law for f in self.model.forces if f.name == seen.name and isinstance(f, JointForce))
-            return replace(force, law=mean(force.law, turned_law(law, self.images.turned[force.joint][force.coordinate])))
+            return replace(force, law=mean(force.law, reflected_law(law, self.images.signs[force.joint][force.coordinate])))
         if isinstance(force, PointSpring) and isinstance(seen, PointSpring) and self._is_swapped(force, seen):
             seen = replace(seen, start=seen.end, end=seen.start)
         names = [f.name for f in fields(force) if f.name not in (*NAMING, "axis", "axes")]

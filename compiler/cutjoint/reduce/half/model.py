@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from cutjoint.model.mirror import turned_law
+from cutjoint.model.mirror import reflected_law
 from cutjoint.model.records import (
     COORDINATES,
     GROUND,
@@ -99,7 +99,7 @@ def _forces(half: Half) -> Iterator[Force]:
         halved = halve_force(force) if half.is_own(force.name) else force
         if isinstance(halved, JointForce) and halved.joint in half.in_plane:
             name, sign = half.in_plane[halved.joint].kept[halved.coordinate]
-            halved = replace(halved, coordinate=name, law=turned_law(halved.law, sign))
+            halved = replace(halved, coordinate=name, law=reflected_law(halved.law, sign))
         yield halved
 
 

@@ -90,9 +90,9 @@ def _states_between(states: Mapping[str, Scalar], images: Images, near: Nearness
     reach = max((abs(evaluate(value, near.values)) for value in states.values()), default=0.0)
     for key, value in states.items():
         name, _, component = key.rpartition(".")
-        image, turned = images.joints.get(name, name), images.turned.get(name, {})
+        image, signs = images.joints.get(name, name), images.signs.get(name, {})
         other = states.get(f"{image}.{component}")
-        seen = value if other is None or component not in turned else turned[component] * other
+        seen = value if other is None or component not in signs else signs[component] * other
         is_near = abs(evaluate(value - seen, near.values)) <= 2 * NEAR * reach
         found[key] = mean(value, seen) if is_near else value
     return found

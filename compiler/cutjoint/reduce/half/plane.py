@@ -83,7 +83,7 @@ def require_gravity(model: Model, plane: Plane) -> None:
 
 
 def is_nought(expression: Scalar) -> bool:
-    """Whether an expression is zero whatever its symbols are, as far as multiplying out tells."""
+    """Whether an expression is zero whatever its symbols are, as far as multiplying out shows."""
     return bool(expression == 0 or sympy.expand(expression) == 0)
 
 

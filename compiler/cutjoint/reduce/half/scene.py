@@ -36,7 +36,7 @@ def half_scene(half: Half, scene: Scene) -> Scene:
     """The scene of the half.
 
     Raises:
-        AsymmetryError: it is not symmetric, or asks for what the half does not tell.
+        AsymmetryError: it is not symmetric, or asks for what the half does not determine.
     """
     if not half.flat:
         _require_road(half, scene)
@@ -72,7 +72,7 @@ def _states(half: Half, states: Mapping[str, Scalar]) -> dict[str, Scalar]:
 
 
 def _require_image(half: Half, states: Mapping[str, Scalar], joint: Joint, component: str) -> None:
-    image, sign = half.images.joints[joint.name], half.images.turned[joint.name][component]
+    image, sign = half.images.joints[joint.name], half.images.signs[joint.name][component]
     other = states.get(f"{image}.{component}")
     if other is None or not is_same(sign * states[f"{joint.name}.{component}"], other):
         own = f"starts with a {component} that leaves the plane {half.plane}"
@@ -133,7 +133,7 @@ def _force_sign(half: Half, force: Force, quantity: str) -> int:
         case PointSpring() | AxialForce():
             return 1
         case JointForce():
-            return half.images.turned[force.joint][force.coordinate] if quantity == "force" else 1
+            return half.images.signs[force.joint][force.coordinate] if quantity == "force" else 1
         case Bushing():
             return half.plane.sign(quantity.replace("r", "M"))
         case BodyLoad():
@@ -143,7 +143,7 @@ def _force_sign(half: Half, force: Force, quantity: str) -> int:
 
 def _joint_output(half: Half, joint: Joint, output: Output) -> Output:
     name = half.kept_joint(joint.name)
-    sign = 1 if name == joint.name else half.images.turned[joint.name][output.quantity]
+    sign = 1 if name == joint.name else half.images.signs[joint.name][output.quantity]
     if name not in half.in_plane:
         return _scaled(output, sign, name)
     found = half.in_plane[name]
@@ -151,7 +151,7 @@ def _joint_output(half: Half, joint: Joint, output: Output) -> Output:
         quantity, factor = found.kept[output.quantity]
         return _scaled(output, sign * factor, name, quantity)
     if output.quantity in found.unknown:
-        raise AsymmetryError(joint.name, f"is asked for its {output.quantity}, which the model in the plane does not tell", output.span)
+        raise AsymmetryError(joint.name, f"is asked for its {output.quantity}, which a plane model does not determine", output.span)
     return _zero(half, joint, output)
 
 

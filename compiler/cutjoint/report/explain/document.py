@@ -42,7 +42,7 @@ def explain(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, done: S
 
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
-        ModelError: an output or a force that the method does not tell.
+        ModelError: an output or a force that the method does not determine.
     """
     reduction = explain_reduction(model, scene, done)
     if METHODS[method].formulation is Formulation.NATURAL:

@@ -7,22 +7,22 @@ from collections.abc import Callable, Sequence
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import Equations
 from cutjoint.model.records import Force, Model
+from cutjoint.report.explain.force_descriptions import ForceDescription, describe
 from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import variants
-from cutjoint.report.explain.manners import Manner, describe
 from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
 
 
 def explain_forces(
-    equations: Equations, counterparts: Sequence[Counterparts], manner: Callable[[Force, Model], Manner] = describe,
+    equations: Equations, counterparts: Sequence[Counterparts], description: Callable[[Force, Model], ForceDescription] = describe,
     notes: tuple[str, ...] = (),
 ) -> Chapter:  # fmt: skip
-    """The forces that act in the scene, in the manner of a formulation; those that are switched off are named."""
+    """The forces that act in the scene, in the description of a formulation; those that are switched off are named."""
     model, scene = equations.topology.model, equations.scene
     forces = {f.name: f for f in model.forces if is_active(f, scene)}
-    manners = {name: manner(f, model) for name, f in forces.items()}
-    groups = group(list(forces), counterparts, lambda name: manners[name].kind, lambda name: manners[name].laws)
-    entries = [_entry([forces[n] for n in names], [manners[n] for n in names]) for names in groups]
+    descriptions = {name: description(f, model) for name, f in forces.items()}
+    groups = group(list(forces), counterparts, lambda name: descriptions[name].kind, lambda name: descriptions[name].laws)
+    entries = [_entry([forces[n] for n in names], [descriptions[n] for n in names]) for names in groups]
     off = [f for f in model.forces if f.name not in forces]
     if off:
         rows = make_table(("force", "line"), ((code(f.name), f.span.place) for f in off))
@@ -30,18 +30,18 @@ def explain_forces(
     return Chapter(title="Forces", notes=notes if model.forces else ("None but gravity.",), formulas=(), entries=tuple(entries))
 
 
-def _entry(forces: Sequence[Force], manners: Sequence[Manner]) -> Entry:
-    first = manners[0]
-    shared = [item for item in first.constants if all(item in m.constants for m in manners)]
-    own = [[item for item in m.constants if item not in shared] for m in manners]
+def _entry(forces: Sequence[Force], descriptions: Sequence[ForceDescription]) -> Entry:
+    first = descriptions[0]
+    shared = [item for item in first.constants if all(item in m.constants for m in descriptions)]
+    own = [[item for item in m.constants if item not in shared] for m in descriptions]
     notes = [f"Constants: {', '.join(f'{name} = {value}' for name, value in shared)}."] if shared else []
     headings = ("force", "line", *(name for name, _ in (*first.places, *own[0])))
     rows = [
         (code(f.name), f.span.place, *(cell for _, cell in (*m.places, *numbers)))
-        for f, m, numbers in zip(forces, manners, own, strict=True)
+        for f, m, numbers in zip(forces, descriptions, own, strict=True)
     ]  # fmt: skip
     names = [f.name for f in forces]
     return Entry(
         title=f"{first.title}: {with_others(names)}", notes=(*first.notes, *notes),
-        formulas=(*first.actions, *variants(names, [m.laws for m in manners])), table=make_table(headings, rows),
+        formulas=(*first.actions, *variants(names, [m.laws for m in descriptions])), table=make_table(headings, rows),
     )  # fmt: skip

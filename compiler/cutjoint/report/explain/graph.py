@@ -91,8 +91,8 @@ def operation_rows(program: Program) -> list[tuple[str, str]]:
 
 def _early(program: Program, nodes: Sequence[int], binding: BindingTime) -> str:
     operations = sum(1 for n in nodes if program.graph.nodes[n].op not in FREE)
-    kept = sum(1 for n in program.kept if program.graph.nodes[n].binding is binding)
-    return f"{operations}, {plural(kept, 'scalar')} kept"
+    stored = sum(1 for n in program.stored if program.graph.nodes[n].binding is binding)
+    return f"{operations}, {plural(stored, 'scalar')} stored"
 
 
 def tree_lines(topology: Topology) -> tuple[str, ...]:

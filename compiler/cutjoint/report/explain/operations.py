@@ -26,7 +26,7 @@ class Cost:
 
     parameter: Parameter
     operations: int
-    kept: int
+    stored: int
 
 
 def derive(topology: Topology, scene: Scene) -> tuple[RecursiveEquations, Program]:
@@ -73,7 +73,7 @@ def parameter_costs(equations: RecursiveEquations, program: Program) -> tuple[Co
     for i, parameter in enumerate(equations.parameters):
         dependent = _dependent(program, i)
         operations = _saved(equations, program, parameter) if dependent else 0
-        costs.append(Cost(parameter=parameter, operations=operations, kept=len(dependent & program.kept)))
+        costs.append(Cost(parameter=parameter, operations=operations, stored=len(dependent & program.stored)))
     return tuple(costs)
 
 
@@ -104,7 +104,7 @@ def cost_table(costs: tuple[Cost, ...]) -> Table:
     """One row a parameter."""
     rows = [
         (code(c.parameter.name), c.parameter.span.place, number(c.parameter.value, times="e{}"), c.parameter.unit,
-         f"{c.operations:+d}" if c.operations else "0", str(c.kept))
+         f"{c.operations:+d}" if c.operations else "0", str(c.stored))
         for c in costs
     ]  # fmt: skip
-    return make_table(("parameter", "line", "value", "unit", "operations of `evaluate`", "scalars kept when loaded"), rows)
+    return make_table(("parameter", "line", "value", "unit", "operations of `evaluate`", "scalars stored when loaded"), rows)

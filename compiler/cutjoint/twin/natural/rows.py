@@ -64,11 +64,11 @@ class _Rows:
     def _body(self, group: Group) -> Iterator[Row]:
         for u, w in group.pairs:
             name = _end(u) if u == w else f"{_end(u)}*{_end(w)}"
-            yield self._kept(group, name, u, w)
+            yield self._remaining_row(group, name, u, w)
         for node in group.surplus:
             yield from self._held(group, node)
 
-    def _kept(self, group: Group, name: str, u: Form, w: Form) -> Row:
+    def _remaining_row(self, group: Group, name: str, u: Form, w: Form) -> Row:
         """A product that keeps its design value; of two ways between points over the longer one's length."""
         p, q = (_place(form) for form in (u, w))
         weight = kept_weight(self._layout, u, w)

@@ -1,4 +1,4 @@
-// The driver's door for batches: each thread has generated mechanisms of its own.
+// The interface of the driver for batches: each thread has generated mechanisms of its own.
 #pragma once
 
 #include <functional>

@@ -15,7 +15,7 @@
 #include "cutjoint/failure_report.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
-#include "cutjoint/launch.hpp"
+#include "cutjoint/initial_state.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
@@ -25,7 +25,7 @@ namespace cutjoint::batch {
 
 /// Runs cases of a scene: what a case says stands for what the run file says otherwise.
 ///
-/// They start one by one and take their steps together; the last state of a case that fails is kept, and the others go on.
+/// They start one by one and take their steps together; a case that fails stays at its last state, and the others go on.
 class Group {
  public:
   Group(AnyMechanism<double>& alone, Instances& instances, const RunSettings& settings, const Json& file)
@@ -59,14 +59,14 @@ class Group {
       Json own = file_;
       own.update(cases[k]);
       try {
-        Launch<SideBySide> launch(side_by_side_, settings_, own);
-        const State<double> state = launch.in_motion();
+        InitialState<SideBySide> initial_state(side_by_side_, settings_, own);
+        const State<double> state = initial_state.in_motion();
         // the first to start also stands in for those that do not
         for (std::size_t lane = any(going_) ? k : 0; lane < width; ++lane) {
           SideBySide::put(state, static_cast<int>(lane), state_);
           cases_[lane] = {read_parameters<double>(d_.parameters, own), read_roads<double>(d_.roads, own)};
         }
-        results_[k]["undetermined"] = launch.undetermined();
+        results_[k]["undetermined"] = initial_state.undetermined();
         going_[static_cast<int>(k)] = -1;
       } catch (const Failure& failure) {
         cutjoint::report(failure, results_[k]);
@@ -118,7 +118,7 @@ class Group {
     }
   }
 
-  /// What the mechanism alone tells of a failed step, from the state before it.
+  /// The failure of a step, explained by the single mechanism from the state before it.
   Failure explained(int k, double dt, const Failure& failure) {
     State<double> state(d_);
     take_alone(k, state);
@@ -133,7 +133,7 @@ class Group {
     alone_.begin_step(state.t, 1.0);
   }
 
-  /// Stop the cases whose guards are violated; which of them, and by how much, tells the mechanism alone.
+  /// Stop the cases whose guards are violated.  The single mechanism finds which guard it is, and by how much.
   void watch(long number) {
     if (margin_.empty()) return;
     instances_.guard(state_.q.data(), state_.v.data(), margin_.data());

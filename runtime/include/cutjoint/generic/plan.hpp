@@ -1,4 +1,4 @@
-// The elimination of the joints, played through once on the body graph: which couplings meet which, and where they are kept.
+// The elimination of the joints, played through once on the body graph: which couplings meet which, and where they are stored.
 #pragma once
 
 #include <algorithm>
@@ -29,7 +29,7 @@ struct Target {
 enum class Pivot { none, scalars, free_root, ball };
 
 /// The elimination of one body.  `coupled` are its couplings, `inherited` those of its parent with the same bodies.  `rows` are the bodies
-/// on which its own acceleration comes to depend, kept from `first_row` on; the parent's is `parent_row`, -1 where there is none.
+/// on which its own acceleration comes to depend, stored from `first_row` on; the parent's is `parent_row`, -1 where there is none.
 /// `fills` are the couplings between the rows' bodies, for each row those with the later ones.  The unknowns of a geared joint are a node,
 /// whose couplings are `own`, in the rows `own_rows`; `self` is that of the body with this node.
 struct Elimination {

@@ -73,7 +73,7 @@ class AugmentedNewton : public Newton<S> {
   }
 
   /// What acts is lambda + alpha Phi.  The multipliers take it over when the last iteration was still one that corrects them.
-  void settle(State<Real>& state) override {
+  void update_multipliers(State<Real>& state) override {
     for (std::size_t i = 0; i < m_; ++i) state.lambda[i] = lambda_[i] + alpha_ * phi_[i];
     if (iteration_ <= settings_.multiplier_updates) lambda_ = state.lambda;
   }

@@ -50,7 +50,7 @@ class ClassicalNewton final : public Newton<S> {
     for (std::size_t i = 0; i < m_; ++i) lambda_[i] += x_[n_ + i];
   }
 
-  void settle(State<Real>& state) override { state.lambda = lambda_; }
+  void update_multipliers(State<Real>& state) override { state.lambda = lambda_; }
 
   /// f_x (dv; .) = (0; -dt^2/4 Phid), and the same of accelerations with Phidd [eqs. 21-22].  Twice or more, since the matrix is that of
   /// the last iteration, whose pose differs from the final one.

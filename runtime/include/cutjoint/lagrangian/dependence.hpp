@@ -34,7 +34,7 @@ DenseMatrix<Real> transposed_jacobian(const SystemDescription& d, const Real* ta
   return J;
 }
 
-/// Householder's factorisation with column pivoting sorts the equations: the first `rank` span all of them, and the triangle tells how.
+/// Householder's factorisation with column pivoting sorts the equations: the first `rank` span all of them, and the triangle says how.
 template <class Real>
 Dependence find_dependence(const DenseMatrix<Real>& transposed) {
   Dependence found;

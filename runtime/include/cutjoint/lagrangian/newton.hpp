@@ -65,7 +65,7 @@ inline NewtonSettings newton_settings(const RunSettings& settings) {
 /// qdd = 4/dt^2 (q - q_n) - 4/dt qd_n - qdd_n, that cost a small step its digits.  Newton's equations remain those for dq = dt^2/4 dvdot.
 ///
 /// In the form of Arnold and Bruels (Multibody System Dynamics 18 (2007) 185-202), generalised-alpha has M vdot + Phi_q^T lambda = Q and
-/// Phi = 0 at the end of each step, as the trapezoidal rule has them here; a, which has no equation of its own, is kept beside the state.
+/// Phi = 0 at the end of each step, as the trapezoidal rule has them here; a, which has no equation of its own, is stored beside the state.
 ///
 /// The tangent leaves out how the multipliers' directions turn, (Phi_q^T)_q lambda, as the paper does; convergence is linear with a
 /// factor of the order of dt^2/4 lambda / (mass length).
@@ -94,17 +94,17 @@ class Newton : public Workspace<S> {
     this->linearise(state, Real(0), start_weights());
     this->factor();
     examine();
-    bool settled = false;
+    bool converged = false;
     for (int iteration = 0;; ++iteration) {
       this->constraint_residual(state);
       if (iteration > 0) correct_start();
-      if (settled) break;
-      if (iteration == 200) fail("the accelerations at the start do not settle", d_.unknowns()[worst()], change_, "take a larger penalty");
+      if (converged) break;
+      if (iteration == 200) fail("the accelerations at the start do not converge", d_.unknowns()[worst()], change_, "take a larger penalty");
       this->dynamic_residual(state, Real(0));
       right_of_start(state);
       this->solve();
       take(Real(1), state);
-      settled = start_settled(state, iteration);
+      converged = start_converged(state, iteration);
     }
     lambda_before_ = lambda_;
     state.lambda = lambda_;
@@ -174,7 +174,7 @@ class Newton : public Workspace<S> {
   virtual bool extrapolates() const { return true; }                   ///< whether multipliers go on as in the step before
   virtual bool may_end() const { return true; }                        ///< whether a step may end with this iteration
   virtual void take_multipliers() {}                                   ///< those of the solution
-  virtual void settle(State<Real>& state) = 0;                         ///< multipliers at the end of a step, whose Phi is known
+  virtual void update_multipliers(State<Real>& state) = 0;                         ///< multipliers at the end of a step, whose Phi is known
 
   /// Bring rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations; what is left stays in `gap`.
   virtual void project_on(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap) = 0;
@@ -245,7 +245,7 @@ class Newton : public Workspace<S> {
       else
         iterate_warily(state);
       this->constraint_residual(state);
-      settle(state);
+      update_multipliers(state);
       project(state);
       if (settings_.rule.averages())
         for (std::size_t i = 0; i < n_; ++i) mean_[i] = averaged(state, i);
@@ -321,7 +321,7 @@ class Newton : public Workspace<S> {
     follow(state);
   }
 
-  /// With factors that are kept while they serve; from the start again, with a tangent in each iteration, where that fails.
+  /// With factors that are reused while the iteration converges; from the start again, with a tangent in each iteration, where that fails.
   void iterate_warily(State<Real>& state) {
     kept_now_ = lambda_;
     kept_before_ = lambda_before_;
@@ -340,11 +340,11 @@ class Newton : public Workspace<S> {
   /// The multipliers go on as in the step before, lambda_0 = 2 lambda_n - lambda_(n-1) [eq. 3], or stay; so do the accelerations where
   /// `renews_always` does not hold, or they stay.
   void predict(State<Real>& state) {
-    go_on(lambda_, lambda_before_, extrapolates());
-    if (!renews_always()) go_on(state.vdot, vdot_before_, !wary_ && this->number_ > 1);
+    extrapolate(lambda_, lambda_before_, extrapolates());
+    if (!renews_always()) extrapolate(state.vdot, vdot_before_, !wary_ && this->number_ > 1);
   }
 
-  static void go_on(std::vector<Real>& values, std::vector<Real>& before, bool extrapolated) {
+  static void extrapolate(std::vector<Real>& values, std::vector<Real>& before, bool extrapolated) {
     const Real share(extrapolated ? 1 : 0);
     for (std::size_t i = 0; i < values.size(); ++i) {
       const Real now = values[i];
@@ -388,7 +388,7 @@ class Newton : public Workspace<S> {
     return worst;
   }
 
-  bool start_settled(const State<Real>& state, int iteration) {
+  bool start_converged(const State<Real>& state, int iteration) {
     const Real last = change_;
     change_ = largest_move();
     const Real size = Real(1) + largest(state.vdot);

@@ -1,4 +1,4 @@
-// Newton's iteration on the recursion: the augmented Lagrangian method in relative coordinates, with tangents that are kept.
+// Newton's iteration on the recursion: the augmented Lagrangian method in relative coordinates, with tangents that are reused.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace cutjoint {
 
-/// The residual is cheap beside its tangent, so that factors are kept, over steps too, while they bring the iteration on; a step that fails
+/// The residual is cheap beside its tangent, so that factors are reused, over steps too, while they bring the iteration on; a step that fails
 /// even with a tangent in each iteration is taken in halves.
 ///
 /// What violates the equations is then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
@@ -60,7 +60,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   /// A hundredth of what the iteration leaves of the accelerations.
   Real negligible(const std::vector<Real>& values) const override { return Real(1e-2) * Real(settings_.tolerance) * (Real(1) + largest(values)); }
 
-  /// Where the kept factors leave a gap, those of a new tangent close it.
+  /// Where the reused factors leave a gap, those of a new tangent close it.
   void project_on(const State<Real>& state, std::vector<Real>& values, std::vector<Real>& gap) override {
     Base::project_on(state, values, gap);
     if (closing_.closed() || pose_ == state.q) return;
@@ -85,7 +85,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
   bool may_end() const override { return m_ == 0 || this->is_near(); }
 
   /// The last iteration leaves the share of Phi that its tangent's age explains: it is closed along the same Phi_q, by the accelerations.
-  void settle(State<Real>& state) override {
+  void update_multipliers(State<Real>& state) override {
     const Real rounding = this->rounding_like(1e-13) * (Real(1) + largest(state.q));
     for (std::size_t pass = 0; pass < Base::passes && largest(phi_) > rounding; ++pass) {
       for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phi_[i];
@@ -96,7 +96,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
       this->follow(state);
       this->constraint_residual(state);
     }
-    Base::settle(state);
+    Base::update_multipliers(state);
   }
 
   void renew(const State<Real>& state) {

@@ -1,5 +1,5 @@
 // A factorisation as index data, for systems whose straight-line code would be too long: see static_factor_blocks.hpp for how the factors
-// are kept.
+// are stored.
 #pragma once
 
 #include "cutjoint/lagrangian/static_factor_blocks.hpp"

@@ -94,7 +94,7 @@ class Cholmod final : public LinearSolver<double> {
   cholmod_dense *solution_ = nullptr, *work_ = nullptr, *more_work_ = nullptr;
 };
 
-/// KLU: its pivots are chosen at the first factorisation and kept while they serve.
+/// KLU: its pivots are chosen at the first factorisation and reused while they are large enough.
 class Klu final : public LinearSolver<double> {
  public:
   Klu() { klu_defaults(&common_); }

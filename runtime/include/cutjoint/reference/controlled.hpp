@@ -33,7 +33,7 @@ class Controlled {
       if (size <= tolerance_) {
         t += h;
         y.swap(end_);
-        dynamics_.settle(t, y);
+        dynamics_.project(t, y);
         ++steps_;
         if (h >= h_) h_ = h * std::clamp(change, Real(0.2), Real(4));
       } else {

@@ -24,7 +24,7 @@ class Natural : public Workspace<S> {
   std::vector<Real> begin(const State<Real>& start) {
     std::vector<Real> y(start.q);
     y.insert(y.end(), start.v.begin(), start.v.end());
-    settle(start.t, y);
+    project(start.t, y);
     return y;
   }
 
@@ -36,7 +36,7 @@ class Natural : public Workspace<S> {
   }
 
   /// Back to Phi = 0 and Phid = 0.
-  void settle(Real t, std::vector<Real>& y) {
+  void project(Real t, std::vector<Real>& y) {
     if (m_ == 0) return;
     for (int pass = 0; pass < 3; ++pass) {
       take(t, y);

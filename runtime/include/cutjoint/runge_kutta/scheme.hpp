@@ -71,7 +71,7 @@ class Scheme {
 
   void finish() {
     t_ = trial_time_;
-    dynamics_.settle(t_, trial_);
+    dynamics_.project(t_, trial_);
     y_ = trial_;
   }
 
@@ -86,7 +86,7 @@ class Scheme {
     y = y_;
     if (!lies_between) return;
     formula_.interpolate((t - before_) / h_last_, y);
-    dynamics_.settle(t, y);
+    dynamics_.project(t, y);
   }
 
   Real length(Real, Real allowed) const { return allowed; }

@@ -19,8 +19,8 @@ class Watched : public Relative<M> {
  public:
   using Real = typename M::real_type;
 
-  Watched(M& mechanism, const std::vector<Switch>& switches, const std::vector<Road<Real>>& roads, Real settled)
-      : Relative<M>(mechanism, settled), switches_(switches), regime_(switches, roads),
+  Watched(M& mechanism, const std::vector<Switch>& switches, const std::vector<Road<Real>>& roads, Real tolerance)
+      : Relative<M>(mechanism, tolerance), switches_(switches), regime_(switches, roads),
         projection_(mechanism), last_(mechanism.description().equations.size()), before_last_(last_), residual_(last_), rate_(last_) {}
 
   /// Take over a start, in the regime in which it stands.
@@ -31,7 +31,7 @@ class Watched : public Relative<M> {
     return y;
   }
 
-  /// An attempt of a step from t begins, with the multipliers of the last step: those of an attempt that went astray may be anything.
+  /// An attempt of a step from t begins, with the multipliers of the last step: those of a rejected attempt may be anything.
   void begin_attempt(Real t) {
     regime_.begin(t);
     if (known_ < 2) state_.lambda = last_;
@@ -47,8 +47,8 @@ class Watched : public Relative<M> {
   }
 
   /// Quaternions get their length back, loops are closed, and speeds keep them closed.
-  void settle(Real t, std::vector<Real>& y) {
-    Relative<M>::settle(t, y);
+  void project(Real t, std::vector<Real>& y) {
+    Relative<M>::project(t, y);
     if (d_.equations.empty()) return;
     this->take(t, y);
     mechanism_.begin_step(t, Real(1));

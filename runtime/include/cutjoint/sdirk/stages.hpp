@@ -47,7 +47,7 @@ class Stages : public Workspace<S> {
         switches_(switches), regime_(switches, roads),
         turns_(unit_turns<Real>(d_.charts)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
         way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
-        pulls_(Table::stages + 1, push_), middle_(2, delta_), middle_pulls_(2, push_) {}
+        forces_(Table::stages + 1, push_), middle_(2, delta_), middle_forces_(2, push_) {}
 
   std::size_t size() const { return pose_.size() + n_; }
   std::span<const Chart> charts() const { return d_.charts; }
@@ -88,7 +88,7 @@ class Stages : public Workspace<S> {
     try {
       for (std::size_t stage = 1; stage <= Table::stages; ++stage) {
         if (!try_stage(stage, h)) {
-          strays(h);
+          leaves_early(h);
           return false;
         }
         if (leaves()) return false;
@@ -96,7 +96,7 @@ class Stages : public Workspace<S> {
       }
     } catch (const Failure&) {  // no factors, or no finite value
       factored_ = false;
-      strays(h);
+      leaves_early(h);
       return false;
     }
     at_.lambda = lambda_;
@@ -121,12 +121,12 @@ class Stages : public Workspace<S> {
   /// The attempted step counts: its end becomes the present state, and `before` the one before it.
   void accept(Real h, State<Real>& before) {
     at_.t = start_.t + h;
-    settle(at_);
+    project(at_);
     last_h_ = h;
     middle_[0].swap(slopes_[4]);
     middle_[1].swap(slopes_[2]);
-    middle_pulls_[0].swap(pulls_[4]);
-    middle_pulls_[1].swap(pulls_[2]);
+    middle_forces_[0].swap(forces_[4]);
+    middle_forces_[1].swap(forces_[2]);
     std::swap(before, start_);
     std::swap(start_, at_);
     keep_start();
@@ -134,7 +134,7 @@ class Stages : public Workspace<S> {
 
   const State<Real>& present() const { return start_; }
 
-  /// The displacement by the last step before its end was settled, in the chart of its start.
+  /// The displacement by the last step before its end was projected, in the chart of its start.
   const std::vector<Real>& moved() const { return delta_; }
 
   /// Coordinates and speeds of another state, which closes the loops, become those of the present one; `restart` has to follow.
@@ -180,7 +180,7 @@ class Stages : public Workspace<S> {
   const std::vector<Switch>& switches() const { return switches_; }
 
   /// Close the loops of a state, positions first, then speeds.  Returns what is left.
-  Residuals settle(State<Real>& state) {
+  Residuals project(State<Real>& state) {
     if (m_ == 0) return {};
     time_ = state.t;
     system_.begin_step(state.t, Real(1));
@@ -210,7 +210,7 @@ class Stages : public Workspace<S> {
 
   void keep_start() {
     slopes_[0] = start_.vdot;
-    pulls_[0] = start_.lambda;
+    forces_[0] = start_.lambda;
   }
 
   void switch_at(const State<Real>& state) {
@@ -227,7 +227,7 @@ class Stages : public Workspace<S> {
   }
 
   /// The same of a stage that is not found, or slowly: as it is, and as it was guessed, which is where the regime before would lead.
-  bool strays(Real h) {
+  bool leaves_early(Real h) {
     if (leaves()) return true;
     const Real w = Table::gamma.as<Real>() * h;
     at_.vdot.swap(guess_);
@@ -270,17 +270,17 @@ class Stages : public Workspace<S> {
     add_slopes(h, Table::weights[stage], rates_, delta_hat_);
     delta_ = delta_hat_;
     if (stage == 1) {
-      go_on(h, slopes_[0], middle_, at_.vdot);
-      go_on(h, pulls_[0], middle_pulls_, lambda_);
+      extrapolate(h, slopes_[0], middle_, at_.vdot);
+      extrapolate(h, forces_[0], middle_forces_, lambda_);
     } else {
       guess(stage, slopes_, at_.vdot);
-      guess(stage, pulls_, lambda_);
+      guess(stage, forces_, lambda_);
     }
     guess_ = at_.vdot;
     if (!iterate(h)) return false;
     chart_rates<Real>(d_.charts, delta_.data(), at_.v.data(), rates_[stage].data());
     slopes_[stage] = at_.vdot;
-    pulls_[stage] = lambda_;
+    forces_[stage] = lambda_;
     return true;
   }
 
@@ -290,7 +290,7 @@ class Stages : public Workspace<S> {
   }
 
   /// The first stage's: on the parabola through the last step's half, three quarters and end, unless that is far behind.
-  void go_on(Real h, const std::vector<Real>& end, const std::vector<std::vector<Real>>& middle, std::vector<Real>& values) const {
+  void extrapolate(Real h, const std::vector<Real>& end, const std::vector<std::vector<Real>>& middle, std::vector<Real>& values) const {
     const Real s = last_h_ > Real(0) && h <= 2 * last_h_ ? h / last_h_ : Real(0);
     for (std::size_t i = 0; i < values.size(); ++i)
       values[i] = s * (s + 1) / 2 * middle[0][i] - s * (s + 2) * middle[1][i] + (s + 1) * (s + 2) / 2 * end[i];
@@ -316,7 +316,7 @@ class Stages : public Workspace<S> {
       const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
       if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(0.001))) return follow(w);
       renew = iteration > 1 && share > Real(0.3);
-      if (renew && strays(h)) return false;
+      if (renew && leaves_early(h)) return false;
       slow_ = slow_ || renew;
       last = change;
     }
@@ -385,8 +385,8 @@ class Stages : public Workspace<S> {
   std::vector<Real> pose_, moved_;    ///< that of the factors
   std::vector<Real> push_, way_;
   std::vector<Real> v_hat_, delta_hat_, delta_, trial_, guess_;
-  std::vector<std::vector<Real>> rates_, slopes_, pulls_;  ///< at the start and of the stages: delta', accelerations and multipliers
-  std::vector<std::vector<Real>> middle_, middle_pulls_;   ///< the last two at a half and three quarters of the step before
+  std::vector<std::vector<Real>> rates_, slopes_, forces_;  ///< at the start and of the stages: delta', accelerations and multipliers
+  std::vector<std::vector<Real>> middle_, middle_forces_;   ///< the last two at a half and three quarters of the step before
   Tolerances<Real> tolerances_;
   Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5};  ///< the last: of a change by the iteration before
   bool factored_ = false, slow_ = false, whole_ = false;

@@ -1,4 +1,4 @@
-// Steps of equal length that are parted at events.
+// Steps of equal length that are split at events.
 #pragma once
 
 #include <optional>
@@ -24,7 +24,7 @@ namespace cutjoint::stepping {
 /// - `step`, a step of a given length; throws Failure, the state being then that before,
 /// - `keep`, after a step that counts, and `go_back`, before another attempt from the last state that does,
 /// - `enter`, which makes a time the present one,
-/// - `settle`, which closes the loops of a state as far as the rule does, `measure`, the residuals of one, and `summarise`.
+/// - `project`, which closes the loops of a state as far as the rule does, `measure`, the residuals of one, and `summarise`.
 ///
 /// Less than the share `least` of a step is left to the parabola of the last accelerations, with new ones at its end: a rule that divides by the
 /// square of its step would keep no digits there.
@@ -126,7 +126,7 @@ class EqualSteps {
   const std::vector<Switch>& switches() const { return rule_.description().switches; }
 
   /// Close the loops of a state that lies between steps.
-  void settle(State<Real>& state) { rule_.settle(state); }
+  void project(State<Real>& state) { rule_.project(state); }
 
   long evaluations() const { return rule_.evaluations(); }
 
@@ -138,8 +138,8 @@ class EqualSteps {
   bool move(Real h, long number) {
     try {
       if (h < Real(Rule::least) * dt_) {
-        glide(h);
-        rule_.settle(at_);
+        extrapolate(h);
+        rule_.project(at_);
         rule_.restart(at_);
       } else {
         rule_.step(at_, h, number);
@@ -148,12 +148,12 @@ class EqualSteps {
     } catch (const Failure& failure) {
       failure_ = failure;
       at_ = start_;
-      glide(h);
+      extrapolate(h);
       return false;
     }
   }
 
-  void glide(Real h) {
+  void extrapolate(Real h) {
     for (std::size_t i = 0; i < way_.size(); ++i) {
       way_[i] = h * start_.v[i] + h * h / 2 * start_.vdot[i];
       at_.v[i] = start_.v[i] + h * start_.vdot[i];

@@ -76,7 +76,7 @@ class ImplicitScheme {
   std::size_t found() { return stages_.found(trial_); }
 
   void finish() {
-    stages_.settle(trial_);
+    stages_.project(trial_);
     stages_.go_to(trial_);
   }
 
@@ -90,7 +90,7 @@ class ImplicitScheme {
   void read(Real t, bool lies_between, std::vector<Real>& y) {
     trial_ = present();
     if (lies_between) follow_to(t);
-    if constexpr (Stages::estimates) residuals_ = stages_.settle(trial_);
+    if constexpr (Stages::estimates) residuals_ = stages_.project(trial_);
     std::copy(trial_.v.begin(), trial_.v.end(), std::copy(trial_.q.begin(), trial_.q.end(), y.begin()));
   }
 

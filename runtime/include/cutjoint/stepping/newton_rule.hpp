@@ -1,4 +1,4 @@
-// The rules of `recursive-newton` for steps that are parted at events.
+// The rules of `recursive-newton` for steps that are split at events.
 #pragma once
 
 #include <algorithm>
@@ -71,7 +71,7 @@ class NewtonRule {
     newton_.take_means(means_);
   }
 
-  void settle(State<Real>& state) { newton_.close_loops(state); }
+  void project(State<Real>& state) { newton_.close_loops(state); }
 
   void enter(Real t) { system_.begin_step(t, Real(1)); }
 

@@ -115,7 +115,7 @@ class Stepper {
       }
       if (attempt.found && attempt.size <= Real(1)) {
         accept(h, attempt.size);
-        if (way >= Real(0) && whole) hold_up();
+        if (way >= Real(0) && whole) count_event();
         if (way >= Real(0)) locate(limit);
         return;
       }
@@ -202,7 +202,7 @@ class Stepper {
   void pass(Real h) {
     scheme_.regime().advance();
     scheme_.accept(h);
-    scheme_.seek() ? change(scheme_.found()) : hold_up();
+    scheme_.seek() ? change(scheme_.found()) : count_event();
   }
 
   /// The regime of the state begins.
@@ -214,16 +214,16 @@ class Stepper {
       ++counts_.by_switch[which];
       latest_ = which;
     }
-    hold_up();
+    count_event();
   }
 
   /// Count an event, or a shortest step before one, if the last one was less than a thousandth of a step ago.  The run fails when the count
   /// is so large that some switch must have changed again and again.
-  void hold_up() {
-    const Real since = time() - held_;
-    held_up_ = since <= Real(1e-3) * h_ ? held_up_ + 1 : 0;
-    held_ = time();
-    if (held_up_ >= 50 + 2 * static_cast<long>(counts_.by_switch.size())) give_up_switching(since);
+  void count_event() {
+    const Real since = time() - last_event_;
+    events_in_a_row_ = since <= Real(1e-3) * h_ ? events_in_a_row_ + 1 : 0;
+    last_event_ = time();
+    if (events_in_a_row_ >= 50 + 2 * static_cast<long>(counts_.by_switch.size())) give_up_switching(since);
   }
 
   /// The shortest step that differs from none.
@@ -244,10 +244,10 @@ class Stepper {
 
   Scheme scheme_;
   StepControl<Real, Scheme::order> control_;
-  Real until_, h_{0}, held_{-1};
+  Real until_, h_{0}, last_event_{-1};
   std::size_t latest_ = 0;
   long number_ = 0;
-  long held_up_ = 0;
+  long events_in_a_row_ = 0;
   bool begun_ = false;
   Counts counts_;
 };

@@ -1,4 +1,4 @@
-// The recursive method's trapezoidal rule for steps that are parted at events.
+// The recursive method's trapezoidal rule for steps that are split at events.
 #pragma once
 
 #include <algorithm>
@@ -68,7 +68,7 @@ class TrapezoidalRule {
   void keep() {}
   void go_back(const State<Real>&) {}
 
-  void settle(State<Real>& state) {
+  void project(State<Real>& state) {
     if (!proximal_) return;
     mechanism_.begin_step(state.t, Real(1));
     projection_.positions(state);

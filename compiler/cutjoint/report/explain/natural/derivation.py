@@ -55,7 +55,7 @@ def derive_natural(model: Model, scene: Scene, method: str) -> Derivation:
 
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
-        ModelError: an output or a force that natural coordinates do not tell.
+        ModelError: an output or a force that natural coordinates do not determine.
         RunError, MissingLibraryError: as for plan_system.
     """
     # Model -> Equations

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cutjoint.model.records import Model, Scene
 from cutjoint.report.explain.forces import explain_forces
 from cutjoint.report.explain.groups import find_counterparts
-from cutjoint.report.explain.natural import manners
+from cutjoint.report.explain.natural import force_descriptions
 from cutjoint.report.explain.natural.dependence import explain_dependence
 from cutjoint.report.explain.natural.derivation import derive_natural
 from cutjoint.report.explain.natural.joints import explain_joint_constraints
@@ -42,7 +42,7 @@ def explain_natural(model: Model, scene: Scene, method: str, reduction: tuple[Ch
 
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
-        ModelError: an output or a force that natural coordinates do not tell.
+        ModelError: an output or a force that natural coordinates do not determine.
     """
     # Model -> Derivation
     d = derive_natural(model, scene, method)
@@ -57,7 +57,7 @@ def explain_natural(model: Model, scene: Scene, method: str, reduction: tuple[Ch
             explain_shapes(d, counterparts),
             explain_joint_constraints(d, counterparts),
             explain_masses(d, counterparts),
-            explain_forces(d.full, counterparts, manners.describe_natural, manners.NOTES),
+            explain_forces(d.full, counterparts, force_descriptions.describe_natural, force_descriptions.NOTES),
             explain_dependence(d),
             *reduction,
         ),

@@ -61,11 +61,11 @@ _REPEATED = {
 
 
 def explain_method(method: str, numerics: Numerics) -> Chapter:
-    """The equations of a step, with the scene's figures."""
+    """The equations of a step, with the scene's settings."""
     step = (
         "The unknowns are the coordinates at the end of a step that begins at $q_n$; the trapezoidal rule makes velocities and "
         "accelerations functions of them (eqs. 4, 5). Newton's method solves the equations of motion and of the constraints together.",
-        _figures(method, numerics),
+        _settings(method, numerics),
     )
     projection = (
         r"Then $\Phi$ is zero at the end of the step, but not $\dot \Phi$ and $\ddot \Phi$. The tangent of the last iteration tells the "
@@ -81,7 +81,7 @@ def explain_method(method: str, numerics: Numerics) -> Chapter:
     ))  # fmt: skip
 
 
-def _figures(method: str, numerics: Numerics) -> str:
+def _settings(method: str, numerics: Numerics) -> str:
     own, given = numerics.of_method(method), numerics.methods.get(method, {})
     dt = rf"In this scene $\Delta t$ = {number(own.step, times='e{}')} s"
     if METHODS[method].saddle_point:

@@ -29,7 +29,7 @@ class Element {
   virtual ~Element() = default;
   virtual void load(const Expressions<Real>&, const Forms<Real>&) {}
   virtual void enter(Places&) const {}
-  virtual void settle(const Pattern&) {}
+  virtual void find_entries(const Pattern&) {}
 
   virtual void act(const Setting<Real>& at) = 0;
   virtual void linearise(const Setting<Real>& at, Real damping, Real stiffness) = 0;
@@ -76,9 +76,9 @@ class FormElement : public Element<Real> {
 
   void enter(Places& places) const override { Scatter::enter(places, scalars_); }
 
-  void settle(const Pattern& pattern) override {
+  void find_entries(const Pattern& pattern) override {
     symmetric_ = pattern.symmetric;
-    scatter_.settle(pattern, scalars_);
+    scatter_.find_entries(pattern, scalars_);
   }
 
   void subtract_force(Real* force_residual) const override {

@@ -57,8 +57,8 @@ class Forces {
   void enter(Places& places) const {
     for (const auto& element : elements_) element->enter(places);
   }
-  void settle(const Pattern& pattern) {
-    for (const auto& element : elements_) element->settle(pattern);
+  void find_entries(const Pattern& pattern) {
+    for (const auto& element : elements_) element->find_entries(pattern);
   }
 
   /// force_residual -= Q.

@@ -42,7 +42,7 @@ class Masses {
       for (int i = 0; i < 3; ++i) places.add(entry.row + i, entry.column + i);
   }
 
-  void settle(const Pattern& pattern) {
+  void find_entries(const Pattern& pattern) {
     base_.assign(pattern.row.size(), Real(0));
     for (std::size_t n = 0; n < entries_.size(); ++n)
       for (int i = 0; i < 3; ++i) {

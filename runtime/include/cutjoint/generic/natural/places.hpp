@@ -49,7 +49,7 @@ class Scatter {
       for (const int row : scalars) places.add(row, column);
   }
 
-  void settle(const Pattern& pattern, std::span<const int> scalars) {
+  void find_entries(const Pattern& pattern, std::span<const int> scalars) {
     int from = 0;
     for (const int column : scalars) {
       for (const int row : scalars) {

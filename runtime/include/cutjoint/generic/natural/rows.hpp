@@ -87,7 +87,7 @@ class Rows {
     }
   }
 
-  void settle(const Pattern& pattern, bool augmented, int offset) {
+  void find_entries(const Pattern& pattern, bool augmented, int offset) {
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       const auto scalars = columns(i);
       const int row = offset + static_cast<int>(i);

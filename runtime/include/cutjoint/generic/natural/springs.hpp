@@ -186,7 +186,7 @@ class AngleForce final : public Element<Real> {
       : angle_(forms.angle(json.at("angle"))), law_(read_law(e, json.at("law"), "position")), quantity_(quantity) {}
 
   void enter(Places& places) const override { places.add(angle_, angle_); }
-  void settle(const Pattern& pattern) override { entry_ = entry_of(pattern, angle_, angle_); }
+  void find_entries(const Pattern& pattern) override { entry_ = entry_of(pattern, angle_, angle_); }
 
   void act(const Setting<Real>& at) override {
     force_ = law_force(at.expressions, law_, at.q[angle_], at.v[angle_]);

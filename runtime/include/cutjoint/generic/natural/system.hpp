@@ -142,9 +142,9 @@ class GenericSystem {
     forces_.enter(places);
     rows_.enter(places, is_augmented(), n);
     description_.pattern = places.pattern();
-    masses_.settle(description_.pattern);
-    forces_.settle(description_.pattern);
-    rows_.settle(description_.pattern, is_augmented(), n);
+    masses_.find_entries(description_.pattern);
+    forces_.find_entries(description_.pattern);
+    rows_.find_entries(description_.pattern, is_augmented(), n);
   }
 
   Setting<Real> setting(const Real* q, const Real* v) { return {forms_, e_, roads_, q, v, forces_.values()}; }

@@ -18,7 +18,7 @@ Cells = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Manner:
+class ForceDescription:
     """A force as the explanation shows it.
 
     ``actions`` are formulas of what it does, ``laws`` those with its numbers; ``places`` and ``constants`` are pairs of a heading
@@ -38,9 +38,9 @@ class Manner:
         return self.title, *self.notes, *self.actions
 
 
-def describe(force: Force, model: Model) -> Manner:
-    """A force's manner."""
-    return MANNERS[type(force)](force, model)
+def describe(force: Force, model: Model) -> ForceDescription:
+    """The description of a force."""
+    return DESCRIPTIONS[type(force)](force, model)
 
 
 def _on_both(sign: str, force: str, moment: str) -> str:
@@ -54,8 +54,8 @@ def _pair(force: PointSpring | AxialForce | Bushing) -> Cells:
     return ("base", code(force.base)), ("follower", code(force.follower))
 
 
-def _spring(force: PointSpring, model: Model) -> Manner:
-    return Manner(
+def _spring(force: PointSpring, model: Model) -> ForceDescription:
+    return ForceDescription(
         title="Point spring",
         notes=("$F$ is the tension between the start $p_s$, fixed in the base, and the end $p_e$, fixed in the follower.",),
         actions=(
@@ -67,8 +67,8 @@ def _spring(force: PointSpring, model: Model) -> Manner:
     )  # fmt: skip
 
 
-def _axial(force: AxialForce, model: Model) -> Manner:
-    return Manner(
+def _axial(force: AxialForce, model: Model) -> ForceDescription:
+    return ForceDescription(
         title="Axial force",
         notes=("$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$; both "
                "velocities are of the bodies at $p$.",),
@@ -80,8 +80,8 @@ def _axial(force: AxialForce, model: Model) -> Manner:
     )  # fmt: skip
 
 
-def _joint(force: JointForce, model: Model) -> Manner:
-    return Manner(
+def _joint(force: JointForce, model: Model) -> ForceDescription:
+    return ForceDescription(
         title="Joint force",
         notes=("$F$ joins the generalised force of the coordinate $z$ where the joint is eliminated; a guided joint follows its "
                "guide.",),
@@ -90,8 +90,8 @@ def _joint(force: JointForce, model: Model) -> Manner:
     )  # fmt: skip
 
 
-def _bushing(force: Bushing, model: Model) -> Manner:
-    return Manner(
+def _bushing(force: Bushing, model: Model) -> ForceDescription:
+    return ForceDescription(
         title="Bushing",
         notes=("$E$ holds the axes $e_k$ carried by the base, $G$ the axes $g_k$ carried by the follower; $d$ are the displacements along "
                r"and $\theta$ the small rotations about the former, both velocities are of the bodies at the follower's point $p$.",),
@@ -130,7 +130,7 @@ def _six_laws(force: Bushing, model: Model) -> tuple[str, ...]:
 _PLACE, _SPEED = (sympy.symbols(names, real=True) for names in ("x y z", "vx vy vz"))
 
 
-def _load(force: BodyLoad, model: Model) -> Manner:
+def _load(force: BodyLoad, model: Model) -> ForceDescription:
     axes = "the body's axes" if force.axes == "body" else "global axes"
     at_point = f"A force at the body's point $p$, in {axes}; $r$ is that point's place, $v$ its velocity."
     notes = [f"A torque in {axes}." if force.point is None else at_point]
@@ -139,7 +139,7 @@ def _load(force: BodyLoad, model: Model) -> Manner:
     turned = "R F" if force.axes == "body" else "F"
     wrench = rf"0 \cr {turned}" if force.point is None else rf"{turned} \cr p \times {turned}"
     point = (("point", place(force.point, model)),) if force.point is not None else ()
-    return Manner(
+    return ForceDescription(
         title="Torque" if force.point is None else "Load", notes=tuple(notes),
         actions=(rf"Q \leftarrow Q + \begin{{bmatrix}} {wrench} \end{{bmatrix}}",), laws=_components(force, model),
         places=(("body", code(force.body)), *point), constants=(),
@@ -154,15 +154,15 @@ def _components(load: BodyLoad, model: Model) -> tuple[str, ...]:
     return print_equations([("F", F), *((name, J) for name, J in jacobians if not J.is_zero_matrix)], symbols)
 
 
-def _tyre(force: Tyre, model: Model) -> Manner:
+def _tyre(force: Tyre, model: Model) -> ForceDescription:
     letters = {"stiffness": "stiffness k", "radius": "radius R", "spin_inertia": "spin inertia I"}
-    return Manner(
+    return ForceDescription(
         title="Tyre", notes=tyre.NOTES, actions=(*tyre.CONTACT, *tyre.explain_calspan(), tyre.ACTION), laws=(),
         places=(("body", code(force.body)), ("centre", place(force.centre, model)), ("axis", place(force.axis, model))),
         constants=tuple((letters.get(name, name), text(value, model)) for name, value in force.constants.items()),
     )  # fmt: skip
 
 
-MANNERS: Mapping[type[Force], Callable[..., Manner]] = {
+DESCRIPTIONS: Mapping[type[Force], Callable[..., ForceDescription]] = {
     PointSpring: _spring, AxialForce: _axial, Bushing: _bushing, BodyLoad: _load, JointForce: _joint, Tyre: _tyre,
 }  # fmt: skip

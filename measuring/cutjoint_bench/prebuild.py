@@ -1,6 +1,6 @@
 """What a bench needs before its clock runs, on all cores: references, simulators, and outcomes that no clock measures.
 
-What is made is kept in the cache and in the store, where `cutjoint_bench.study.perform` finds it.  What fails here fails there again, with
+What is made goes to the cache and to the store, where `cutjoint_bench.study.perform` finds it.  What fails here fails there again, with
 its message in its place.
 """
 
@@ -30,7 +30,7 @@ from cutjoint_bench.study import Plan, atlas_reference, case_reference, find_dri
 Task = Callable[[], object]
 
 
-def make_ready(plans: Sequence[Plan], measurements: Path, say: Say = silently) -> None:
+def prebuild(plans: Sequence[Plan], measurements: Path, say: Say = silently) -> None:
     """Make what the plans' clocks need not wait for; ``measurements`` is the file of the store.
 
     Raises:

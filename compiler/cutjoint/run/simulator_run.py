@@ -1,4 +1,4 @@
-"""A run that only waits for its simulator, and the way from there to a trajectory."""
+"""The run of a simulator: its program and its run file, and the trajectory that follows."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReadyRun:
-    """What a simulator is told, but for where results go: plain data.
+class SimulatorRun:
+    """A program and what it reads, but for where results go: plain data.
 
     ``simulator`` is the program, ``run_file`` what it reads, ``description`` what the generic twin reads of the model besides (None for
     generated code), ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that
@@ -28,7 +28,7 @@ class ReadyRun:
     units: Mapping[str, str]
     goal: float | None = None
 
-    def with_parameters(self, changes: Mapping[str, float]) -> ReadyRun:
+    def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
         """The run with other values (SI units) of open parameters that nothing else in the run file follows from."""
         return replace(self, run_file={**self.run_file, "parameters": {**self.run_file["parameters"], **changes}})
 
@@ -48,7 +48,7 @@ class Compilation:
 
 
 def start(
-    ready: ReadyRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None, progress: Progress | None = None
+    run: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None, progress: Progress | None = None
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are the files that receive what `pipeline.simulate` says.
 
@@ -58,14 +58,14 @@ def start(
         Interrupted, Terminated: a signal has ended the run.
     """
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
-    with RunTables({"t": "s", **ready.units}, out=out, steps_out=steps, tangents_out=tangents) as tables:
-        model = {} if ready.description is None else {"model": ready.description}
-        summary = call_simulator(ready.simulator, {**ready.run_file, **model, **tables.places}, progress)
-        t, columns = read_run_table(tables.rows, tuple(ready.units), summary.get("rows", 0))
+    with RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents) as tables:
+        model = {} if run.description is None else {"model": run.description}
+        summary = call_simulator(run.simulator, {**run.run_file, **model, **tables.places}, progress)
+        t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
     return Trajectory(
-        t=t, columns=columns, units=ready.units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
+        t=t, columns=columns, units=run.units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         effort=read_effort(summary), table=table,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The compiler's own methods as contenders: every formulation, twin and linear solver that there is."""
+"""The methods of cutjoint as contenders: every formulation, twin and linear solver that there is."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class AdaptiveRunner(OwnRunner):
         return OwnRunner.__call__(with_tolerance, self.artifact.scene.output_step, measured=measured)
 
 
-def own_contenders() -> Iterator[Contender]:
+def cutjoint_contenders() -> Iterator[Contender]:
     """Generated code by each method in the order of METHODS; other integrators; steps that end at events; without lanes; of the reduced
     model; other solvers; generic twins."""
     for method in METHODS:
@@ -174,7 +174,7 @@ def identify_code(
 
 
 def identity(source: Source, implementation: str = Implementation.GENERATED) -> Mapping[str, str]:
-    """What figures of generated code depend on besides machine and compiler: its digest and that of the runtime."""
+    """What results of generated code depend on besides machine and compiler: its digest and that of the runtime."""
     return {"digest": source.digest, "runtime": runtime_digest(part="generic" if implementation == Implementation.GENERIC else "")}
 
 

@@ -1,4 +1,4 @@
-"""Kept figures of a study: which of them are of this version."""
+"""Stored results of a study: which of them are of this version."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from cutjoint.model.errors import ModelError
 from cutjoint.run.errors import RunError
 from cutjoint.toolchain.build import runtime_digest
 from cutjoint_bench.contenders import CONTENDERS
+from cutjoint_bench.cutjoint_contenders import identify_code
 from cutjoint_bench.failures.trials import case_of
-from cutjoint_bench.own import identify_code
 from cutjoint_bench.records import Case, Contender
 from cutjoint_bench.reductions import NoReductionError
 from cutjoint_bench.study import Plan, grid_of
 
 Data = Mapping[str, Any]
 
-#: What figures were measured with, and a function that tells what it is now.
-Kept = tuple[str, Mapping[str, str], Callable[[], Mapping[str, str]]]
+#: A result's name, what it was measured with, and a function that finds what that is now.
+Measured = tuple[str, Mapping[str, str], Callable[[], Mapping[str, str]]]
 
 
 def find_outdated(plan: Plan, data: Data) -> list[str]:
-    """What of a study's kept data is missing, or was measured with other generated code, another runtime or another peer than now.
+    """What of a study's stored data is missing, or was measured with other generated code, another runtime or another peer than now.
 
     Compiles nothing: code is generated anew and its digest compared.
     """
-    return [*_missing(plan, data), *(name for name, was, find in _kept(plan, data) if not _is_same(was, find))]
+    return [*_missing(plan, data), *(name for name, was, find in _measured(plan, data) if not _is_same(was, find))]
 
 
 def _missing(plan: Plan, data: Data) -> Iterator[str]:
@@ -53,11 +53,11 @@ def _suits(contender: Contender, case: Case) -> bool:
     return True
 
 
-def _kept(plan: Plan, data: Data) -> Iterator[Kept]:
+def _measured(plan: Plan, data: Data) -> Iterator[Measured]:
     cases = {case.name: case for case in plan.cases}
-    for kept in (c for c in data["cases"] if c["name"] in cases):
-        case = cases[kept["name"]]
-        for line in (x for x in kept["lines"] if "configuration" in x):
+    for stored in (c for c in data["cases"] if c["name"] in cases):
+        case = cases[stored["name"]]
+        for line in (x for x in stored["lines"] if "configuration" in x):
             contender = CONTENDERS.get(line["contender"])
             find = (lambda c=contender, x=case: c.identify(x)) if contender else dict
             yield f"{case.name}, {line['label']}", line["configuration"], find
@@ -70,7 +70,7 @@ def _kept(plan: Plan, data: Data) -> Iterator[Kept]:
     yield from _kept_trials(plan, data)
 
 
-def _kept_trials(plan: Plan, data: Data) -> Iterator[Kept]:
+def _kept_trials(plan: Plan, data: Data) -> Iterator[Measured]:
     situations = {situation.name: situation for situation in plan.situations}
     known = {(row["name"], row["method"], row["precision"]): row["code"] for row in data["situations"] if row["code"]}
     for (name, method, precision), was in known.items():

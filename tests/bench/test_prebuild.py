@@ -15,8 +15,8 @@ from cutjoint.run.errors import RunError
 from cutjoint_bench import reference
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose
+from cutjoint_bench.prebuild import prebuild
 from cutjoint_bench.progress import part_of
-from cutjoint_bench.ready import make_ready
 from cutjoint_bench.reference import Reference
 from cutjoint_bench.store import Store
 from cutjoint_bench.study import Plan, perform
@@ -32,7 +32,7 @@ def test_only_times_are_left_to_measure(tmp_path: Path) -> None:
     """Limits and drift are made on all cores, under the keys by which the bench looks for them."""
     path = tmp_path / "measurements.jsonl"
     plan = Plan(cases=[make_case(MODELS / "pendulum.yaml", end=1.0)], contenders=choose(["recursive"]), steps=[0.01], drift=True)
-    make_ready([plan], path)
+    prebuild([plan], path)
     ready = records(path)
     assert sorted(of.get("limit", "drift") for of in ready) == ["drift", "largest step", "predicted"]
     data = perform(plan, Store(path))
@@ -44,7 +44,7 @@ def test_only_times_are_left_to_measure(tmp_path: Path) -> None:
 
 def test_what_fails_is_left_to_the_bench(tmp_path: Path) -> None:
     plan = Plan(cases=[make_case(MODELS / "pendulum.yaml", end=1.0)], contenders=choose(["recursive-newton/reduced"]), reference="none")
-    make_ready([plan], tmp_path / "measurements.jsonl")
+    prebuild([plan], tmp_path / "measurements.jsonl")
     (line,) = perform(plan, Store(tmp_path / "measurements.jsonl"))["cases"][0]["lines"]
     assert "no pass makes the model smaller" in line["refused"]
 
@@ -88,7 +88,7 @@ def test_a_parameter_that_is_not_there_is_told_before_anything_is_made(tmp_path:
     plan = Plan(cases=[make_case(MODELS / "pendulum.yaml", end=1.0)], contenders=[], atlas=True, vary="stifness")
     begun: list[str] = []
     with pytest.raises(RunError, match="stifness"):
-        make_ready([plan], tmp_path / "measurements.jsonl", begun.append)
+        prebuild([plan], tmp_path / "measurements.jsonl", begun.append)
     assert not begun
 
 

@@ -31,13 +31,13 @@ struct Parts {
 
 /// Goes on with a step a row of the run, in parts where events lie.
 template <class Subject, class Rule>
-class PartedSteps : private Parts<Subject, Rule>, public RowByRow<EqualSteps<Rule>, Stepper<ImplicitScheme<EqualSteps<Rule>>>, Subject> {
+class SplitSteps : private Parts<Subject, Rule>, public RowByRow<EqualSteps<Rule>, Stepper<ImplicitScheme<EqualSteps<Rule>>>, Subject> {
   using Base = RowByRow<EqualSteps<Rule>, Stepper<ImplicitScheme<EqualSteps<Rule>>>, Subject>;
 
  public:
   using Real = typename Rule::Real;
 
-  PartedSteps(Subject& subject, const RunSettings& settings, const Json& file)
+  SplitSteps(Subject& subject, const RunSettings& settings, const Json& file)
       : Parts<Subject, Rule>(subject, settings, file), Base(subject, this->steps, settings) {}
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose
-from cutjoint_bench.kept import find_outdated
+from cutjoint_bench.outdated import find_outdated
 from cutjoint_bench.store import Store
 from cutjoint_bench.studies import report
 from cutjoint_bench.study import Plan, perform

@@ -8,7 +8,7 @@ from typing import Any
 
 from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, JointForce, Model, PointSpring, Tyre
 from cutjoint.report.explain import tyre
-from cutjoint.report.explain.manners import Manner, describe
+from cutjoint.report.explain.force_descriptions import ForceDescription, describe
 
 NOTES = (
     "A force on a point of a body works on the displacement of that point: $Q_p$ takes it, and a point that is no coordinate hands it on "
@@ -18,18 +18,18 @@ NOTES = (
 )
 
 
-def describe_natural(force: Force, model: Model) -> Manner:
-    """A force's manner; its law is that of every formulation."""
-    manner = describe(force, model)
-    notes, actions = _ACTIONS[type(force)](force, model, manner)
-    return replace(manner, notes=notes, actions=actions)
+def describe_natural(force: Force, model: Model) -> ForceDescription:
+    """The description of a force; its law is that of every formulation."""
+    description = describe(force, model)
+    notes, actions = _ACTIONS[type(force)](force, model, description)
+    return replace(description, notes=notes, actions=actions)
 
 
 _Acts = tuple[tuple[str, ...], tuple[str, ...]]
 
 
-def _spring(force: PointSpring, model: Model, manner: Manner) -> _Acts:
-    return manner.notes, (
+def _spring(force: PointSpring, model: Model, description: ForceDescription) -> _Acts:
+    return description.notes, (
         r"d = p_e - p_s, \quad \ell = \lVert d \rVert, \quad n = d / \ell, \quad \dot \ell = n \cdot \dot d",
         _pair("p_e", "p_s", "-", "F n"),
     )
@@ -53,12 +53,12 @@ def _along(end: str, start: str, travel: str) -> tuple[str, ...]:
     )
 
 
-def _axial(force: AxialForce, model: Model, manner: Manner) -> _Acts:
+def _axial(force: AxialForce, model: Model, description: ForceDescription) -> _Acts:
     note = "$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$."
     return (note,), _along("p", "p_o", "s")
 
 
-def _joint(force: JointForce, model: Model, manner: Manner) -> _Acts:
+def _joint(force: JointForce, model: Model, description: ForceDescription) -> _Acts:
     joint = next(j for j in model.joints if j.name == force.joint)
     if joint.guide is not None:
         return ("A guided joint follows its guide; $F$ is reported and does nothing.",), ()
@@ -71,7 +71,7 @@ def _joint(force: JointForce, model: Model, manner: Manner) -> _Acts:
     return (note,), _along("p_f", "p_b", "z")
 
 
-def _bushing(force: Bushing, model: Model, manner: Manner) -> _Acts:
+def _bushing(force: Bushing, model: Model, description: ForceDescription) -> _Acts:
     note = (
         "$E$ holds the axes $e_k$ carried by the base, $G$ the axes $g_k$ carried by the follower; $w$ leads from the base's point to the "
         r"follower's, $d$ are the displacements along and $\theta$ the small rotations about the axes $e_k$."
@@ -87,20 +87,20 @@ def _bushing(force: Bushing, model: Model, manner: Manner) -> _Acts:
 _TORQUE = _gets("e_i", "+", r"T \times e_i / 2")
 
 
-def _load(force: BodyLoad, model: Model, manner: Manner) -> _Acts:
+def _load(force: BodyLoad, model: Model, description: ForceDescription) -> _Acts:
     turned = r"E F, \quad E = [e_x, e_y, e_z]" if force.axes == "body" else "F"
     if force.point is not None:
-        return manner.notes, (_gets("p", "+", turned),)
+        return description.notes, (_gets("p", "+", turned),)
     spin = r"\omega = \sum\nolimits_{i} e_i \times \dot e_i / 2"
-    return manner.notes, (r", \quad ".join((f"T = {turned}", _TORQUE, spin)),)
+    return description.notes, (r", \quad ".join((f"T = {turned}", _TORQUE, spin)),)
 
 
-def _tyre(force: Tyre, model: Model, manner: Manner) -> _Acts:
+def _tyre(force: Tyre, model: Model, description: ForceDescription) -> _Acts:
     torque = r"T = (p - c) \times F + M_z n - I \frac{v \cdot e_x}{R} \dot y"
     action = r", \quad ".join(("F = F_z n + F_y e_y", torque, _gets("c", "+", "F"), _TORQUE))
-    return (*manner.notes, "$c$ is the wheel centre."), (*(a for a in manner.actions if a != tyre.ACTION), action)
+    return (*description.notes, "$c$ is the wheel centre."), (*(a for a in description.actions if a != tyre.ACTION), action)
 
 
-_ACTIONS: Mapping[type, Callable[[Any, Model, Manner], _Acts]] = {
+_ACTIONS: Mapping[type, Callable[[Any, Model, ForceDescription], _Acts]] = {
     PointSpring: _spring, AxialForce: _axial, Bushing: _bushing, BodyLoad: _load, JointForce: _joint, Tyre: _tyre,
 }  # fmt: skip

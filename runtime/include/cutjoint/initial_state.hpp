@@ -19,18 +19,18 @@ namespace cutjoint {
 
 /// Loads a mechanism with the settings of a run and finds the state from which the run starts.
 template <Mechanism M>
-class Launch {
+class InitialState {
  public:
   using Real = typename M::real_type;
 
-  Launch(M& mechanism, const RunSettings& settings, const Json& file)
+  InitialState(M& mechanism, const RunSettings& settings, const Json& file)
       : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), state_(d_), inputs_(d_, file) {
     penalties_.assign(d_.cuts.size(), Real(1));  // until a pose is known
     inputs_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
   }
 
-  Launch(const Launch&) = delete;
-  Launch& operator=(const Launch&) = delete;
+  InitialState(const InitialState&) = delete;
+  InitialState& operator=(const InitialState&) = delete;
 
   /// A mechanism at rest, which no guide moves.  Throws Failure.
   const State<Real>& at_rest();
@@ -38,7 +38,7 @@ class Launch {
   /// A mechanism in motion, with speeds that keep its loops closed.  Throws Failure.
   const State<Real>& in_motion();
 
-  /// Tells more of a failure to start.
+  /// Adds to a failure to start what is known of its cause.
   Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, Real(0), failure); }
 
   /// Penalties of the proximal closure, known when a start has been found.
@@ -86,14 +86,14 @@ class Launch {
 };
 
 template <Mechanism M>
-const State<typename M::real_type>& Launch<M>::at_rest() {
+const State<typename M::real_type>& InitialState<M>::at_rest() {
   place();
   starter().accelerate(state_, Real(0));
   return state_;
 }
 
 template <Mechanism M>
-const State<typename M::real_type>& Launch<M>::in_motion() {
+const State<typename M::real_type>& InitialState<M>::in_motion() {
   place();
   const Starter<M> starter = this->starter();
   const std::vector<bool> moving = read_given(file_.at("rates"), d_.speeds, state_.v);
@@ -105,7 +105,7 @@ const State<typename M::real_type>& Launch<M>::in_motion() {
 }
 
 template <Mechanism M>
-void Launch<M>::place() {
+void InitialState<M>::place() {
   const Starter<M> starter = this->starter();
   const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
   starter.assemble(state_, placed, Real(0));
@@ -115,7 +115,7 @@ void Launch<M>::place() {
 }
 
 template <Mechanism M>
-void Launch<M>::weigh() {
+void InitialState<M>::weigh() {
   const Real unbound = std::numeric_limits<Real>::infinity();
   const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
   load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
@@ -126,6 +126,6 @@ void Launch<M>::weigh() {
   load(penalties_of_cuts(held, open, is_fixed_point ? Real(settings_.dt) : Real(0)), Real(1), most);
 }
 
-extern template class Launch<AnyMechanism<double>>;  // launch.cpp of the driver, since it takes long to compile
+extern template class InitialState<AnyMechanism<double>>;  // initial_state.cpp of the driver, since it takes long to compile
 
 }  // namespace cutjoint
