@@ -208,13 +208,13 @@ INTEGRATORS: Mapping[str, Integrator] = _catalogue(
     Integrator(
         name="generalised-alpha", methods=("recursive-newton",), events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",)
     ),
-    Integrator(name="reference", methods=("recursive", "classical"), events=None, in_files=False),
+    Integrator(name="reference", methods=("recursive", "classical"), closures=("penalty", "proximal"), events=None, in_files=False),
 )  # fmt: skip
 
 #: The ways to hold cut joints.
 CLOSURES: Mapping[str, Closure] = _catalogue(
     Closure(name="penalty", twin=True, fixed_cost=True, batch=True),
-    Closure(name="proximal", finds_penalty=True),
+    Closure(name="proximal", finds_penalty=True, fixed_cost=True),
 )
 
 #: The emitted factorisation, and libraries.
@@ -239,7 +239,7 @@ DEFAULT_METHOD = "recursive"
 #: The integrator of equal steps.
 DEFAULT_INTEGRATOR = "trapezoidal"
 DEFAULT_CLOSURE = "proximal"
-#: The closure of methods without a choice, of generic twins, of batches, and of steps of fixed cost.
+#: The closure of methods without a choice, of generic twins, and of batches.
 PLAIN_CLOSURE = "penalty"
 DEFAULT_SOLVER = "emitted"
 DEFAULT_PRECISION = "double"

@@ -204,6 +204,11 @@ def _angle(y: float, x: float) -> float:
     return math.nan if y == 0 and x < 0 else math.atan2(y, x)
 
 
+def _sign(x: float) -> float:
+    """The sign of what is not rounding: that of the tangent of pi would hang on the last digit."""
+    return math.nan if 0 < abs(x) < _NEAR else (x > 0) - (x < 0)
+
+
 def _python(shift: float) -> Mapping[str, Any]:
     """What names mean in Python, but that functions are off by a share ``shift``."""
     return {
@@ -212,7 +217,7 @@ def _python(shift: float) -> Mapping[str, Any]:
         "min": lambda *x: min(x),
         "max": lambda *x: max(x),
         "abs": lambda x: abs(float(x)),
-        "sign": lambda x: (x > 0) - (x < 0),
+        "sign": _sign,
         "where": lambda c, a, b: a() if c else b(),
         "pi": math.pi * (1 + shift),
         "__builtins__": {},

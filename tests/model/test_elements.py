@@ -192,12 +192,13 @@ def test_penalty_and_frequency_may_follow_the_step() -> None:
 @pytest.mark.parametrize(
     ("figures", "closure", "penalty"),
     [
-        ("dt: 2 ms", "penalty", 1e9), ("closure: proximal", "proximal", None),
+        ("dt: 2 ms", None, None), ("penalty: 1e7", "penalty", 1e7), ("frequency: 5", "penalty", None),
+        ("damping_ratio: 0.5", "penalty", None), ("closure: penalty", "penalty", None), ("closure: proximal", "proximal", None),
         ("closure: proximal, penalty: auto", "proximal", None),
         ("closure: proximal, penalty: 1e6", "proximal", 1e6),
     ],
 )  # fmt: skip
-def test_the_penalty_follows_the_closure(figures: str, closure: str, penalty: float | None) -> None:
+def test_the_penalty_follows_the_closure(figures: str, closure: str | None, penalty: float | None) -> None:
     numerics = read("end: 2", f"end: 2, numerics: {{{figures}}}").scenes["fall"].numerics
     assert (numerics.closure, numerics.penalty) == (closure, penalty)
 

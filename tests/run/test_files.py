@@ -160,12 +160,12 @@ def test_names_that_differ_have_units_of_their_own() -> None:
 
 def test_a_run_that_fails_leaves_an_earlier_table_and_says_where_its_rows_are(folder: Path) -> None:
     assert simulate(*WHOLE, "--out", "run.csv", "--steps", "steps.csv").exit_code == 0
-    assert files(folder) == ["run.csv", "run.units.json", "steps.csv"]
+    assert files(folder) == ["run.csv", "run.error.json", "run.units.json", "steps.csv"]
     before = [(folder / name).read_bytes() for name in files(folder)]
     failed = simulate("--out", "run.csv", "--steps", "steps.csv")
     assert failed.exit_code == 1
     assert "the rows up to then are in run.partial.csv" in failed.output
-    assert [(folder / name).read_bytes() for name in ("run.csv", "run.units.json", "steps.csv")] == before
+    assert [(folder / name).read_bytes() for name in ("run.csv", "run.error.json", "run.units.json", "steps.csv")] == before
     t, _ = read_table(folder / "run.partial.csv")
     assert t == pytest.approx([0, 0.1, 0.2, 0.3, 0.35])
     assert read_table(folder / "steps.partial.csv")[0].size == 35
@@ -173,7 +173,7 @@ def test_a_run_that_fails_leaves_an_earlier_table_and_says_where_its_rows_are(fo
         assert (folder / reason).read_text(encoding="utf-8").startswith("the law of 'end' (driven.yaml:13) has no finite value")
     assert (folder / "run.partial.units.json").read_bytes() == (folder / "run.units.json").read_bytes()
     assert simulate(*WHOLE, "--out", "run.csv", "--steps", "steps.csv").exit_code == 0
-    assert files(folder) == ["run.csv", "run.units.json", "steps.csv"]  # nothing stale
+    assert files(folder) == ["run.csv", "run.error.json", "run.units.json", "steps.csv"]  # nothing stale
 
 
 @pytest.fixture
@@ -290,7 +290,7 @@ def test_a_link_stays_and_its_file_is_replaced(folder: Path) -> None:
     for _ in range(2):
         assert simulate(*WHOLE, "--out", "latest.csv").exit_code == 0
         assert os.readlink("latest.csv") == "data/run.csv"
-        assert files(folder / "data") == ["run.csv", "run.units.json"]
+        assert files(folder / "data") == ["run.csv", "run.error.json", "run.units.json"]
     assert "data/run.partial.csv" in simulate("--out", "latest.csv").output
     assert call("schema", "--out", "latest.csv").exit_code == 0
     assert os.readlink("latest.csv") == "data/run.csv"

@@ -19,7 +19,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
-from cutjoint.run.scenes import find_scene, of_fixed_cost, with_closure
+from cutjoint.run.scenes import find_scene, with_closure
 
 Play = Callable[[PreparedRun], Trajectory]
 
@@ -35,7 +35,7 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
     scene = find_scene(model, request.scene)
     method = request.method or scene.method or DEFAULT_METHOD
     if request.closure is None:
-        return model, of_fixed_cost(scene, request.options.iterations), method
+        return model, scene, method
     if method not in (able := names_of(METHODS, lambda m: request.closure in m.closures)):
         raise RunError(f"--closure {request.closure}: only the {either(able)} method has one; use --method {either(able)}")
     return model, with_closure(scene, request.closure), method

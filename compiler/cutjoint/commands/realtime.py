@@ -7,12 +7,10 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_scene
+from cutjoint.pipeline import compile_model
 from cutjoint.realtime import run_in_real_time
 from cutjoint.report.realtime import time_tables
 from cutjoint.run.outputs import require_apart
-from cutjoint.run.scenes import find_scene, of_fixed_cost
 
 
 @click.command("realtime")
@@ -32,8 +30,7 @@ def command(
     """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
     require_apart({"the model": model}, tables={"--out": out})
     with options.progress_bar(f"compiling {model.name}"):
-        read = read_model(model)
-        artifact = compile_scene(read, of_fixed_cost(find_scene(read, scene), iterations), method=method)
+        artifact = compile_model(model, scene=scene, method=method)
     with options.progress_bar(f"running {artifact.scene.name}"):
         times = run_in_real_time(artifact, dt=dt, end=end, iterations=iterations, parameters=options.read_parameters(changes), out=out)
     for table in time_tables(times):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.methods import PLAIN_CLOSURE
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.run.errors import RunError
 
@@ -34,11 +33,6 @@ def _empty_scene(model: Model) -> Scene:
 def with_closure(scene: Scene, closure: str) -> Scene:
     """The scene with another closure; what it says of the penalty stays."""
     return replace(scene, numerics=replace(scene.numerics, closure=closure))
-
-
-def of_fixed_cost(scene: Scene, iterations: int | None) -> Scene:
-    """The scene for steps that have so many iterations, if any: with the closure that such steps can have, unless it names one."""
-    return scene if iterations is None or scene.numerics.closure is not None else with_closure(scene, PLAIN_CLOSURE)
 
 
 def with_settings(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:

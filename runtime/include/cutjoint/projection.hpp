@@ -44,6 +44,18 @@ class Projection {
     });
   }
 
+  /// One step of each towards closed loops, whatever is left: the same cost always.
+  void approach(State<Real>& state) {
+    if (gap_.empty()) return;
+    measure(state, gap_);
+    mechanism_.project(state.q.data(), gap_.data(), dz_.data());
+    before_.assign(state.q.begin(), state.q.end());
+    retract<Real>(d_.charts, before_.data(), dz_.data(), state.q.data());
+    measure(state, other_);
+    mechanism_.project(state.q.data(), other_.data(), dz_.data());
+    for (std::size_t i = 0; i < dz_.size(); ++i) state.v[i] += dz_[i];
+  }
+
  private:
   static constexpr int most = 50;
 

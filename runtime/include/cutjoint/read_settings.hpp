@@ -109,7 +109,7 @@ class SettingsReader {
     if (is_explicit && s.stabilisation.closure == Closure::penalty && !s.penalty) refuse_null("penalty");
     if (abilities_.solvers && integrator != Integrator::reference && !s.solver) refuse_null("solver");
     if (s.stabilisation.closure == Closure::penalty && !s.stabilisation.penalty) refuse_null("penalty");
-    const bool can_be_proximal = integrator == Integrator::trapezoidal || is_explicit;
+    const bool can_be_proximal = integrator == Integrator::trapezoidal || integrator == Integrator::reference || is_explicit;
     if (s.stabilisation.closure == Closure::proximal && (!can_be_proximal || s.task == Task::batch))
       refuse("closure", "is \"proximal\", which trapezoidal, rk4 and dormand-prince take, in single runs; write \"penalty\"");
   }

@@ -108,6 +108,7 @@ class Trapezoidal {
   }
 
   void project(State<Real>& state, long number) {
+    if (fixed_point_.fixed_cost) return projection_.approach(state);
     try {
       projection_.positions(state, number);
       projection_.velocities(state, number);

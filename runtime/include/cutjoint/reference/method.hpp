@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/reference/controlled.hpp"
@@ -23,8 +24,14 @@ class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, E
   using Real = typename M::real_type;
 
   RelativeReference(M& mechanism, const RunSettings& settings, const Json& file)
-      : Base(mechanism, dynamics_, settings), inputs_(mechanism.description(), file), dynamics_(mechanism, Real(settings.tolerance) / 10000) {
-    inputs_.load_mechanism(mechanism, settings.stabilisation, {});
+      : Base(mechanism, dynamics_, settings), mechanism_(mechanism), inputs_(mechanism.description(), file),
+        dynamics_(mechanism, Real(settings.tolerance) / 10000) {
+    load_penalties(std::vector<double>(mechanism.description().cuts.size(), 1.0));
+  }
+
+  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
+  void load_penalties(const std::vector<double>& penalties) {
+    inputs_.load_mechanism(mechanism_, this->settings().stabilisation, converted<Real>(penalties));
   }
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
@@ -32,6 +39,7 @@ class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, E
   void prepare() { Base::prepare(Real(this->settings().tolerance)); }
 
  private:
+  M& mechanism_;
   Inputs<Real> inputs_;
   Relative<M> dynamics_;
 };
