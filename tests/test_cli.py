@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 from cutjoint import cli
 from cutjoint.cli import main
 from tests.conftest import MODELS, ROOT
+from tests.mechanisms.gears import TEXT as GEARED
 
 FOUR_BAR, ILTIS = str(MODELS / "four_bar.yaml"), str(MODELS / "iltis.yaml")
 
@@ -53,6 +54,18 @@ def test_check_prints_the_counts() -> None:
     words = " ".join(result.output.split())
     assert "coordinates 42 relative cut-joint equations 36, rank 32" in words
     assert "degrees of freedom 10" in words
+
+
+def test_check_names_gears_that_follow_from_others(tmp_path: Path) -> None:
+    file = tmp_path / "gears.yaml"
+    again = "  back: {joints: [pinion, rack], ratio: 10 rad/m}\noutputs:"
+    file.write_text(GEARED.replace("outputs:", again, 1))
+    result = call("check", file)
+    assert result.exit_code == 0, result.output
+    words = " ".join(result.output.split())
+    assert "equations of cut joints and gears 7, rank 6" in words
+    assert "redundant equations of cut joints and gears cut joint or gear line equations redundant back" in words
+    assert "ratio (or one of mesh.ratio) in every pose" in words
 
 
 def test_simulate_writes_a_table_and_its_units(tmp_path: Path) -> None:

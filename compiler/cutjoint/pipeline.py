@@ -20,13 +20,13 @@ from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_C
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
+from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_choice, require_tangents
 from cutjoint.run.compiled_files import require_no_model, write_compiled
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulator import Progress
-from cutjoint.run.simulator_run import start
 from cutjoint.systems import generate_system
 from cutjoint.toolchain.build import FLAGS, Kind, build
 from cutjoint.topology.build import build_topology
@@ -99,13 +99,14 @@ def simulate(
     artifact: Artifact, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
     penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
-    integrator: str | None = None, events: str | None = None,
+    integrator: str | None = None, events: str | None = None, error: bool = True,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model with ``parameters`` (SI units); settings from ``dt`` on are those of `Options`, by default the scene's.
 
     ``out`` receives the table and, beside it, a JSON file with the units, ``steps`` a CSV file with iterations and residuals of each step,
     ``tangents`` a line of JSON for each row, the Jacobians of the accelerations.  A run that fails numerically is returned as far as it
-    came, with its failure; then the files are those of `partial_of`.
+    came, with its failure; then the files are those of `partial_of`.  Where neither a length nor a tolerance of steps is given, steps are
+    such that places and angles keep the scene's ``tolerance``.  Without ``error`` there is one run, of which no error is known.
 
     Raises:
         RunError: a parameter that cannot be set, or settings that no run has or that do not go together.
@@ -117,4 +118,5 @@ def simulate(
     )  # fmt: skip
     if tangents is not None:
         require_tangents(artifact, options)
-    return start(make_simulator_run(artifact, options, parameters), out=out, steps=steps, tangents=tangents, progress=progress)
+    ready = make_simulator_run(artifact, options, parameters)
+    return run_accurately(ready, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error)

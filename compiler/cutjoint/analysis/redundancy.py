@@ -24,8 +24,8 @@ _DAMPING = 1e-13
 class RedundantEquation:
     """An equation that follows from those kept.
 
-    ``joint`` is the cut joint, ``equation`` its short name, ``place`` file and line.  ``instead`` names the kept equations any one of
-    which is redundant in its stead in some pose.
+    ``joint`` is the cut joint or gear, ``equation`` its short name, ``place`` file and line.  ``instead`` names the kept equations any one
+    of which is redundant in its stead in some pose.
     """
 
     joint: str

@@ -39,8 +39,10 @@ def command(model: Path, scene: str | None) -> None:
     options.out.print(tables.facts(f"model {checked.name}", tables.topology_facts(topology, mobility)))
     if topology.loops:
         options.out.print(tables.loop_table(topology))
+    if topology.closing:
         redundancy = find_redundancy(equations, poses)
         if redundancy.structural or redundancy.momentary:
-            options.out.print(tables.redundancy_table(redundancy))
+            options.out.print(tables.redundancy_table(redundancy, checked))
+    if topology.loops:
         options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)

@@ -22,10 +22,11 @@ from cutjoint.methods import (
 )
 from cutjoint.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.report import tables
+from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
-from cutjoint.run.simulator_run import start
 
 
 @click.command("simulate")
@@ -60,13 +61,14 @@ from cutjoint.run.simulator_run import start
 @click.option("--threads", type=options.Setting("threads"), help="Of a batch; as many as processors otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
+@click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is; without, steps have one tolerance.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @options.reports_errors
 def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
     integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
     iterations: int | None, changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path, steps: Path | None,
-    plots: Path | None,
+    error: bool, plots: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
@@ -87,7 +89,7 @@ def command(
 
     def play(prepared: PreparedRun) -> Trajectory:
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
-            return start(prepared.run, out=out, steps=steps, progress=progress)
+            return run_accurately(prepared.run, out=out, steps=steps, progress=progress, estimate=error)
 
     prepared = find_cached_run(request, parameters)
     if prepared is not None:
@@ -98,6 +100,9 @@ def command(
     console.print(tables.facts(f"model {prepared.model}", prepared.counts))
     console.print(tables.run_facts(prepared.compilation, run))
     if run.failure is None:
+        if error:
+            console.print(tables.error_facts(run.error))
+        write_error(out, run.error if error else None)
         console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
     if plots is not None:
         console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots))}", markup=False)

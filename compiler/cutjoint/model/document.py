@@ -211,8 +211,8 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _told_how_exact(self) -> Scene:
-        if (self.method == AUTO) != (self.tolerance is not None):
-            raise shape_error("'method: auto' and 'tolerance' go together", "write both, such as method: auto, tolerance: 1 mm")
+        if self.method == AUTO and self.tolerance is None:
+            raise shape_error("'method: auto' needs a tolerance", "write both, such as method: auto, tolerance: 1 mm")
         if self.budget is not None and self.method != AUTO:
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
         integrator = INTEGRATORS[self.numerics.integrator or DEFAULT_INTEGRATOR]

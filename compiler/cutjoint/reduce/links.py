@@ -110,13 +110,16 @@ def _shorten(outcome: Outcome, link: _Link) -> Outcome:
 
 
 def _require_idle(outcome: Outcome, link: _Link) -> None:
-    """Nothing asks for the link's own motion or prescribes it."""
+    """Nothing asks for the link's own motion, prescribes it or couples it to another."""
     names = (link.body.name, link.cut.name, link.tree.name)
     for name in (o.column for o in outcome.scene.outputs if o.element in names):
         raise _StaysError(f"stays: the output '{name}' asks for it")
     for joint in (link.cut, link.tree):
         if joint.guide is not None:
             raise _StaysError(f"stays: the joint '{joint.name}' is guided")
+    for gear in outcome.model.gears:
+        if link.tree.name in gear.joints:
+            raise _StaysError(f"stays: the gear '{gear.name}' couples its joint '{link.tree.name}'")
     for state in chain(outcome.scene.positions, outcome.scene.rates):
         if state.rpartition(".")[0] in names:
             raise _StaysError(f"stays: the scene gives '{state}'")

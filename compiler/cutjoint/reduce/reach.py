@@ -1,6 +1,7 @@
 """Mechanisms that no output can feel are dropped.
 
-Bodies act on each other through joints and forces, but not through the ground, nor through bodies whose motion is given by guides alone.
+Bodies act on each other through joints, gears and forces, but not through the ground, nor through bodies whose motion is given by guides
+alone.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.records import GROUND, Body, JointForce, Model, Reaction, RodForce, Scene
+from cutjoint.model.records import GROUND, Body, Gear, JointForce, Model, Reaction, RodForce, Scene
 from cutjoint.reduce.records import Note, Outcome
 from cutjoint.reduce.rename import bodies_of
 
@@ -26,7 +27,7 @@ def drop_unreached(model: Model, scene: Scene) -> Outcome:
 
 
 def _elements(model: Model) -> Iterable[Any]:
-    return (*model.bodies, *model.joints, *model.forces, *model.reactions, *model.markers)
+    return (*model.bodies, *model.joints, *model.gears, *model.forces, *model.reactions, *model.markers)
 
 
 def _felt(element: Any, model: Model) -> set[str]:
@@ -40,6 +41,8 @@ def _felt(element: Any, model: Model) -> set[str]:
             return {joint.base, joint.follower} | bodies_of(element)
         case RodForce():
             return {body for rod, _ in element.pushes for body in (joints[rod].base, joints[rod].follower)}
+        case Gear():
+            return {body for name in element.joints for body in bodies_of(joints[name])}
     return bodies_of(element)
 
 
@@ -59,7 +62,7 @@ def _given_motion(model: Model) -> set[str]:
 def _groups(model: Model, scene: Scene, given: set[str]) -> dict[str, str]:
     """The bodies that move, each with the name of those that it acts on."""
     group = {body.name: body.name for body in model.bodies if body.name not in given}
-    links = [bodies_of(joint) for joint in model.joints]
+    links = [_felt(element, model) for element in (*model.joints, *model.gears)]
     links += [bodies_of(force) for force in model.forces if is_active(force, scene)]
     for ends in links:
         moving = sorted(ends & group.keys())
@@ -80,6 +83,7 @@ def _without(model: Model, scene: Scene, gone: set[str]) -> Outcome:
     reactions = tuple(r for r in model.reactions if isinstance(r, RodForce) or (r.joint in names and r.body not in gone))
     smaller = replace(
         model, bodies=tuple(b for b in model.bodies if b.name not in gone), joints=joints, forces=forces, reactions=reactions,
+        gears=tuple(gear for gear in model.gears if names.issuperset(gear.joints)),
         markers=tuple(m for m in model.markers if m.body not in gone),
     )  # fmt: skip
     positions, rates = (

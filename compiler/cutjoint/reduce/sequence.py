@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.model.records import Gear, Model, Scene
+from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import generate
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
@@ -32,31 +32,32 @@ MOTIONS = ("exact", "guarded", "approximate")
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A pass by name, and what it does to the motion: see MOTIONS."""
+    """A pass by name, what it does to the motion (see MOTIONS), and whether it takes models with gears."""
 
     name: str
     reduce: Pass
     motion: str = "exact"
+    gears: bool = True
 
 
 #: The passes in the order in which they are tried.
 STEPS: tuple[Step, ...] = (
     Step(name="reached", reduce=drop_unreached),
     Step(name="welded", reduce=weld_bodies),
-    Step(name="half", reduce=halve),
+    Step(name="half", reduce=halve, gears=False),
     Step(name="links", reduce=shorten_links),
     Step(name="idle equations", reduce=drop_idle_equations),
-    Step(name="planar", reduce=flatten),
+    Step(name="planar", reduce=flatten, gears=False),
     Step(name="guards", reduce=guard_idle, motion="guarded"),
 )
 
 #: Approximations in the order in which they are tried: each changes the full model, and the passes above then reduce what it leaves.
-APPROXIMATIONS: tuple[Step, ...] = tuple(
-    Step(name=name, reduce=reduce, motion="approximate")
-    for name, reduce in (
-        ("frozen", freeze_idle), ("nearly half", halve_nearly), ("nearly planar", flatten_nearly), ("light", lighten_links),
-    )
-)  # fmt: skip
+APPROXIMATIONS: tuple[Step, ...] = (
+    Step(name="frozen", reduce=freeze_idle, motion="approximate", gears=False),
+    Step(name="nearly half", reduce=halve_nearly, motion="approximate", gears=False),
+    Step(name="nearly planar", reduce=flatten_nearly, motion="approximate", gears=False),
+    Step(name="light", reduce=lighten_links, motion="approximate"),
+)
 
 
 #: What a method may refuse a reduced model for: equations that depend on each other, loops that cannot be cut as the file wants.
@@ -98,9 +99,7 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
     """
-    whole = Outcome(model=model, scene=scene)
-    if model.gears:
-        return [_variant("full", replace(whole, left=tuple(map(_geared, model.gears))), method, motion="exact")]
+    whole = Outcome(model=model, scene=scene, left=tuple(_geared(model, STEPS + APPROXIMATIONS if approximate else STEPS)))
     variants = _reduce("full", "exact", whole, method)
     if approximate:
         _approximate(whole, variants, method)
@@ -108,8 +107,10 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
     return variants
 
 
-def _geared(gear: Gear) -> Note:
-    return Note(element=gear.name, words="stays as all of the model does: no pass knows gears", span=gear.span)
+def _geared(model: Model, steps: Sequence[Step]) -> Iterator[Note]:
+    """The passes that are not tried on a model with gears."""
+    words = f"rules out the passes {', '.join(step.name for step in steps if not step.gears)}, which know no gears"
+    yield from (Note(element=gear.name, words=words, span=gear.span) for gear in model.gears)
 
 
 def _reduce(name: str, motion: str, outcome: Outcome, method: str) -> list[ReducedModel]:
@@ -123,6 +124,8 @@ def _reduce(name: str, motion: str, outcome: Outcome, method: str) -> list[Reduc
 def _try_pass(variants: list[ReducedModel], step: Step) -> None:
     """Try a pass on the last model: add the reduced model where it costs less, else a note of why not to the last one."""
     below = variants[-1]
+    if below.model.gears and not step.gears:
+        return
     reduced = step.reduce(below.model, below.scene)
     left, above = reduced.left, None
     if reduced.done:
@@ -140,7 +143,7 @@ def _try_pass(variants: list[ReducedModel], step: Step) -> None:
 
 def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> None:
     """Try each approximation on the whole model as approximated so far: add the model that all passes make of it, where it costs less."""
-    for step in APPROXIMATIONS:
+    for step in (s for s in APPROXIMATIONS if s.gears or not whole.model.gears):
         changed, below = step.reduce(whole.model, whole.scene), variants[-1]
         if not changed.done:
             variants[-1] = replace(below, left=tuple(dict.fromkeys((*below.left, *changed.left))))

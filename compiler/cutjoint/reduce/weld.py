@@ -51,6 +51,9 @@ def _obstacle(outcome: Outcome, joint: Joint) -> str:
         return "it closes a loop of welded bodies"
     for name in (o.column for o in outcome.scene.outputs if o.element == joint.name):
         return f"the output '{name}' asks for it"
+    for gear in outcome.model.gears:
+        if joint.name in gear.joints:
+            return f"the gear '{gear.name}' couples it"
     if GROUND in (joint.base, joint.follower):
         body = joint.follower if joint.base == GROUND else joint.base
         for name in (o.column for o in outcome.scene.outputs if o.element == body):
@@ -66,7 +69,7 @@ def at_centre(model: Model, scene: Scene, body: Body) -> tuple[Model, Scene]:
     asked = [o for o in scene.outputs if o.element == body.name and o.quantity in _MOTION]
     if not asked:
         return model, scene
-    taken = {e.name for group in (model.bodies, model.joints, model.forces, model.reactions, model.markers) for e in group}
+    taken = {e.name for group in (model.bodies, model.joints, model.gears, model.forces, model.reactions, model.markers) for e in group}
     name = f"{body.name}.centre"
     while name in taken:
         name += "_"

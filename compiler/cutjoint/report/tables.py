@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from cutjoint.run.results import Batch, Effort, Equilibrium, Trajectory
+from cutjoint.report.names import closing_equations
+from cutjoint.run.results import Batch, Effort, Equilibrium, ErrorEstimate, Trajectory
 from cutjoint.run.simulator_run import Compilation
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from cutjoint.analysis.mobility import Mobility
     from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
     from cutjoint.batch import BatchArtifact
+    from cutjoint.model.records import Model
     from cutjoint.topology.records import Topology
 
 
@@ -39,7 +41,7 @@ def topology_facts(topology: Topology, mobility: Mobility) -> tuple[tuple[str, s
         ("loops", f"{len(topology.loops)}, widest couples {max((x.width for x in topology.loops), default=0)} bodies"),
         ("isomorphic subtrees", "; ".join(classes) or "none"),
         ("coordinates", f"{mobility.speeds} relative"),
-        ("cut-joint equations", f"{mobility.equations}, rank {mobility.rank}"),
+        (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
         ("design position", _design_position(mobility)),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
     )  # fmt: skip
@@ -77,10 +79,10 @@ def loop_table(topology: Topology) -> Table:
     return table
 
 
-def redundancy_table(redundancy: Redundancy) -> Table:
-    """One row a cut joint and kind: the equations that follow from the others."""
-    table = Table(title="redundant cut-joint equations", title_justify="left", box=None)
-    for heading in ("cut joint", "line", "equations", "redundant"):
+def redundancy_table(redundancy: Redundancy, model: Model) -> Table:
+    """One row a cut joint or gear and kind: the equations that follow from the others."""
+    table = Table(title=f"redundant {closing_equations(model)}", title_justify="left", box=None)
+    for heading in ("cut joint or gear" if model.gears else "cut joint", "line", "equations", "redundant"):
         table.add_column(heading, overflow="fold")
     for when, found in (("in every pose", redundancy.structural), ("in the design position only", redundancy.momentary)):
         for joint in dict.fromkeys(r.joint for r in found):
@@ -139,6 +141,17 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
         *_effort_facts(run.effort),
         ("speeds not given", f"{len(run.undetermined)}, as small as the loops allow{_listed(run.undetermined)}"),
     ])  # fmt: skip
+
+
+def error_facts(error: ErrorEstimate) -> Table:
+    """How wrong the outputs are at most, the worst of each unit."""
+    by_unit: dict[str, tuple[float, str]] = {}
+    for name, value in error.largest.items():
+        unit = error.units[name]
+        by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
+    rows = [("converged", "yes" if error.converged else "no: not converged, errors may be larger")]
+    rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
+    return facts("errors of the steps at most", rows)
 
 
 def _taken(seconds: float) -> str:

@@ -14,7 +14,7 @@ from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import Settings, find_settings, with_options
+from cutjoint.run.settings import Settings, find_goal, find_settings, with_options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology
@@ -91,7 +91,7 @@ def make_simulator_run(artifact: Artifact, options: Options, parameters: Mapping
     )  # fmt: skip
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
-        description=artifact.description,
+        description=artifact.description, goal=find_goal(artifact.scene, artifact.method, run_file["integrator"], options),
     )  # fmt: skip
 
 

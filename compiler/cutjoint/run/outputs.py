@@ -28,6 +28,11 @@ def units_of(table: Path) -> Path:
     return table.with_name(f"{_stem(table)}.units.json")
 
 
+def error_of(table: Path) -> Path:
+    """The file that says how wrong a table is: ``run.error.json`` of ``run.csv``."""
+    return table.with_name(f"{_stem(table)}.error.json")
+
+
 def partial_of(table: Path) -> Path:
     """The file with the rows of a table that is not whole: ``run.partial.csv`` of ``run.csv``, ``run.k1.partial.csv`` of ``run.k1``."""
     return table.with_name(f"{_stem(table)}.partial.csv")
@@ -114,7 +119,8 @@ def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
             continue
         asked, partial = f"{option} {path}", partial_of(resolved(path))
         beside = {
-            "the units": units_of(resolved(path)), "the rows of an unfinished table": partial,
+            "the units": units_of(resolved(path)), "the errors": error_of(resolved(path)),
+            "the rows of an unfinished table": partial,
             "the units of an unfinished table": units_of(partial), "the reason for an unfinished table": reason_of(resolved(path)),
         }  # fmt: skip
         files = [_Written(asked=asked, path=file, part=part) for part, file in beside.items()]

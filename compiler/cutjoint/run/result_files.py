@@ -11,11 +11,13 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from errno import ENXIO
+from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, cast
 
-from cutjoint.run.outputs import OutputError, descriptor_of, is_stream, partial_of, reason_of, resolved, units_of
+from cutjoint.run.outputs import OutputError, descriptor_of, error_of, is_stream, partial_of, reason_of, resolved, units_of
+from cutjoint.run.results import ErrorEstimate
 
 Units = Mapping[str, str]
 
@@ -157,6 +159,22 @@ class RunTables:
             self._private.close()
 
 
+def write_error(table: Path, error: ErrorEstimate | None) -> None:
+    """Write beside a table that goes to a file how wrong it is, or nothing.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    if is_stream(table):
+        return
+    path = error_of(resolved(table))
+    with _naming(path):
+        path.unlink(missing_ok=True)
+    if error is not None:
+        largest = {name: value if isfinite(value) else None for name, value in error.largest.items()}
+        write_whole(path, _as_json({"converged": error.converged, "largest": largest, "units": dict(error.units)}))
+
+
 def write_whole(path: Path, content: str | bytes) -> Path:
     """Write a file so that nobody sees half of it and an earlier one survives a failure; a stream is written to.
 
@@ -192,8 +210,8 @@ def write_all(file: BinaryIO, data: bytes) -> None:
         rest = rest[file.write(rest) :]
 
 
-def _as_json(units: Units) -> str:
-    return json.dumps(dict(units), indent=2) + "\n"
+def _as_json(content: Mapping[str, Any]) -> str:
+    return json.dumps(dict(content), indent=2) + "\n"
 
 
 @contextmanager

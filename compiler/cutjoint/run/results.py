@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import nan
 from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
@@ -73,11 +74,28 @@ class Effort:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ErrorEstimate:
+    """How wrong the outputs of a run are, by other runs of the same.
+
+    ``largest`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the end.
+    Not ``converged`` is what changes with finer steps as much as with coarser ones.  Laws, masses and places are taken as they are given.
+    """
+
+    largest: Mapping[str, float]
+    units: Mapping[str, str]
+    converged: bool
+
+    def __getitem__(self, column: str) -> float:
+        return self.largest[column]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Trajectory:
     """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
 
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
-    start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.
+    start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.  ``estimator``
+    finds how wrong the run is, None where nothing can.
     """
 
     t: Array
@@ -90,9 +108,21 @@ class Trajectory:
     failure: FailureReport | None
     effort: Effort = Effort()
     table: Path | None = None
+    estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
+
+    @cached_property
+    def error(self) -> ErrorEstimate:
+        """How wrong the outputs are: asking for it takes some more runs, which are kept.
+
+        Raises:
+            ValueError: the run is not one that can be taken again.
+        """
+        if self.estimator is None:
+            raise ValueError("only a run that simulate has returned can be taken again with other steps")
+        return self.estimator(self)
 
 
 @dataclass(frozen=True, kw_only=True)

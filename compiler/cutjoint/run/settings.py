@@ -27,6 +27,9 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.scenes import with_settings
 
+#: The largest error of places and angles (m, rad) of a run whose steps follow from it, where its scene gives none.
+GOAL = 1e-4
+
 
 @dataclass(frozen=True, kw_only=True)
 class Stabilisation:
@@ -140,6 +143,14 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
     if method.closure(numerics.closure, implementation).name not in integrator.closures:
         raise RunError(f"the integrator {wanted} closes loops in its own way: use closure: {either(integrator.closures)}")
     return integrator
+
+
+def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> float | None:
+    """The largest error of places and angles (m, rad) of a run whose steps follow from it; None where anything says how steps are."""
+    own = scene.numerics.of_method(method)
+    given = (options.integrator, options.dt, options.tolerance, own.integrator, own.dt, own.absolute_tolerance)
+    is_free = all(value is None for value in given) and own.tolerance == Numerics.tolerance
+    return (GOAL if scene.tolerance is None else scene.tolerance) if is_free and INTEGRATORS[integrator].adaptive else None
 
 
 def _own_integrator(numerics: Numerics, method: Method, implementation: Implementation, options: Options) -> Integrator:

@@ -18,13 +18,15 @@ class SimulatorRun:
     """A program and what it reads, but for where results go: plain data.
 
     ``simulator`` is the program, ``run_file`` what it reads, ``description`` what the generic twin reads of the model besides (None for
-    generated code), ``units`` has the unit of each column by its name.
+    generated code), ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that
+    steps are to keep, None where steps are given.
     """
 
     simulator: Path
     run_file: Mapping[str, Any]
     description: Mapping[str, Any] | None
     units: Mapping[str, str]
+    goal: float | None = None
 
     def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
         """The run with other values (SI units) of open parameters that nothing else in the run file follows from."""

@@ -84,8 +84,8 @@ def _projection(t: TreeJoint, s: int, inner: bool) -> int:
     return width * (6 * k * (1 + s) + k * (k + 1) // 2)
 
 
-#: Residual and stabilisation of an equation of a cut joint in a branch; the whole of a gear.
-EQUATION, GEAR = 45, 30
+#: Residual and stabilisation of an equation of a cut joint in a branch; what a gear between unguided joints adds to a branch.
+EQUATION, GEAR = 45, 19
 
 
 def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint], massive: set[str]) -> int:

@@ -21,5 +21,5 @@ ELEMENT = JointElement(
     axis_is_bisector=True,
     chain=(_HALF, Turn("angle_2", Direction.ACROSS_2), _HALF),
     conditions=(SamePoint(), NO_TWIST),
-    operations=Operations(placing=(135, 330), closing=(300, 385, 475)),
+    operations=Operations(placing=(155, 405), closing=(265, 405, 485)),
 )

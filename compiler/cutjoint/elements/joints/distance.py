@@ -13,5 +13,5 @@ ELEMENT = JointElement(
     chain=(Ball(), Offset(Direction.ROD), Turn("angle_1", Direction.ACROSS_1), Turn("angle_2", Direction.ACROSS_2)),
     from_inner=True,
     conditions=(SameDistance(),),
-    operations=Operations(placing=(890, 1190), closing=(180, 250, 400)),
+    operations=Operations(placing=(400, 715), closing=(180, 250, 400)),
 )

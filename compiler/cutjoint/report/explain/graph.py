@@ -13,6 +13,7 @@ from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
 from cutjoint.report.explain.groups import Counterparts
 from cutjoint.report.explain.views import Entry, Table, code, make_table, plural
+from cutjoint.report.names import closing_equations
 from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint
 
@@ -60,7 +61,7 @@ def summarise(equations: RecursiveEquations, program: Program) -> Table:
         *given_rows(equations),
         ("coordinates", f"{equations.coordinates}, quaternions with four each"),
         ("speeds", str(equations.speeds)),
-        ("cut-joint equations", f"{mobility.equations}, rank {mobility.rank}"),
+        (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
         *operation_rows(program),
     ])  # fmt: skip

@@ -1,0 +1,158 @@
+"""Runs that are as exact as wanted, and how wrong a run is: the same run with other steps shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutjoint.methods import INTEGRATORS
+from cutjoint.model.steps import count_steps
+from cutjoint.run.results import Array, ErrorEstimate, Trajectory
+from cutjoint.run.simulator import Progress, SimulatorError
+from cutjoint.run.simulator_run import SimulatorRun, start
+
+#: How often the tolerance of steps is divided by ten.
+_LEVELS = 5
+#: Differences of runs fall at least by this factor, from steps to finer ones, where the steps are what is wrong with them.
+_FALLING = 1.5
+#: Differences that are this share of what an output reaches are small even where they fall no further.
+_SMALL = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Change:
+    """How the steps of a run are made finer: a setting's factor, and the share of the error that is left at least by order 2."""
+
+    setting: str
+    factor: float
+    left: float
+
+
+_SHORTER = _Change(setting="dt", factor=0.5, left=0.25)
+_STRICTER = _Change(setting="tolerance", factor=0.1, left=0.1)
+
+
+def run_accurately(
+    ready: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
+    progress: Progress | None = None, estimate: bool = True,
+) -> Trajectory:  # fmt: skip
+    """Run a simulator to its end, with steps that keep the run's ``goal`` if it has one; the run can say how wrong it is.
+
+    Without ``estimate`` there is one run, and the goal is not looked at.  Files and errors as of `ready.start`.
+    """
+    begin = partial(start, out=out, steps=steps, tangents=tangents, progress=progress)
+    if not estimate:
+        return begin(ready)
+    if ready.goal is None:
+        run = begin(ready)
+        return replace(run, estimator=partial(estimate_error, ready))
+    return _reach(ready, ready.goal, begin)
+
+
+def _reach(ready: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
+    """Make steps stricter until two runs agree so well that the better one keeps the goal, or until they come no nearer."""
+    last, before = start(ready), None
+    for level in range(1, _LEVELS + 1):
+        run = begin(_finer(ready, _STRICTER, level))
+        if run.failure is not None:
+            if last.failure is not None:
+                return run
+            return _estimated(begin(_finer(ready, _STRICTER, level - 1)), before or dict.fromkeys(run.columns, np.inf), converged=False)
+        if last.failure is None:
+            apart = _differences(last, run)
+            errors = {name: difference * _share(difference, None if before is None else before[name]) for name, difference in apart.items()}
+            if _keeps(run, errors, goal):
+                return _estimated(run, errors, converged=True)
+            if before is not None and not any(_falls(run[name], before[name], apart[name]) for name in apart):
+                return _estimated(run, apart, converged=False)
+            before = apart
+        last = run
+    return _estimated(last, before or dict.fromkeys(last.columns, np.inf), converged=False)
+
+
+def _share(difference: float, before: float | None) -> float:
+    """The error of a run as a share of what a coarser one differs by, by how differences have fallen."""
+    ratio = 0.13 if before is None or not before > 0 else min(max(difference / before, 0.05), 0.6)
+    return ratio / (1 - ratio)
+
+
+def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
+    """Whether places and angles are as good as the goal says; where there are none, whether all else is by its size."""
+    judged = {name: 1.0 for name in errors if run.units[name] in ("m", "rad")}
+    judged = judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
+    return all(errors[name] <= goal * size for name, size in judged.items())
+
+
+def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool) -> Trajectory:
+    estimate = ErrorEstimate(largest=errors, units=run.units, converged=converged)
+    return replace(run, estimator=lambda _: estimate)
+
+
+def estimate_error(ready: SimulatorRun, run: Trajectory) -> ErrorEstimate:
+    """The error of each output of a run.
+
+    A second run has half the step, or a tenth of the tolerance of a step where steps follow from one: what the run differs by is its error,
+    but for the smaller error of that second run.  A third, with twice the step or ten times the tolerance, or a finer one where that fails,
+    shows whether differences fall.  They do not where a motion is chaotic, or goes another way at a singular pose.
+
+    Raises:
+        Interrupted, Terminated: a signal has ended a run.
+    """
+    change = _STRICTER if INTEGRATORS[ready.run_file["integrator"]].adaptive else _SHORTER
+    finer = _try(ready, change, 1)
+    if run.failure is not None or finer is None:
+        return ErrorEstimate(largest=dict.fromkeys(run.columns, np.inf), units=run.units, converged=False)
+    apart = _differences(run, finer)
+    coarser = _try(ready, change, -1)
+    if coarser is not None:
+        before, after = _differences(coarser, run), apart
+    else:
+        finest = _try(ready, change, 2)
+        before, after = apart, dict.fromkeys(apart, np.inf) if finest is None else _differences(finer, finest)
+    errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
+    return ErrorEstimate(largest=errors, units=run.units, converged=all(_falls(run.columns[c], before[c], after[c]) for c in apart))
+
+
+def _try(ready: SimulatorRun, change: _Change, times: int) -> Trajectory | None:
+    """The run with steps that are so many times finer, its rows at the same times; None if it fails."""
+    try:
+        run = start(_finer(ready, change, times))
+    except SimulatorError:
+        return None
+    return run if run.failure is None else None
+
+
+def _finer(ready: SimulatorRun, change: _Change, times: int) -> SimulatorRun:
+    return replace(ready, run_file={**ready.run_file, **_changed(ready.run_file, change.setting, change.factor**times)})
+
+
+def _changed(run_file: Mapping[str, Any], setting: str, factor: float) -> dict[str, Any]:
+    """The parts of a run file that change with a setting."""
+    numerics = {**run_file["numerics"], setting: run_file["numerics"][setting] * factor}
+    if setting == "dt":
+        dt = run_file["numerics"]["dt"]
+        return {"numerics": numerics, "output_step": dt * count_steps(dt, run_file["end"], run_file["output_step"]).stride}
+    if numerics["absolute_tolerance"] is not None:
+        numerics["absolute_tolerance"] *= factor
+    return {"numerics": numerics}
+
+
+def _differences(one: Trajectory, other: Trajectory) -> dict[str, float]:
+    """The largest difference of each column over the times that both runs have rows of."""
+    _, here, there = np.intersect1d(_ticks(one.t), _ticks(other.t), return_indices=True)
+    return {name: float(np.max(np.abs(one[name][here] - other[name][there]))) for name in one.columns}
+
+
+def _ticks(t: Array) -> Array:
+    """Times as whole numbers of a step that is short against all rows, so that rounding does not tell them apart."""
+    return np.rint(t / (1e-6 * float(t[-1] - t[0]) / t.size)) if t.size > 1 else t
+
+
+def _falls(values: Array, before: float, after: float) -> bool:
+    size = float(np.max(np.abs(values)))
+    return after <= max(before / _FALLING, _SMALL * size)
