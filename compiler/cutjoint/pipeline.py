@@ -118,5 +118,5 @@ def simulate(
     )  # fmt: skip
     if tangents is not None:
         require_tangents(artifact, options)
-    ready = make_simulator_run(artifact, options, parameters)
-    return run_accurately(ready, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error)
+    run = make_simulator_run(artifact, options, parameters)
+    return run_accurately(run, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error)

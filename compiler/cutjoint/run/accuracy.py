@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -38,31 +39,30 @@ _STRICTER = _Change(setting="tolerance", factor=0.1, left=0.1)
 
 
 def run_accurately(
-    ready: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
+    plan: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
     progress: Progress | None = None, estimate: bool = True,
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end, with steps that keep the run's ``goal`` if it has one; the run can say how wrong it is.
 
-    Without ``estimate`` there is one run, and the goal is not looked at.  Files and errors as of `ready.start`.
+    Without ``estimate`` there is one run, and the goal is not looked at.  Files and errors as of `simulator_run.start`.
     """
     begin = partial(start, out=out, steps=steps, tangents=tangents, progress=progress)
     if not estimate:
-        return begin(ready)
-    if ready.goal is None:
-        run = begin(ready)
-        return replace(run, estimator=partial(estimate_error, ready))
-    return _reach(ready, ready.goal, begin)
+        return begin(plan)
+    if plan.goal is None:
+        run = begin(plan)
+        return replace(run, estimator=partial(estimate_error, plan))
+    return _reach(plan, plan.goal, begin)
 
 
-def _reach(ready: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
+def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
     """Make steps stricter until two runs agree so well that the better one keeps the goal, or until they come no nearer."""
-    last, before = start(ready), None
+    last, before = start(plan), None
     for level in range(1, _LEVELS + 1):
-        run = begin(_finer(ready, _STRICTER, level))
+        run = begin(_finer(plan, _STRICTER, level))
         if run.failure is not None:
-            if last.failure is not None:
-                return run
-            return _estimated(begin(_finer(ready, _STRICTER, level - 1)), before or dict.fromkeys(run.columns, np.inf), converged=False)
+            kept = run if last.failure is not None else begin(_finer(plan, _STRICTER, level - 1))
+            return _estimated(kept, before or _unknown(run), converged=False)
         if last.failure is None:
             apart = _differences(last, run)
             errors = {name: difference * _share(difference, None if before is None else before[name]) for name, difference in apart.items()}
@@ -72,7 +72,7 @@ def _reach(ready: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Tra
                 return _estimated(run, apart, converged=False)
             before = apart
         last = run
-    return _estimated(last, before or dict.fromkeys(last.columns, np.inf), converged=False)
+    return _estimated(last, before or _unknown(last), converged=False)
 
 
 def _share(difference: float, before: float | None) -> float:
@@ -88,12 +88,16 @@ def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
     return all(errors[name] <= goal * size for name, size in judged.items())
 
 
+def _unknown(run: Trajectory) -> dict[str, float]:
+    return dict.fromkeys(run.columns, inf)
+
+
 def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool) -> Trajectory:
     estimate = ErrorEstimate(largest=errors, units=run.units, converged=converged)
     return replace(run, estimator=lambda _: estimate)
 
 
-def estimate_error(ready: SimulatorRun, run: Trajectory) -> ErrorEstimate:
+def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     """The error of each output of a run.
 
     A second run has half the step, or a tenth of the tolerance of a step where steps follow from one: what the run differs by is its error,
@@ -103,32 +107,32 @@ def estimate_error(ready: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     Raises:
         Interrupted, Terminated: a signal has ended a run.
     """
-    change = _STRICTER if INTEGRATORS[ready.run_file["integrator"]].adaptive else _SHORTER
-    finer = _try(ready, change, 1)
+    change = _STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else _SHORTER
+    finer = _try(plan, change, 1)
     if run.failure is not None or finer is None:
-        return ErrorEstimate(largest=dict.fromkeys(run.columns, np.inf), units=run.units, converged=False)
+        return ErrorEstimate(largest=_unknown(run), units=run.units, converged=False)
     apart = _differences(run, finer)
-    coarser = _try(ready, change, -1)
+    coarser = _try(plan, change, -1)
     if coarser is not None:
         before, after = _differences(coarser, run), apart
     else:
-        finest = _try(ready, change, 2)
-        before, after = apart, dict.fromkeys(apart, np.inf) if finest is None else _differences(finer, finest)
+        finest = _try(plan, change, 2)
+        before, after = apart, _unknown(run) if finest is None else _differences(finer, finest)
     errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
     return ErrorEstimate(largest=errors, units=run.units, converged=all(_falls(run.columns[c], before[c], after[c]) for c in apart))
 
 
-def _try(ready: SimulatorRun, change: _Change, times: int) -> Trajectory | None:
+def _try(plan: SimulatorRun, change: _Change, times: int) -> Trajectory | None:
     """The run with steps that are so many times finer, its rows at the same times; None if it fails."""
     try:
-        run = start(_finer(ready, change, times))
+        run = start(_finer(plan, change, times))
     except SimulatorError:
         return None
     return run if run.failure is None else None
 
 
-def _finer(ready: SimulatorRun, change: _Change, times: int) -> SimulatorRun:
-    return replace(ready, run_file={**ready.run_file, **_changed(ready.run_file, change.setting, change.factor**times)})
+def _finer(plan: SimulatorRun, change: _Change, times: int) -> SimulatorRun:
+    return replace(plan, run_file={**plan.run_file, **_changed(plan.run_file, change.setting, change.factor**times)})
 
 
 def _changed(run_file: Mapping[str, Any], setting: str, factor: float) -> dict[str, Any]:
@@ -144,13 +148,9 @@ def _changed(run_file: Mapping[str, Any], setting: str, factor: float) -> dict[s
 
 def _differences(one: Trajectory, other: Trajectory) -> dict[str, float]:
     """The largest difference of each column over the times that both runs have rows of."""
-    _, here, there = np.intersect1d(_ticks(one.t), _ticks(other.t), return_indices=True)
+    tick = 1e-6 * float(one.t[-1] - one.t[0]) / one.t.size or 1.0
+    _, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
     return {name: float(np.max(np.abs(one[name][here] - other[name][there]))) for name in one.columns}
-
-
-def _ticks(t: Array) -> Array:
-    """Times as whole numbers of a step that is short against all rows, so that rounding does not tell them apart."""
-    return np.rint(t / (1e-6 * float(t[-1] - t[0]) / t.size)) if t.size > 1 else t
 
 
 def _falls(values: Array, before: float, after: float) -> bool:
