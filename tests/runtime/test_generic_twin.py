@@ -6,7 +6,7 @@ import json
 import math
 import subprocess
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +139,9 @@ class Case:
 
 
 def make_case(model: Model, scene: str | Scene, road: Road = FLAT, penalty: float = 1e4, outputs: tuple[Output, ...] = ()) -> Case:
-    topology, chosen = build_topology(model), scene if isinstance(scene, Scene) else model.scenes[scene]
+    """The scene with the closure penalty, whose penalty the twin's run file has."""
+    topology, asked = build_topology(model), scene if isinstance(scene, Scene) else model.scenes[scene]
+    chosen = replace(asked, numerics=replace(asked.numerics, closure="penalty"))
     wanted = outputs or chosen.outputs
     equations, description = formulate_recursive(topology, chosen, wanted), describe_generic(topology, chosen, wanted)
     return Case(equations, description, road, penalty)
