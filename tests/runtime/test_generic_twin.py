@@ -6,7 +6,7 @@ import json
 import math
 import subprocess
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -139,12 +139,10 @@ class Case:
 
 
 def make_case(model: Model, scene: str | Scene, road: Road = FLAT, penalty: float = 1e4, outputs: tuple[Output, ...] = ()) -> Case:
-    """The scene with the closure penalty, whose penalty the twin's run file has."""
-    topology, asked = build_topology(model), scene if isinstance(scene, Scene) else model.scenes[scene]
-    chosen = replace(asked, numerics=replace(asked.numerics, closure="penalty"))
+    topology, chosen = build_topology(model), scene if isinstance(scene, Scene) else model.scenes[scene]
     wanted = outputs or chosen.outputs
-    equations, description = formulate_recursive(topology, chosen, wanted), describe_generic(topology, chosen, wanted)
-    return Case(equations, description, road, penalty)
+    equations = formulate_recursive(topology, chosen, wanted, closure="penalty")
+    return Case(equations, describe_generic(topology, chosen, wanted), road, penalty)
 
 
 def random_state(equations: RecursiveEquations, random: np.random.Generator, spread: float) -> dict[str, Any]:
