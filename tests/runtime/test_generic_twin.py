@@ -141,8 +141,8 @@ class Case:
 def make_case(model: Model, scene: str | Scene, road: Road = FLAT, penalty: float = 1e4, outputs: tuple[Output, ...] = ()) -> Case:
     topology, chosen = build_topology(model), scene if isinstance(scene, Scene) else model.scenes[scene]
     wanted = outputs or chosen.outputs
-    equations, description = formulate_recursive(topology, chosen, wanted), describe_generic(topology, chosen, wanted)
-    return Case(equations, description, road, penalty)
+    equations = formulate_recursive(topology, chosen, wanted, closure="penalty")
+    return Case(equations, describe_generic(topology, chosen, wanted), road, penalty)
 
 
 def random_state(equations: RecursiveEquations, random: np.random.Generator, spread: float) -> dict[str, Any]:

@@ -82,7 +82,6 @@ def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
         ("task", "simulat", 'is "simulat" and not one of simulate, realtime, equilibrium, evaluate'),
         ("task", "batch", 'is "batch" and not one of simulate, realtime, equilibrium, evaluate'),
         ("pose", "rest", 'is "rest" and not one of design, equilibrium'),
-        ("stabilisation.penalty", None, "is null, but a run with these settings needs it"),
         ("numerics.fixed_cost", 1, "is 1 and neither true nor false"),
         ("numerics.events", "located", 'is "located" and neither true nor false'),
         ("numerics", 1, "is 1 and not an object"),
@@ -98,6 +97,9 @@ def test_a_simulator_names_what_it_refuses(method: str, key: str, value: object,
     last = "pin.angle" if key == "positions" else key.rpartition(".")[2]
     assert complaint.startswith(f"error: run file: '{last}' {message}")
 
+
+#: The closure that holds cut joints by a given penalty.
+PENALTY = {"stabilisation.closure": "penalty", "stabilisation.penalty": 1e6}
 
 SETTINGS = (
     "task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", *(f"numerics.{name}" for name in (
@@ -116,9 +118,10 @@ def test_no_setting_has_a_default(key: str, tmp_path: Path) -> None:
     ("method", "changes", "message"),
     [
         ("recursive", {"integrator": "rk4"}, "'absolute_tolerance' is null"),
-        ("recursive", {"integrator": "rk4", "numerics.absolute_tolerance": 1e-6, "numerics.penalty": None}, "'penalty' is null"),
-        ("recursive", {"integrator": "reference", "stabilisation.closure": "proximal"}, "'closure' is \"proximal\", which the integrator"),
-        ("recursive", {"integrator": "reference", "task": "evaluate"}, "'task' needs steps of the integrator trapezoidal"),
+        ("recursive", {"integrator": "rk4", "numerics.absolute_tolerance": 1e-6, "numerics.penalty": None, **PENALTY}, "'penalty' is null"),
+        ("recursive", {**PENALTY, "stabilisation.penalty": None}, "'penalty' is null, but a run with these settings needs it"),
+        ("recursive", {"integrator": "reference", "stabilisation.closure": "proximal"}, "'closure' is \"proximal\", which trapezoidal"),
+        ("recursive", {"integrator": "reference", "task": "evaluate", **PENALTY}, "'task' needs steps of the integrator trapezoidal"),
         ("recursive-newton", {"integrator": "sdirk4"}, "'absolute_tolerance' is null"),
         ("recursive-newton", {"integrator": "generalised-alpha"}, "'spectral_radius' is null"),
         ("recursive-newton", {"solver": None}, "'solver' is null"),
