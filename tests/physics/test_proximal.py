@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.model.read import read_model
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.model.records import Numerics
 from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
@@ -32,6 +33,14 @@ def compiled(path: Path, scene: str | None = None) -> Artifact:
     model = read_model(path)
     chosen = with_closure(find_scene(model, scene), "proximal")
     return compile_scene(model, replace(chosen, numerics=replace(chosen.numerics, penalty=None, by_step={})))
+
+
+@cache
+def compiled_text(text: str) -> Artifact:
+    """A model whose scene says nothing of how steps are."""
+    model = read_model_text(text, "chain.yaml")
+    (scene,) = model.scenes.values()
+    return compile_scene(model, replace(scene, numerics=Numerics()))
 
 
 def measured(artifact: Artifact, folder: Path, **changes: float) -> tuple[Trajectory, float, float]:
@@ -91,6 +100,13 @@ def test_singular_poses_are_passed_in_order(tmp_path: Path, windows: int, dt: fl
     run, position, _ = measured(compiled(path), tmp_path, dt=dt, end=10.0)
     assert largest_error(run, windows) < 10 * dt**2
     assert position < 1e-12
+
+
+@pytest.mark.parametrize("dt", [0.002, 0.001, 0.0005])
+def test_forty_windows_pass_as_one_does(dt: float) -> None:
+    """The mass that counts where a direction vanishes does not grow with the number of windows; forty directions vanish at once."""
+    artifact = compiled_text(four_bar_text(40))
+    assert largest_error(completed(simulate(artifact, dt=dt, end=10.0)), 40) < 10 * dt**2
 
 
 def test_redundant_equations_do_no_harm(tmp_path: Path) -> None:

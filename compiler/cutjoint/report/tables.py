@@ -193,7 +193,7 @@ def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:
         by_element = ", ".join(f"{name} {count}" for name, count in effort.events_by_element.items())
         facts.append(("events", f"{effort.events}: {by_element}"))
     if effort.stiff_steps > STIFF * effort.iterations:
-        advice = "the integrator trapezoidal, or the method augmented, may take longer ones"
+        advice = "an implicit integrator takes longer ones, as the method recursive-newton has by default"
         facts.append(("stiff", f"stability, not accuracy, limited {effort.stiff_steps} steps: {advice}"))
     return facts
 

@@ -1,0 +1,120 @@
+"""How wrong runs say that they are, against what is exact; steps that follow from the accuracy that is wanted."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.results import Trajectory
+from tests.physics.simulation import completed
+
+#: A mass of 1 kg on a spring of 400 N/m: 20 rad/s, from 0.1 m at rest.
+OSCILLATOR = """
+cutjoint: 1
+name: oscillator
+gravity: [0, 0, 0]
+bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0]}}
+joints: {rail: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces: {spring: {kind: joint_force, joint: rail, law: "-400*position"}}
+outputs: [block.x, block.vx]
+scenes: {swing: {end: 3, output_step: 10 ms, positions: {rail.displacement: 0.1}SCENE}}
+"""
+#: A double pendulum that tumbles: neighbouring motions part by a factor of e several times a second.
+CHAOS = """
+cutjoint: 1
+name: chaos
+gravity: [0, 0, -9.81]
+bodies:
+  upper: {mass: 1, centre_of_mass: [0, 0, -1], inertia: [0.001, 0.001, 0.001]}
+  lower: {mass: 1, centre_of_mass: [0, 0, -2], inertia: [0.001, 0.001, 0.001]}
+joints:
+  top: {kind: revolute, bodies: [ground, upper], at: [0, 0, 0], axis: [0, 1, 0]}
+  middle: {kind: revolute, bodies: [upper, lower], at: [0, 0, -1], axis: [0, 1, 0]}
+outputs: [top.angle, middle.angle]
+scenes: {tumble: {end: 60, output_step: 50 ms, positions: {top.angle: 3, middle.angle: 0.5}}}
+"""
+#: A crank of 1 kg, a rod and a slider, of which nothing is said but what they are.
+CRANK = """
+cutjoint: 1
+name: crank
+gravity: [0, 0, -9.81]
+bodies:
+  crank: {mass: 1, centre_of_mass: [0, 0, 0.05], inertia: [0.001, 0.001, 0.0005]}
+  rod: {mass: 1, centre_of_mass: [0.15, 0, 0.05], inertia: [0.001, 0.008, 0.008]}
+  slider: {mass: 1, centre_of_mass: [0.3, 0, 0]}
+joints:
+  pin: {kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, 1, 0]}
+  elbow: {kind: revolute, bodies: [crank, rod], at: [0, 0, 0.1], axis: [0, 1, 0]}
+  wrist: {kind: revolute, bodies: [rod, slider], at: [0.3, 0, 0], axis: [0, 1, 0]}
+  rail: {kind: prismatic, bodies: [ground, slider], at: [0.3, 0, 0], axis: [1, 0, 0]}
+outputs: [pin.angle, slider.x]
+scenes: {turn: {end: 2, output_step: 10 ms, rates: {pin.angle_rate: 10}}}
+"""
+
+
+@cache
+def compiled(text: str, method: str = "recursive") -> Artifact:
+    model = read_model_text(text, "model.yaml")
+    (scene,) = model.scenes.values()
+    return compile_scene(model, scene, method=method)
+
+
+def oscillator(method: str = "recursive", scene: str = "") -> Artifact:
+    return compiled(OSCILLATOR.replace("SCENE", scene), method)
+
+
+def true_errors(run: Trajectory) -> dict[str, float]:
+    exact = {"block.x": 0.1 * np.cos(20 * run.t), "block.vx": -2 * np.sin(20 * run.t)}
+    return {name: float(np.max(np.abs(run[name] - values))) for name, values in exact.items()}
+
+
+@pytest.mark.parametrize(
+    ("method", "settings"),
+    [
+        ("recursive", {"dt": 1e-3}), ("recursive", {"dt": 5e-3}), ("recursive", {"integrator": "rk4", "dt": 5e-3}),
+        ("recursive", {"integrator": "dormand-prince", "tolerance": 1e-4}),
+        ("recursive", {"integrator": "dormand-prince", "tolerance": 1e-8}),
+        ("recursive", {}), ("recursive-newton", {"dt": 2e-3}), ("recursive-newton", {"integrator": "sdirk4-fixed", "dt": 5e-3}),
+        ("recursive-newton", {"integrator": "generalised-alpha", "dt": 1e-3}), ("recursive-newton", {}),
+    ],
+)  # fmt: skip
+def test_estimates_are_near_the_true_error(method: str, settings: dict[str, float]) -> None:
+    run = completed(simulate(oscillator(method), **settings))
+    assert run.error.converged
+    for name, error in true_errors(run).items():
+        assert error / 5 < run.error[name] < 5 * error
+
+
+@pytest.mark.parametrize(("scene", "goal"), [("", 1e-4), (", tolerance: 1 mm", 1e-3), (", tolerance: 1.0e-7", 1e-7)])
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+def test_a_run_keeps_the_tolerance_of_its_scene(method: str, scene: str, goal: float) -> None:
+    run = completed(simulate(oscillator(method, scene)))
+    assert true_errors(run)["block.x"] < goal
+    assert run.error["block.x"] < goal
+
+
+def test_a_chaotic_run_says_that_it_has_not_converged() -> None:
+    run = completed(simulate(compiled(CHAOS)))
+    assert not run.error.converged
+    assert run.error["middle.angle"] > 0.1
+
+
+@pytest.mark.parametrize("settings", [{}, {"dt": 1e-3}, {"dt": 5e-4}])
+def test_a_light_mechanism_runs_with_nothing_said(settings: dict[str, float]) -> None:
+    """The equations of the implicit method, which has others, as reference; the first run of this model once stopped in its first step."""
+    run = completed(simulate(compiled(CRANK), **settings))
+    reference = completed(simulate(compiled(CRANK, "recursive-newton"), integrator="sdirk4", tolerance=1e-9))
+    for name in run.columns:
+        assert np.max(np.abs(run[name] - reference[name])) < 1.5 * run.error[name] + 1e-6
+
+
+def test_without_an_error_there_is_one_run() -> None:
+    run = simulate(oscillator(), error=False)
+    assert run.steps < simulate(oscillator()).steps
+    with pytest.raises(ValueError, match="can be taken again"):
+        _ = run.error
