@@ -43,7 +43,7 @@ from cutjoint.run.results import Trajectory
               "cholmod, klu and umfpack are for comparison.")
 @click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.in_files)),
               help="rk4 and dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default "
-              "the scene's, else trapezoidal.")
+              "the scene's, else trapezoidal where dt is given, and otherwise the method's own with steps that follow from the accuracy.")
 @click.option("--events", type=click.Choice([x.value for x in Events]),
               help="Whether steps of recursive and recursive-newton end where forces change their formulas; the scene's otherwise, else "
               "crossed by trapezoidal and generalised-alpha, located by the others.")

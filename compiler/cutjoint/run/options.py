@@ -26,5 +26,5 @@ class Options:
     events: str | None = None
 
 
-#: Steps by the default rule over events, whatever the scene says; also of tasks without steps.
+#: Equal steps by the default rule over events, whatever the scene says; also of tasks without steps.
 PLAIN_STEPS = Options(integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
