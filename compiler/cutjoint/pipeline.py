@@ -34,8 +34,7 @@ from cutjoint.topology.build import build_topology
 
 def compile_model(path: Path, *, scene: str | None = None, **how: Any) -> Artifact:
     """Compile a model file for one scene, the only one if none is named; ``how`` and errors as in `compile_scene`."""
-    # model.yaml -> Model
-    model = read_model(path)
+    model = read_model(path)  # model.yaml -> Model
     return compile_scene(model, find_scene(model, scene), **how)
 
 
@@ -103,10 +102,9 @@ def simulate(
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model with ``parameters`` (SI units); settings from ``dt`` on are those of `Options`, by default the scene's.
 
-    ``out`` receives the table and, beside it, a JSON file with the units, ``steps`` a CSV file with iterations and residuals of each step,
-    ``tangents`` a line of JSON for each row, the Jacobians of the accelerations.  A run that fails numerically is returned as far as it
-    came, with its failure; then the files are those of `partial_of`.  Where neither a length nor a tolerance of steps is given, steps are
-    such that places and angles keep the scene's ``tolerance``.  Without ``error`` there is one run, of which no error is known.
+    ``out`` receives the table, with its units beside it, ``steps`` a CSV file with iterations and residuals of each step, ``tangents`` a
+    line of JSON for each row, the Jacobians of the accelerations.  A run that fails is returned as far as it came, with its failure; its
+    files are those of `partial_of`.  With ``error`` its `Trajectory.error` can be asked for; runs without given steps keep a tolerance.
 
     Raises:
         RunError: a parameter that cannot be set, or settings that no run has or that do not go together.
