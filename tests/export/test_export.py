@@ -42,7 +42,7 @@ def test_the_command_writes_a_program_and_says_what_differs(peer: str, tmp_path:
     assert any(name.startswith("four_bar.") for name in names)
     said = " ".join(result.output.split())
     assert "outputs left out: crank_0.pin.angle, crank_0.pin.angle_rate" in said
-    assert "the first of them tells how to run it" in said
+    assert "the first of them says how to run it" in said
 
 
 def test_mujoco_is_told_to_differ_in_closed_loops(tmp_path: Path) -> None:
