@@ -81,7 +81,7 @@ def test_a_sample_compiles_and_runs() -> None:
         assert outcome.source is not None
         assert outcome.model is not None
         assert outcome.scene is not None
-        short = replace(outcome.scene, end=2 * outcome.scene.numerics.dt, output_step=outcome.scene.numerics.dt)
+        short = replace(outcome.scene, end=2 * outcome.scene.numerics.step, output_step=outcome.scene.numerics.step)
         run = make_run_file(outcome.model, short, {}, task="simulate", out=os.devnull)
         summary = call_simulator(build(outcome.source, flags=("-O0",)).path, run)
         assert summary["status"] == "done" or summary["message"], summary

@@ -21,6 +21,7 @@ from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.locations import runtime_folder
+from cutjoint.methods import Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model
@@ -345,7 +346,8 @@ def run_four_bar(folder: Path, method: str, solver: str | None) -> Mapping[str, 
         described = describe_generic_natural(formulate_lagrangian(start, method, scene.outputs, left_out=dependent))
     (folder / "model.json").write_text(json.dumps(described))
     run_file = make_run_file(
-        model, scene, {}, task="simulate", method=method, options=Options(solver=solver), out=str(folder / "table.csv")
+        model, scene, {}, task="simulate", method=method, options=Options(solver=solver), out=str(folder / "table.csv"),
+        implementation=Implementation.GENERIC,
     )
     summary = call_simulator(build_generic().path, {**run_file, "model": str(folder / "model.json")})
     assert failure_of(summary) is None

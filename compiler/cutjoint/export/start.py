@@ -9,10 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.methods import PLAIN_CLOSURE, Implementation
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
 from cutjoint.run.errors import RunError
+from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.scenes import with_closure
 from cutjoint.run.simulator import call_simulator, failure_of
 from cutjoint.toolchain.build import build_generic
 from cutjoint.toolchain.temporary import temporary_folder
@@ -68,7 +71,10 @@ def run_generic(
     """
     with temporary_folder() as folder:
         (folder / "model.json").write_text(json.dumps(describe_generic(topology, scene, outputs)), encoding="utf-8")
-        run_file = make_run_file(topology.model, scene, parameters, task="simulate", out=str(folder / "table.csv"))
+        run_file = make_run_file(
+            topology.model, with_closure(scene, PLAIN_CLOSURE), parameters, task="simulate", out=str(folder / "table.csv"),
+            implementation=Implementation.GENERIC, options=PLAIN_STEPS,
+        )  # fmt: skip
         summary = call_simulator(build_generic().path, {**run_file, "model": str(folder / "model.json")})
         if (failure := failure_of(summary)) is not None:
             raise RunError(f"{scene.span}: scene '{scene.name}': {failure}")
