@@ -22,7 +22,7 @@ from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loop
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
-from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE
+from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Builder
@@ -38,7 +38,7 @@ REFINEMENTS = 1
 
 
 def formulate_recursive(
-    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = DEFAULT_CLOSURE
+    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = PLAIN_CLOSURE
 ) -> RecursiveEquations:  # fmt: skip
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 

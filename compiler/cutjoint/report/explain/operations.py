@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.methods import METHODS, START
 from cutjoint.model.records import Binding, Model, Parameter, Scene
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
@@ -31,7 +32,8 @@ class Cost:
 
 def derive(topology: Topology, scene: Scene) -> tuple[RecursiveEquations, Program]:
     """The equations of a scene, and their program."""
-    equations = formulate_recursive(topology, scene, scene.outputs)
+    closure = METHODS[START].closure(scene.numerics.closure).name
+    equations = formulate_recursive(topology, scene, scene.outputs, closure=closure)
     return equations, schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
 
 
