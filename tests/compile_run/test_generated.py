@@ -81,7 +81,7 @@ def test_every_joint_kind_compiles_and_equals_the_interpreter(kind: JointKind) -
     if kind is not JointKind.FREE:
         models.append(random_models.loop_with(kind, "roots", 1))
     for model in models:
-        scene = replace(random_models.scene(), numerics=Numerics(penalty=1e4))
+        scene = replace(random_models.scene(), numerics=Numerics(penalty=1e4, closure="penalty"))
         equations, _, source = generate(model, scene, ())
         states = random_states(equations, 2, seed=2)
         for state, results in zip(states, run_evaluate(build(source).path, model, scene, states), strict=True):

@@ -199,14 +199,22 @@ def _moved(function: Callable[..., float], shift: float) -> Callable[..., float]
     return lambda *x: float(function(*x)) * (1 + shift)
 
 
+class _HangsOnDigitsError(ArithmeticError):
+    """A value hangs on last digits.  It is no NaN, which `max` and comparisons would lose."""
+
+
 def _angle(y: float, x: float) -> float:
     """`atan2` off its cut, where its value would hang on the sign of a zero."""
-    return math.nan if y == 0 and x < 0 else math.atan2(y, x)
+    if y == 0 and x < 0:
+        raise _HangsOnDigitsError
+    return math.atan2(y, x)
 
 
 def _sign(x: float) -> float:
     """The sign of what is not rounding: that of the tangent of pi would hang on the last digit."""
-    return math.nan if 0 < abs(x) < _NEAR else (x > 0) - (x < 0)
+    if 0 < abs(x) < _NEAR:
+        raise _HangsOnDigitsError
+    return (x > 0) - (x < 0)
 
 
 def _python(shift: float) -> Mapping[str, Any]:

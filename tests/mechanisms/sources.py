@@ -89,7 +89,7 @@ def _random(make: Callable[..., Model], *how: Any) -> Subjects:
     model = make(*how)
     elements = (*model.bodies, *model.markers, *model.forces)
     outputs = tuple(Output(element=e.name, quantity=q, span=e.span) for e in elements for q in quantities(e))
-    return [("try", model, replace(random_models.scene(), outputs=outputs, numerics=Numerics(penalty=1e4)))]
+    return [("try", model, replace(random_models.scene(), outputs=outputs, numerics=Numerics(penalty=1e4, closure="penalty")))]
 
 
 #: Texts of model files.
