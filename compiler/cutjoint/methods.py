@@ -120,11 +120,12 @@ class Integrator:
 class Closure:
     """A way to hold cut joints.
 
-    ``finds_penalty`` is whether penalties follow from effective masses, up to a bound if one is given, and need no other stabilisation.
+    Its penalty follows from effective masses.  With ``penalty_of_each_cut`` each cut joint has one, up to a bound if one is given, and needs
+    no other stabilisation; else all have one, that of the scene if it gives one.
     """
 
     name: str
-    finds_penalty: bool = False
+    penalty_of_each_cut: bool = False
     twin: bool = False
     fixed_cost: bool = False
     batch: bool = False
@@ -214,7 +215,7 @@ INTEGRATORS: Mapping[str, Integrator] = _catalogue(
 #: The ways to hold cut joints.
 CLOSURES: Mapping[str, Closure] = _catalogue(
     Closure(name="penalty", twin=True, fixed_cost=True, batch=True),
-    Closure(name="proximal", finds_penalty=True, fixed_cost=True),
+    Closure(name="proximal", penalty_of_each_cut=True, fixed_cost=True),
 )
 
 #: The emitted factorisation, and libraries.

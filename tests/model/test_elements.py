@@ -194,7 +194,7 @@ def test_penalty_and_frequency_may_follow_the_step() -> None:
     [
         ("dt: 2 ms", None, None), ("penalty: 1e7", "penalty", 1e7), ("frequency: 5", "penalty", None),
         ("damping_ratio: 0.5", "penalty", None), ("closure: penalty", "penalty", None), ("closure: proximal", "proximal", None),
-        ("closure: proximal, penalty: auto", "proximal", None),
+        ("closure: proximal, penalty: auto", "proximal", None), ("closure: penalty, penalty: auto", "penalty", None),
         ("closure: proximal, penalty: 1e6", "proximal", 1e6),
     ],
 )  # fmt: skip

@@ -267,10 +267,6 @@ SCENES = [
     ("end: 1, output_step: §-1", "@: scene 'fall': output_step must be greater than zero"),
     ("end: 1, numerics: {dt: §0}", "@: scene 'fall': dt must be greater than zero"),
     ("end: 1, numerics: {damping_ratio: §-1}", "@: scene 'fall': damping_ratio must not be negative"),
-    (
-        "end: 1, numerics: {closure: penalty, penalty: §auto}",
-        "@: scene 'fall': penalty: auto belongs to closure: proximal; write a number, or closure: proximal",
-    ),
     ("end: 1, numerics: {penalty: §-1/dt}", "@: scene 'fall': penalty must be greater than zero"),
     ("end: 1, numerics: {dt: 1, frequency: §1 - 2*dt}", "@: scene 'fall': frequency must not be negative"),
     (

@@ -91,7 +91,7 @@ def test_estimates_are_near_the_true_error(method: str, settings: dict[str, floa
 
 
 @pytest.mark.parametrize(("scene", "goal"), [("", 1e-4), (", tolerance: 1 mm", 1e-3), (", tolerance: 1.0e-7", 1e-7)])
-@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented"])
 def test_a_run_keeps_the_tolerance_of_its_scene(method: str, scene: str, goal: float) -> None:
     run = completed(simulate(oscillator(method, scene)))
     assert true_errors(run)["block.x"] < goal
@@ -102,6 +102,13 @@ def test_a_chaotic_run_says_that_it_has_not_converged() -> None:
     run = completed(simulate(compiled(CHAOS)))
     assert not run.error.converged
     assert run.error["middle.angle"] > 0.1
+
+
+def test_equal_steps_follow_from_the_tolerance_too() -> None:
+    """A step of 1 ms has an error of 1e-4 m after 3 s, which halves three times to keep 1e-6 m."""
+    run = completed(simulate(oscillator(scene=", tolerance: 1.0e-6"), integrator="trapezoidal"))
+    assert run.steps == 3 * 8000 or run.steps == 3 * 16000
+    assert true_errors(run)["block.x"] < 1e-6
 
 
 @pytest.mark.parametrize("settings", [{}, {"dt": 1e-3}, {"dt": 5e-4}])

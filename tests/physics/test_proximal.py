@@ -77,9 +77,9 @@ def test_constraints_hold_at_any_penalty(tmp_path: Path, model: str, scene: str 
 
 @pytest.mark.parametrize(("model", "scene", "end"), SCENES)
 def test_a_penalty_is_an_upper_bound(model: str, scene: str | None, end: float) -> None:
-    """To the last bit the same run with 1e6 and 1e12, another with 100."""
+    """To the last bit the same run with 1e8 and 1e12, another with 100."""
     artifact = compiled(MODELS / f"{model}.yaml", scene)
-    low, high, highest = (completed(simulate(artifact, end=end, penalty=penalty)).columns for penalty in (100.0, 1e6, 1e12))
+    low, high, highest = (completed(simulate(artifact, end=end, penalty=penalty)).columns for penalty in (100.0, 1e8, 1e12))
     assert all(np.array_equal(high[column], highest[column]) for column in high)
     assert not all(np.array_equal(low[column], high[column]) for column in high)
 
@@ -142,5 +142,3 @@ def test_what_does_not_know_the_closure_says_so() -> None:
     scene = with_closure(find_scene(model, None), "proximal")
     with pytest.raises(RunError, match="the generic twin knows closure: penalty only, not proximal; use --implementation generated"):
         compile_generic(model, scene)
-    with pytest.raises(RunError, match="the integrator reference closes loops in its own way: use closure: penalty"):
-        simulate(compiled(MODELS / "slider_crank.yaml"), integrator="reference")

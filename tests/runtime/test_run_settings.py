@@ -118,8 +118,6 @@ def test_no_setting_has_a_default(key: str, tmp_path: Path) -> None:
     ("method", "changes", "message"),
     [
         ("recursive", {"integrator": "rk4"}, "'absolute_tolerance' is null"),
-        ("recursive", {"integrator": "rk4", "numerics.absolute_tolerance": 1e-6, "numerics.penalty": None, **PENALTY}, "'penalty' is null"),
-        ("recursive", {**PENALTY, "stabilisation.penalty": None}, "'penalty' is null, but a run with these settings needs it"),
         ("recursive-newton", {"integrator": "generalised-alpha", "numerics.spectral_radius": 0.8, "stabilisation.closure": "proximal"},
          "'closure' is \"proximal\", which trapezoidal"),
         ("recursive", {"integrator": "reference", "task": "evaluate", **PENALTY}, "'task' needs steps of the integrator trapezoidal"),

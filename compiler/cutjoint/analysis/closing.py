@@ -88,7 +88,7 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
         "t": np.full(1, t),
         "motion": np.zeros(1),
         "parameters": np.array([p.value for p in equations.parameters]),
-        "numerics": np.array([numerics.start_penalty, numerics.damping_ratio, numerics.frequency]),
+        "numerics": np.array([1.0 if numerics.penalty is None else numerics.penalty, numerics.damping_ratio, numerics.frequency]),
     }
     for chart in equations.charts:
         inputs[f"q:{chart.joint}"] = q[..., chart.q : chart.q + len(chart.coordinate_names)]

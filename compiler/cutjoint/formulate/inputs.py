@@ -63,7 +63,7 @@ def guide_rates(guide: Scalar, model: Model, scene: Scene) -> tuple[Scalar, Scal
 
 def make_numbers(builder: Builder, closing: Sequence[Joint | Gear], closure: str) -> Numbers:
     """The numerical parameters; with a closure that finds its penalties one for each cut joint and gear, and no stabilisation."""
-    if CLOSURES[closure].finds_penalty:
+    if CLOSURES[closure].penalty_of_each_cut:
         own = builder.symbol("penalties", max(len(closing), 1), BindingTime.PARAM)
         penalties = {cut.name: builder.name(builder.element(own, i), "penalty", cut.name) for i, cut in enumerate(closing)}
         return Numbers(penalties=penalties, damping_ratio=builder.number(0.0), frequency=builder.number(0.0))

@@ -376,10 +376,6 @@ class Output:
         return self.stands_for or f"{self.element}.{self.quantity}"
 
 
-#: The penalty of cut joints (N/m), unless a scene has its own.
-_PENALTY = 1e9
-
-
 #: The length of equal steps where none is given, s.
 STEP = 1e-3
 
@@ -389,7 +385,7 @@ class Numerics:
     """Settings of the numerical method.
 
     ``closure`` is how the recursive method holds its cut joints: "proximal", whose penalties follow from the effective masses and of
-    which ``penalty`` is an upper bound, or "penalty"; None for what `Method.closure` has.  A ``penalty`` of None is the run's to find.
+    which ``penalty`` is an upper bound, or "penalty"; None for what `Method.closure` has.  A ``penalty`` of None follows from masses.
     ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
     ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
     first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
@@ -422,11 +418,6 @@ class Numerics:
     def step(self) -> float:
         """The length of equal steps, s."""
         return STEP if self.dt is None else self.dt
-
-    @property
-    def start_penalty(self) -> float:
-        """The penalty of cut joints where a run does not find it."""
-        return _PENALTY if self.penalty is None else self.penalty
 
     def of_method(self, method: str) -> Numerics:
         """The settings of one method, at its step; NaN where an expression has no value there."""

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from math import inf, isfinite, isnan
 from typing import Any
 
-from cutjoint.methods import AUTO, CLOSURES, PLAIN_CLOSURE, START, either, names_of
+from cutjoint.methods import AUTO, PLAIN_CLOSURE, START
 from cutjoint.model import document
 from cutjoint.model.choices import Extent, measure
 from cutjoint.model.errors import nearest
@@ -140,9 +140,6 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
         for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, AUTO)
     }  # fmt: skip
-    if part.penalty == AUTO and part.closure is not None and not CLOSURES[part.closure].finds_penalty:
-        able = either(names_of(CLOSURES, lambda c: c.finds_penalty))
-        where.fail(f"penalty: auto belongs to closure: {able}", f"write a number, or closure: {able}", ("numerics", "penalty"))
     own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE, "spectral_radius": NONE}
     numbers = _settings(where, part, own, ("numerics",))
     methods: dict[str, dict[str, Any]] = {

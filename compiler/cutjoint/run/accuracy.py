@@ -17,8 +17,6 @@ from cutjoint.run.results import Array, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
-#: How often the tolerance of steps is divided by ten.
-_LEVELS = 5
 #: Differences of runs fall at least by this factor, from steps to finer ones, where the steps are what is wrong with them.
 _FALLING = 1.5
 #: Differences that are this share of what an output reaches are small even where they fall no further.
@@ -27,15 +25,20 @@ _SMALL = 1e-5
 
 @dataclass(frozen=True, kw_only=True)
 class _Change:
-    """How the steps of a run are made finer: a setting's factor, and the share of the error that is left at least by order 2."""
+    """How the steps of a run are made finer: a setting's factor, and the share of the error that is left at least by order 2.
+
+    A run is taken again with finer steps ``levels`` times at most; where ``heals``, also after one that failed for its steps.
+    """
 
     setting: str
     factor: float
     left: float
+    levels: int
+    heals: bool
 
 
-_SHORTER = _Change(setting="dt", factor=0.5, left=0.25)
-_STRICTER = _Change(setting="tolerance", factor=0.1, left=0.1)
+_SHORTER = _Change(setting="dt", factor=0.5, left=0.25, levels=8, heals=True)
+_STRICTER = _Change(setting="tolerance", factor=0.1, left=0.1, levels=5, heals=False)
 
 
 def run_accurately(
@@ -56,16 +59,19 @@ def run_accurately(
 
 
 def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
-    """Make steps stricter until two runs agree so well that the better one keeps the goal, or until they come no nearer."""
+    """Make steps finer until two runs agree so well that the better one keeps the goal, or until they come no nearer."""
+    change = _change_of(plan)
     last, before = start(plan), None
-    for level in range(1, _LEVELS + 1):
-        run = begin(_finer(plan, _STRICTER, level))
+    for level in range(1, change.levels + 1):
+        run = begin(_finer(plan, change, level))
         if run.failure is not None:
-            kept = run if last.failure is not None else begin(_finer(plan, _STRICTER, level - 1))
+            if last.failure is not None and change.heals and level < change.levels:
+                continue
+            kept = run if last.failure is not None else begin(_finer(plan, change, level - 1))
             return _estimated(kept, before or _unknown(run), converged=False)
         if last.failure is None:
             apart = _differences(last, run)
-            errors = {name: difference * _share(difference, None if before is None else before[name]) for name, difference in apart.items()}
+            errors = {name: apart[name] * _share(change, apart[name], None if before is None else before[name]) for name in apart}
             if _keeps(run, errors, goal):
                 return _estimated(run, errors, converged=True)
             if before is not None and not any(_falls(run[name], before[name], apart[name]) for name in apart):
@@ -75,9 +81,13 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     return _estimated(last, before or _unknown(last), converged=False)
 
 
-def _share(difference: float, before: float | None) -> float:
+def _change_of(plan: SimulatorRun) -> _Change:
+    return _STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else _SHORTER
+
+
+def _share(change: _Change, difference: float, before: float | None) -> float:
     """The error of a run as a share of what a coarser one differs by, by how differences have fallen."""
-    ratio = 0.13 if before is None or not before > 0 else min(max(difference / before, 0.05), 0.6)
+    ratio = 1.3 * change.left if before is None or not before > 0 else min(max(difference / before, 0.05), 0.6)
     return ratio / (1 - ratio)
 
 
@@ -107,7 +117,7 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     Raises:
         Interrupted, Terminated: a signal has ended a run.
     """
-    change = _STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else _SHORTER
+    change = _change_of(plan)
     finer = _try(plan, change, 1)
     if run.failure is not None or finer is None:
         return ErrorEstimate(largest=_unknown(run), units=run.units, converged=False)

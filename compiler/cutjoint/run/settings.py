@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from math import ceil
 from typing import Any
 
 from cutjoint.methods import (
@@ -22,7 +23,7 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.model.ranges import fault_of_setting
-from cutjoint.model.records import Numerics, Scene
+from cutjoint.model.records import STEP, Numerics, Scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.scenes import with_settings
@@ -33,7 +34,7 @@ GOAL = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class Stabilisation:
-    """How cut joints are held by the recursive equations, which start every run; None for a penalty that a run finds."""
+    """How cut joints are held by the recursive equations, which start every run; None for a penalty that follows from masses."""
 
     closure: str
     penalty: float | None
@@ -108,8 +109,8 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
     settings = Settings(
         integrator=integrator.name,
         solver=_solver(method, implementation, options.solver) if integrator.uses_solver else None,
-        dt=min(scene.output_step, scene.end or scene.output_step) if integrator.adaptive else own.step,
-        penalty=own.penalty if closure.finds_penalty else _penalty(numerics, method, integrator),
+        dt=_step(scene, own.dt, integrator),
+        penalty=own.penalty if closure.penalty_of_each_cut else _penalty(numerics, method, integrator),
         tolerance=own.tolerance,
         iterations=own.iterations if options.iterations is None else options.iterations,
         multiplier_updates=int(updates),
@@ -147,10 +148,22 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
 
 def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> float | None:
     """The largest error of places and angles (m, rad) of a run whose steps follow from it; None where anything says how steps are."""
-    own = scene.numerics.of_method(method)
-    given = (options.integrator, options.dt, options.tolerance, own.integrator, own.dt, own.absolute_tolerance)
-    is_free = all(value is None for value in given) and own.tolerance == Numerics.tolerance
-    return (GOAL if scene.tolerance is None else scene.tolerance) if is_free and INTEGRATORS[integrator].adaptive else None
+    own, chosen = scene.numerics.of_method(method), INTEGRATORS[integrator]
+    if chosen.adaptive:
+        is_free = own.tolerance == Numerics.tolerance and own.absolute_tolerance is None and options.tolerance is None
+    else:
+        is_free = chosen.in_files and options.iterations is None
+    if not is_free or own.dt is not None or options.dt is not None:
+        return None
+    return GOAL if scene.tolerance is None else scene.tolerance
+
+
+def _step(scene: Scene, dt: float | None, integrator: Integrator) -> float:
+    """The length of steps (s): of an integrator that chooses them where they end, else the given one, or one that fits into a row."""
+    row = min(scene.output_step, scene.end or scene.output_step)
+    if integrator.adaptive:
+        return row
+    return row / max(1, ceil(row / STEP - 1e-9)) if dt is None else dt
 
 
 def _own_integrator(numerics: Numerics, method: Method, implementation: Implementation, options: Options) -> Integrator:
@@ -205,15 +218,14 @@ def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> floa
     own = numerics.methods.get(method.name, {}).get("penalty")
     if own is not None or method.own_updates is not None:
         return own
-    penalty = numerics.of_method(method.name).start_penalty
-    return penalty if integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
+    penalty = numerics.of_method(method.name).penalty
+    return penalty if penalty is None or integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
 
 
 def _stabilisation(own: Numerics, closure: Closure) -> Stabilisation:
     """How the recursive equations hold cut joints."""
     return Stabilisation(
-        closure=closure.name, penalty=own.penalty if closure.finds_penalty else own.start_penalty, damping_ratio=own.damping_ratio,
-        frequency=own.frequency,
+        closure=closure.name, penalty=own.penalty, damping_ratio=own.damping_ratio, frequency=own.frequency
     )  # fmt: skip
 
 

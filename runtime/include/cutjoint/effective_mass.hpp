@@ -12,7 +12,7 @@
 
 namespace cutjoint {
 
-/// Penalties of the proximal closure, by the effective masses of its cut joints while the others are held and while they are open.
+/// Penalties of the closures that find their own, by the effective masses of the cut joints while the others are held and while they are open.
 ///
 /// What an evaluation leaves of an error is the inverse square of penalty over held mass, and what rounding takes of the accelerations grows
 /// with it: 3e4 leaves ten digits of both.  A fixed point with steps `dt` (0 where there is none) wants less near singular poses: it diverges
@@ -27,10 +27,23 @@ std::vector<Real> penalties_of_cuts(const std::vector<Real>& held, const std::ve
   return penalties;
 }
 
+/// The one penalty of the closure `penalty`, between those of its cut joints: their geometric mean.
+///
+/// Its multipliers are corrected in each step, so that a wide range will do: from 1e3 to 1e7 times the masses the mechanisms of models/ that
+/// stay away from singular poses have errors that are the same to two digits.
+template <class Real>
+Real common_penalty(const std::vector<Real>& penalties) {
+  using std::exp, std::log;
+  Real sum(0);
+  for (const Real penalty : penalties) sum += log(penalty);
+  return exp(sum / static_cast<Real>(penalties.size()));
+}
+
 /// Effective masses of the cut joints of a mechanism, kg or kg m^2, by S = Phi_v M^-1 Phi_v^T; a cut joint's is the largest of its equations.
 ///
-/// `project` answers a unit gap of equation k by closing T e_k, T = S a/(1 + S a), with the penalties a that the mechanism was loaded with;
-/// massless bodies, whose S has no bound, have a bounded T.  The velocity part of `constraint_residual` is linear in the speeds.
+/// A unit gap of equation k is answered by closing T e_k, T = S a/(1 + S a), with the penalties a that the mechanism was loaded with; massless
+/// bodies, whose S has no bound, have a bounded T.  The velocity part of `constraint_residual` is linear in the speeds.  The answer is that of
+/// `project`, or with the closure `penalty`, for which not all mechanisms have it, what multipliers of a e_k change in the accelerations.
 template <Mechanism M>
 class EffectiveMasses {
  public:
@@ -38,9 +51,10 @@ class EffectiveMasses {
   using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
   using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 
-  EffectiveMasses(M& mechanism, const State<Real>& state, const std::vector<Real>& penalties)
-      : d_(mechanism.description()), T_(measure(mechanism, state)), a_(T_.rows()) {
+  EffectiveMasses(M& mechanism, const State<Real>& state, const std::vector<Real>& penalties, bool is_proximal)
+      : d_(mechanism.description()), a_(d_.equations.size()) {
     for (std::size_t c = 0; c < d_.cuts.size(); ++c) a_.segment(d_.cuts[c], end(c) - d_.cuts[c]).setConstant(penalties[c]);
+    measure(mechanism, state, is_proximal);
   }
 
   /// With all other cut joints open, 1/S_kk where the penalties are light; equations that no speed changes count for nothing.
@@ -69,19 +83,26 @@ class EffectiveMasses {
 
  private:
   /// The columns of T.
-  static Matrix measure(M& mechanism, const State<Real>& state) {
-    const std::size_t m = mechanism.description().equations.size(), n = mechanism.description().speeds.size();
-    Matrix T(m, m);
-    Vector gap = Vector::Zero(T.rows()), dz = Vector::Zero(static_cast<Eigen::Index>(n)), residual(gap), rate(gap), rest(gap);
-    mechanism.constraint_residual(state.q.data(), dz.data(), residual.data(), rest.data());
-    for (Eigen::Index k = 0; k < T.cols(); ++k) {
-      gap[k] = Real(1);
-      mechanism.project(state.q.data(), gap.data(), dz.data());
+  void measure(M& mechanism, const State<Real>& state, bool is_proximal) {
+    const Eigen::Index m = a_.size(), n = static_cast<Eigen::Index>(d_.speeds.size());
+    Vector gap = Vector::Zero(m), dz = Vector::Zero(n), residual(m), rate(m), rest(m);
+    const Vector still = Vector::Zero(n);
+    Vector without(n), correction(m);
+    mechanism.constraint_residual(state.q.data(), still.data(), residual.data(), rest.data());
+    if (!is_proximal) mechanism.evaluate(state.q.data(), still.data(), gap.data(), without.data(), correction.data());
+    T_.resize(m, m);
+    for (Eigen::Index k = 0; k < m; ++k) {
+      gap[k] = is_proximal ? Real(1) : a_[k];
+      if (is_proximal) {
+        mechanism.project(state.q.data(), gap.data(), dz.data());
+      } else {
+        mechanism.evaluate(state.q.data(), still.data(), gap.data(), dz.data(), correction.data());
+        dz -= without;
+      }
       mechanism.constraint_residual(state.q.data(), dz.data(), residual.data(), rate.data());
-      T.col(k) = rest - rate;
+      T_.col(k) = rest - rate;
       gap[k] = Real(0);
     }
-    return T;
   }
 
   int end(std::size_t cut) const { return cut + 1 < d_.cuts.size() ? d_.cuts[cut + 1] : static_cast<int>(d_.equations.size()); }
@@ -99,8 +120,8 @@ class EffectiveMasses {
   }
 
   const Description& d_;
-  Matrix T_;
   Vector a_;
+  Matrix T_;
 };
 
 }  // namespace cutjoint

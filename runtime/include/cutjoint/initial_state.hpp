@@ -25,7 +25,7 @@ class InitialState {
 
   InitialState(M& mechanism, const RunSettings& settings, const Json& file)
       : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), state_(d_), inputs_(d_, file) {
-    penalties_.assign(d_.cuts.size(), Real(1));  // until a pose is known
+    penalties_.assign(d_.cuts.size(), finds_penalties() ? Real(1) : Real(*settings_.stabilisation.penalty));  // until a pose is known
     inputs_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
   }
 
@@ -41,7 +41,7 @@ class InitialState {
   /// Adds to a failure to start what is known of its cause.
   Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, Real(0), failure); }
 
-  /// Penalties of the proximal closure, known when a start has been found.
+  /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
   const std::vector<Real>& penalties() const { return penalties_; }
 
   /// Independent speeds that neither run file nor loops determine.
@@ -54,6 +54,9 @@ class InitialState {
 
   void place();
 
+  /// Whether the run finds its penalties; the proximal closure does so up to a given one.
+  bool finds_penalties() const { return is_proximal() || !settings_.stabilisation.penalty; }
+
   /// Penalties from the effective masses in this pose, the given one their upper bound.
   ///
   /// Masses with the other cut joints open are measured by light penalties, then those with the others held by penalties of 1e4 times these.
@@ -62,6 +65,7 @@ class InitialState {
   /// Load the mechanism with penalties of so many times the masses, `most` at most.
   void load(const std::vector<Real>& masses, Real times, Real most) {
     for (std::size_t i = 0; i < masses.size(); ++i) penalties_[i] = std::min(times * masses[i], most);
+    if (!is_proximal()) penalties_.assign(penalties_.size(), common_penalty(penalties_));
     inputs_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
     mechanism_.begin_step(state_.t, Real(0));
   }
@@ -109,7 +113,7 @@ void InitialState<M>::place() {
   const Starter<M> starter = this->starter();
   const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
   starter.assemble(state_, placed, Real(0));
-  if (is_proximal()) weigh();
+  if (finds_penalties() && !d_.cuts.empty()) weigh();
   if (settings_.pose == Pose::equilibrium) starter.equilibrate(state_, placed);
   starter.assemble(state_, placed, Real(0));
 }
@@ -118,10 +122,11 @@ template <Mechanism M>
 void InitialState<M>::weigh() {
   const Real unbound = std::numeric_limits<Real>::infinity();
   const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
-  load(EffectiveMasses<M>(mechanism_, state_, penalties_).open(), Real(1e-3), unbound);
-  const std::vector<Real> open = EffectiveMasses<M>(mechanism_, state_, penalties_).open();
+  const auto masses = [&] { return EffectiveMasses<M>(mechanism_, state_, penalties_, is_proximal()); };
+  load(masses().open(), Real(1e-3), unbound);
+  const std::vector<Real> open = masses().open();
   load(open, Real(1e4), unbound);
-  const std::vector<Real> held = EffectiveMasses<M>(mechanism_, state_, penalties_).held();
+  const std::vector<Real> held = masses().held();
   const bool is_fixed_point = settings_.integrator == Integrator::trapezoidal;
   load(penalties_of_cuts(held, open, is_fixed_point ? Real(settings_.dt) : Real(0)), Real(1), most);
 }

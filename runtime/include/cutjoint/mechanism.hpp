@@ -73,7 +73,7 @@ struct Description {
 /// has a penalty for each cut joint, which `load` reads, and nothing else.
 template <class Real>
 struct Stabilisation {
-  Real penalty{1e9};
+  Real penalty{1};
   Real damping_ratio{1};
   Real frequency{10};
   const Real* penalties = nullptr;

@@ -106,9 +106,7 @@ class SettingsReader {
     const bool is_diagonal = integrator == Integrator::sdirk4 || integrator == Integrator::sdirk4_fixed;
     if ((is_explicit || is_diagonal) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
     if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
-    if (is_explicit && s.stabilisation.closure == Closure::penalty && !s.penalty) refuse_null("penalty");
     if (abilities_.solvers && integrator != Integrator::reference && !s.solver) refuse_null("solver");
-    if (s.stabilisation.closure == Closure::penalty && !s.stabilisation.penalty) refuse_null("penalty");
     const bool can_be_proximal = integrator == Integrator::trapezoidal || integrator == Integrator::reference || is_explicit;
     if (s.stabilisation.closure == Closure::proximal && (!can_be_proximal || s.task == Task::batch))
       refuse("closure", "is \"proximal\", which trapezoidal, rk4 and dormand-prince take, in single runs; write \"penalty\"");

@@ -34,7 +34,7 @@ class Recursive {
     load_penalties(std::vector<double>(d_.cuts.size(), settings.stabilisation.penalty.value_or(1.0)));
   }
 
-  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
+  /// Load the mechanism with the penalties of its cut joints, which its start has found.
   void load_penalties(const std::vector<double>& penalties) {
     inputs_.load_mechanism(mechanism_, settings_.stabilisation, converted<Real>(penalties));
   }

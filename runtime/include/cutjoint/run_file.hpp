@@ -66,7 +66,7 @@ class Inputs {
 
   const std::vector<Road<Real>>& roads() const { return roads_; }
 
-  /// How the cut joints are held; with the proximal closure by `penalties`.
+  /// How the cut joints are held: by `penalties`, one for each, the same for all with the closure `penalty`.
   template <class M>
   void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) const {
     if (stabilisation.closure == Closure::proximal) {
@@ -74,7 +74,7 @@ class Inputs {
       return;
     }
     mechanism.load(parameters_.data(),
-                   {.penalty = Real(*stabilisation.penalty),
+                   {.penalty = penalties.empty() ? Real(1) : penalties.front(),
                     .damping_ratio = Real(stabilisation.damping_ratio),
                     .frequency = Real(stabilisation.frequency)},
                    roads_.data());

@@ -11,8 +11,8 @@ enum class Pose { design, equilibrium };
 enum class Closure { penalty, proximal };
 enum class Integrator { trapezoidal, rk4, dormand_prince, sdirk4, sdirk4_fixed, generalised_alpha, reference };
 
-/// How the recursive equations, which start every run, hold cut joints.  The closure `penalty` has a penalty; the closure `proximal` finds its
-/// penalties, up to this one if there is one.
+/// How the recursive equations, which start every run, hold cut joints.  Without a `penalty` it follows from the
+/// masses that the cut joints feel at the start; the closure `proximal` has one for each cut joint, up to this one if there is one.
 struct StabilisationSettings {
   Closure closure;
   std::optional<double> penalty;

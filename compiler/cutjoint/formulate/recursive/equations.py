@@ -59,7 +59,7 @@ def formulate_recursive(
     loops = closing.all()
     masses = dict(system.M)
     solution = solve(topology, system, k, closing, numbers)
-    if CLOSURES[closure].finds_penalty:
+    if CLOSURES[closure].penalty_of_each_cut:
         solution = refine(topology, masses, k, closing, numbers, solution, REFINEMENTS)
     correction = corrections(b, loops, numbers, solution.errors)
     gaps = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}

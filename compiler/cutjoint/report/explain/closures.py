@@ -49,10 +49,11 @@ def explain_closures(topology: Topology, numerics: Numerics, counterparts: Seque
 
 def _numbers(numerics: Numerics) -> str:
     closure = METHODS[START].closure(numerics.closure)
-    if closure.finds_penalty:
+    if closure.penalty_of_each_cut:
         return f"In this scene the closure is {closure.name}: a run finds the penalty of each cut joint from the mass that it feels."
-    penalty, ratio, frequency = (number(x, times="e{}") for x in (numerics.start_penalty, numerics.damping_ratio, numerics.frequency))
-    return rf"In this scene the penalty is $\alpha$ = {penalty}, the damping ratio $\xi$ = {ratio} and the frequency $w$ = {frequency} 1/s."
+    ratio, frequency = (number(x, times="e{}") for x in (numerics.damping_ratio, numerics.frequency))
+    penalty = "follows from the masses" if numerics.penalty is None else f"is {number(numerics.penalty, times='e{}')}"
+    return rf"In this scene the penalty $\alpha$ {penalty}, the damping ratio $\xi$ is {ratio} and the frequency $w$ is {frequency} 1/s."
 
 
 def _entry(

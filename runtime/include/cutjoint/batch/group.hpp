@@ -30,7 +30,7 @@ class Group {
  public:
   Group(AnyMechanism<double>& alone, Instances& instances, const RunSettings& settings, const Json& file)
       : alone_(alone), side_by_side_(alone, instances), instances_(instances), d_(instances.description()), settings_(settings), file_(file), state_(d_),
-        parameters_(d_.parameters.size()), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
+        parameters_(d_.parameters.size()), penalty_(1.0), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
         largest_(values_) {}
 
   /// At most `width` cases: how each ended, with `end`, `smallest` and `largest` value of each column.  After a request to stop they have not
@@ -64,6 +64,7 @@ class Group {
         // the first to start also stands in for those that do not
         for (std::size_t lane = any(going_) ? k : 0; lane < width; ++lane) {
           SideBySide::put(state, static_cast<int>(lane), state_);
+          if (!initial_state.penalties().empty()) penalty_.v[lane] = initial_state.penalties().front();
           cases_[lane] = {read_parameters<double>(d_.parameters, own), read_roads<double>(d_.roads, own)};
         }
         results_[k]["undetermined"] = initial_state.undetermined();
@@ -84,7 +85,7 @@ class Group {
     for (std::size_t i = 0; i < parameters_.size(); ++i)
       for (int k = 0; k < width; ++k) parameters_[i].v[k] = cases_[static_cast<std::size_t>(k)].parameters[i];
     const StabilisationSettings& s = settings_.stabilisation;
-    instances_.load(parameters_.data(), {.penalty = Real(*s.penalty), .damping_ratio = Real(s.damping_ratio), .frequency = Real(s.frequency)},
+    instances_.load(parameters_.data(), {.penalty = penalty_, .damping_ratio = Real(s.damping_ratio), .frequency = Real(s.frequency)},
                     roads_.data());
     instances_.begin_step(state_.t, Real(1));
   }
@@ -189,6 +190,7 @@ class Group {
   std::vector<Case> cases_;
   State<Real> state_;
   std::vector<Real> parameters_;
+  Real penalty_;
   std::vector<Road<Real>> roads_;
   std::optional<Trapezoidal> integrator_;
   Mask going_{};

@@ -1,6 +1,8 @@
 // The description of a model that is interpreted at run time.
 #pragma once
 
+#include <algorithm>
+
 #include "cutjoint/generic/model.hpp"
 #include "cutjoint/mechanism.hpp"
 
@@ -31,6 +33,9 @@ Description describe(const Model<Real>& model) {
   d.coordinates = views_of(names.coordinates);
   d.speeds = views_of(names.speeds);
   d.equations = views_of(names.equations);
+  for (const Gear& gear : model.gears) d.cuts.push_back(gear.equation);
+  for (const Cut& cut : model.cuts) d.cuts.push_back(cut.first);
+  std::sort(d.cuts.begin(), d.cuts.end());
   d.parameters = views_of(names.parameters);
   d.roads = views_of(names.roads);
   d.columns = views_of(names.columns);

@@ -29,7 +29,7 @@ class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, E
     load_penalties(std::vector<double>(mechanism.description().cuts.size(), 1.0));
   }
 
-  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
+  /// Load the mechanism with the penalties of its cut joints, which its start has found.
   void load_penalties(const std::vector<double>& penalties) {
     inputs_.load_mechanism(mechanism_, this->settings().stabilisation, converted<Real>(penalties));
   }

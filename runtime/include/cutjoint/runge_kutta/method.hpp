@@ -33,10 +33,11 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
     load_penalties(std::vector<double>(mechanism.description().cuts.size(), 1.0));
   }
 
-  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
-  void load_penalties(const std::vector<double>& penalties) {
+  /// Load the mechanism with the penalties of its cut joints, which its start has found; one that the run is given comes before them.
+  void load_penalties(std::vector<double> penalties) {
     StabilisationSettings stabilisation = this->settings().stabilisation;
-    if (stabilisation.closure == Closure::penalty) stabilisation.penalty = this->settings().penalty;
+    if (stabilisation.closure == Closure::penalty && this->settings().penalty)
+      penalties.assign(penalties.size(), *this->settings().penalty);
     stabilisation.frequency = 0.0;  // loops are projected, not drawn together
     inputs_.load_mechanism(mechanism_, stabilisation, converted<Real>(penalties));
   }

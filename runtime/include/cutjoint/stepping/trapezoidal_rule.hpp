@@ -35,7 +35,7 @@ class TrapezoidalRule {
     load_penalties(inputs, stabilisation, std::vector<double>(d_.cuts.size(), 1.0));
   }
 
-  /// Load the mechanism with the penalties that its start found for the cut joints; only the proximal closure has them.
+  /// Load the mechanism with the penalties of its cut joints, which its start has found.
   void load_penalties(const Inputs<Real>& inputs, const StabilisationSettings& stabilisation, const std::vector<double>& penalties) {
     inputs.load_mechanism(mechanism_, stabilisation, converted<Real>(penalties));
   }

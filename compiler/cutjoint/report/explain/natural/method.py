@@ -86,5 +86,5 @@ def _settings(method: str, numerics: Numerics) -> str:
     dt = rf"In this scene $\Delta t$ = {number(own.step, times='e{}')} s"
     if METHODS[method].saddle_point:
         return f"{dt}."
-    penalty = f"= {number(own.start_penalty, times='e{}')}" if "penalty" in given else "follows from masses and step"
+    penalty = f"= {number(given['penalty'], times='e{}')}" if "penalty" in given else "follows from masses and step"
     return rf"{dt}, and $\alpha$ {penalty}."
