@@ -120,8 +120,8 @@ class Integrator:
 class Closure:
     """A way to hold cut joints.
 
-    Its penalty follows from effective masses.  With ``penalty_of_each_cut`` each cut joint has one, up to a bound if one is given, and needs
-    no other stabilisation; else all have one, that of the scene if it gives one.
+    Its penalty follows from effective masses.  With ``penalty_of_each_cut`` each cut joint has its own, up to a bound if one is given, and
+    needs no other stabilisation; else all have the same, that of the scene if it gives one.
     """
 
     name: str

@@ -18,7 +18,7 @@ from tests.edges.calling import compile_first
 from .press import MODEL, command, environment, press, run
 
 _EARLIER = "t,earlier\n0,1\n"
-_END = 3000.0
+_END = 1000.0
 #: Seconds in which what a killed run has begun ends.
 _GRACE = 15.0
 
