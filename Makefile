@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report tables beside pictures choice flags verification stiff lint setup clean
+.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report tables beside pictures choice flags verification stiff errors lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -30,7 +30,7 @@ batch: setup
 	$(BIN)/python -m cutjoint_bench.studies.batch
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
-FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags choice verification stiff
+FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags choice verification stiff errors
 .NOTPARALLEL: figures
 figures: $(FIGURES:%=results/figures/%.txt)
 
@@ -78,6 +78,9 @@ stiff: setup
 
 verification: setup
 	$(BIN)/python -m cutjoint_bench.studies.verification
+
+errors: setup
+	$(BIN)/python -m cutjoint_bench.studies.estimates
 
 lint: setup
 	$(BIN)/ruff check

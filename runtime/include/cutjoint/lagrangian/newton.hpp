@@ -342,6 +342,22 @@ class Newton : public Workspace<S> {
   void predict(State<Real>& state) {
     extrapolate(lambda_, lambda_before_, extrapolates());
     if (!renews_always()) extrapolate(state.vdot, vdot_before_, !wary_ && this->number_ > 1);
+    predicted_ = state.vdot;
+  }
+
+  /// The change of the accelerations that may end an iteration: the tolerance; with tangents that are reused, a hundredth of it or of what the step's
+  /// own error can see, whichever is less.
+  ///
+  /// What an old tangent leaves has the same direction in all steps, and adds up.  The accelerations come to lie as far from their extrapolation as a
+  /// second difference, of which the rule's error is a twelfth.  Less than the rounding of the speeds is not asked for.
+  Real enough(const State<Real>& state) const {
+    using std::abs;
+    const Real tolerated = Real(settings_.tolerance) * size_;
+    if (renews_always()) return tolerated;
+    Real apart(0);
+    for (std::size_t i = 0; i < n_; ++i) apart = std::max(apart, abs(state.vdot[i] - predicted_[i]));
+    const Real rounding = 64 * std::numeric_limits<Real>::epsilon() * (Real(1) + largest(state.v)) / speed_;
+    return std::max(std::min(tolerated, apart) / Real(100), rounding);
   }
 
   static void extrapolate(std::vector<Real>& values, std::vector<Real>& before, bool extrapolated) {
@@ -369,7 +385,7 @@ class Newton : public Workspace<S> {
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
     if (iteration > 1) contraction_ = change_ / last;
-    const Real enough = Real(settings_.tolerance) * size_;
+    const Real enough = this->enough(state);
     const Real third = iteration > 1 ? change_ : change_ * contraction_;  // the change before that of the third iteration, or of the next
     slow_ = !(third * contraction_ <= enough);
     if (change_ <= enough) return true;
@@ -428,7 +444,7 @@ class Newton : public Workspace<S> {
     fail(what, d_.unknowns()[worst()], change_, advice);
   }
 
-  std::vector<Real> vdot_before_;  ///< accelerations of the step before
+  std::vector<Real> vdot_before_, predicted_;  ///< accelerations of the step before, and those that a step's iteration begins with
   State<Real> before_, whole_;           ///< the state before the step, and before one that is taken in parts
   std::vector<Real> mean_, whole_mean_;  ///< a, of rules that average, and that before a step in parts
   std::vector<Real> delta_;  ///< the integrals of the speeds over a step

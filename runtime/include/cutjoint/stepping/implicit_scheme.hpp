@@ -49,7 +49,12 @@ class ImplicitScheme {
     Attempt attempt{Real(0), stages_.attempt(h, whole, number)};
     if (!attempt.found) attempt.size = std::numeric_limits<Real>::infinity();
     if constexpr (Stages::estimates)
-      if (attempt.found && adaptive_) attempt.size = stages_.error(h);
+      if (attempt.found) {
+        if (adaptive_)
+          attempt.size = stages_.error(h);
+        else
+          follow_error(stages_.error(h));
+      }
     return attempt;
   }
 
@@ -115,6 +120,13 @@ class ImplicitScheme {
  private:
   const State<Real>& present() const { return stages_.present(); }
 
+  /// Of equal steps: iterations of the next one end where they leave a small share of the error of a step, which may be far below the tolerance.
+  void follow_error(Real size) {
+    if (!std::isfinite(static_cast<double>(size))) return;
+    share_ = std::clamp(share_ * size, Real(1e-10), Real(1));
+    stages_.set_tolerances({share_ * tolerances_.relative, share_ * tolerances_.absolute});
+  }
+
   /// Coordinates and speeds at the share s of the last step.
   void put(Real s, State<Real>& state) {
     interpolant_.at(s, between_);
@@ -129,7 +141,7 @@ class ImplicitScheme {
   std::vector<Real> between_;
   Tolerances<Real> tolerances_;
   Residuals residuals_;
-  Real h_last_{1};
+  Real h_last_{1}, share_{1};  ///< the last: of the tolerances, that equal steps use
   bool adaptive_;
 };
 

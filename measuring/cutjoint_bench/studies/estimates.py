@@ -1,0 +1,129 @@
+"""What runs say of their errors beside their true errors: models, methods and integrators.  `make errors`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isnan, nan
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from cutjoint.methods import INTEGRATORS, METHODS, Implementation
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model
+from cutjoint.model.records import STEP, Model, Scene
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.errors import RunError
+from cutjoint.run.results import Trajectory
+from cutjoint_bench.studies.provenance import provenance
+
+#: An estimate is near the true error within this factor.
+NEAR = 5.0
+#: An estimate of less than this share of the true error misleads, unless it says that it has not converged.
+FAR = 0.1
+#: True errors below this share of what an output reaches are the reference's too.
+LEAST = 1e-8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """The estimates of a run: for each output the estimated over the true error, without those below LEAST."""
+
+    ratios: tuple[float, ...] = ()
+    largest: float = nan
+    converged: bool = False
+    failure: str = ""
+
+    @property
+    def near(self) -> int:
+        """How many estimates are near."""
+        return sum(1 / NEAR <= ratio <= NEAR for ratio in self.ratios)
+
+    @property
+    def misleading(self) -> int:
+        """How many estimates promise too much without a word."""
+        return sum(ratio < FAR for ratio in self.ratios) if self.converged else 0
+
+
+def settings_of(method: str, scene: Scene) -> Iterator[tuple[str, dict[str, float | str]]]:
+    """Names and settings of the runs of a method: by default, and by each of its integrators, with equal steps where it has them."""
+    yield "default", {}
+    dt = min(scene.numerics.of_method(method).step, scene.output_step, STEP)
+    for integrator in INTEGRATORS.values():
+        if integrator.in_files and integrator.takes(METHODS[method], Implementation.GENERATED):
+            if integrator.adaptive:
+                yield integrator.name, {"integrator": integrator.name, "tolerance": 1e-6}
+            else:
+                yield f"{integrator.name}, {1e3 * dt:g} ms", {"integrator": integrator.name, "dt": dt}
+
+
+def judge(run: Trajectory, reference: Trajectory) -> Judgement:
+    """The estimates of a run against a reference at common times."""
+    if run.failure is not None:
+        return Judgement(failure=str(run.failure))
+    estimate, ratios, largest = run.error, [], 0.0
+    _, here, there = np.intersect1d(np.round(run.t, 9), np.round(reference.t, 9), return_indices=True)
+    for name in run.columns:
+        size = float(np.max(np.abs(reference[name])))
+        true = float(np.max(np.abs(run[name][here] - reference[name][there])))
+        if true > LEAST * size:
+            ratios.append(estimate[name] / true)
+            largest = max(largest, true / size)
+    return Judgement(ratios=tuple(ratios), largest=largest, converged=estimate.converged)
+
+
+def judge_scene(model: Model, scene: Scene) -> Iterator[tuple[str, str, Judgement]]:
+    """Method, settings and judgement of each run of a scene."""
+    reference = simulate(compile_scene(model, scene), integrator="dormand-prince", tolerance=1e-11, error=False)
+    for method in METHODS:
+        try:
+            artifact = compile_scene(model, scene, method=method)
+        except (ModelError, RunError) as error:
+            yield method, "", Judgement(failure=str(error))
+            continue
+        for name, settings in settings_of(method, scene):
+            yield method, name, judge(simulate(artifact, **settings), reference)  # type: ignore[arg-type]
+
+
+def _row(judgement: Judgement) -> tuple[str, ...]:
+    if judgement.failure:
+        return ("", "", "", judgement.failure)
+    ratios = judgement.ratios
+    spread = f"{min(ratios):.2g} to {max(ratios):.2g}" if ratios else ""
+    largest = "" if isnan(judgement.largest) else f"{judgement.largest:.1e}"
+    words = ("" if judgement.converged else "not converged", f"{judgement.misleading} mislead" if judgement.misleading else "")
+    return (largest, f"{judgement.near} of {len(ratios)}", spread, ", ".join(filter(None, words)))
+
+
+@click.command()
+@click.argument("models", nargs=-1, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--scene", "scenes", multiple=True, help="Scenes to take; all by default.")
+def main(models: tuple[Path, ...], scenes: tuple[str, ...]) -> None:
+    """Judge the estimated errors of all methods and integrators on MODELS, by default those of models/."""
+    console, judgements = Console(highlight=False, width=200), []
+    console.print(f"{provenance(())}; estimated over true errors, of outputs with a true error above {LEAST:g} of them", markup=False)
+    for path in models or sorted(Path("models").glob("*.yaml")):
+        model = read_model(path)
+        for scene in model.scenes.values():
+            if scenes and scene.name not in scenes:
+                continue
+            title = f"{model.name}, {scene.name}"
+            table = Table("method", "steps", "largest error", f"within {NEAR:g}", "ratios", "", title=title, box=None)
+            for method, settings, judgement in judge_scene(model, scene):
+                judgements.append(judgement)
+                table.add_row(method, settings, *_row(judgement))
+            console.print(table)
+    count, near = sum(len(j.ratios) for j in judgements), sum(j.near for j in judgements)
+    misleading, failed = sum(j.misleading for j in judgements), sum(bool(j.failure) for j in judgements)
+    console.print(
+        f"{near} of {count} estimates within a factor of {NEAR:g}; {misleading} below {FAR:g} of the true error without the words "
+        f"'not converged'; {failed} of {len(judgements)} runs failed", markup=False,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
