@@ -21,7 +21,7 @@ from cutjoint.pipeline import derive
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
-from cutjoint.run.results import Array, Batch
+from cutjoint.run.results import Array, Batch, Columns
 from cutjoint.run.run_file import changing, following, make_run_file, parameter_values
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import require_settings
@@ -42,6 +42,9 @@ class BatchArtifact:
     binary: Binary
     generate_seconds: float
     compile_seconds: float
+
+    def __repr__(self) -> str:
+        return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"
 
 
 def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
@@ -103,7 +106,7 @@ def simulate_batch(
     file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
     file["cases"] = _own_parts(artifact.model, artifact.scene, cases)
     file["threads"] = len(os.sched_getaffinity(0)) if threads is None else threads
-    units = {c.name: c.unit for c in artifact.equations.columns}
+    units = Columns({c.name: c.unit for c in artifact.equations.columns})
     results: list[dict[str, Any]] = [{}] * len(cases)
     with ExitStack() as stack:
         table = None if out is None else stack.enter_context(CaseTable(out, cases, units))
@@ -134,7 +137,7 @@ def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]])
     return [{"parameters": own, **following(model, scene, own, parts)} for own in values]
 
 
-def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> dict[str, Array]:
+def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> Columns[Array]:
     missing = [None] * len(names)
     rows = np.array([r.get(kind, missing) for r in results], dtype=float).reshape(len(results), len(names))
-    return {name: rows[:, i] for i, name in enumerate(names)}
+    return Columns({name: rows[:, i] for i, name in enumerate(names)})

@@ -33,6 +33,10 @@ class StepTimes:
     failure: FailureReport | None
     table: Path | None = None
 
+    def __repr__(self) -> str:
+        end = "" if self.failure is None else f"; failed: {self.failure.message}"
+        return f"<StepTimes of {self.took.size} steps each {self.period:g} s: {self.missed} missed{end}>"
+
     @property
     def missed(self) -> int:
         """How many steps ended after the next one was due."""

@@ -18,7 +18,7 @@ from cutjoint.pipeline import compile_scene, generate
 from cutjoint.run.errors import RunError
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.options import PLAIN_STEPS
-from cutjoint.run.results import Equilibrium, FailureReport
+from cutjoint.run.results import Columns, Equilibrium, FailureReport
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.settings import require_settings
@@ -53,7 +53,7 @@ def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mappin
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(failure)
-    return Equilibrium(values=summary["columns"], units={o.column: unit_of(model, o) for o in outputs})
+    return Equilibrium(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
 
 
 def find_modes(

@@ -469,6 +469,9 @@ class Scene:
     budget: float | None = None
     on_violation: str = "stop"
 
+    def __repr__(self) -> str:
+        return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
@@ -491,6 +494,10 @@ class Model:
     text: str = field(repr=False)
     guards: tuple[Guard, ...] = ()
     gears: tuple[Gear, ...] = ()
+
+    def __repr__(self) -> str:
+        elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}
+        return f"<Model '{self.name}': {', '.join(f'{len(x)} {name}' for name, x in elements.items())}>"
 
     @property
     def constraint_spans(self) -> Mapping[str, Span]:

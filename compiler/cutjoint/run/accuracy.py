@@ -13,7 +13,7 @@ import numpy as np
 
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
-from cutjoint.run.results import Array, ErrorEstimate, Trajectory
+from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
@@ -93,7 +93,7 @@ def _unknown(run: Trajectory) -> dict[str, float]:
 
 
 def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool) -> Trajectory:
-    estimate = ErrorEstimate(largest=errors, units=run.units, converged=converged)
+    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
     return replace(run, estimator=lambda _: estimate)
 
 
@@ -110,7 +110,7 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     change = _STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else _SHORTER
     finer = _try(plan, change, 1)
     if run.failure is not None or finer is None:
-        return ErrorEstimate(largest=_unknown(run), units=run.units, converged=False)
+        return ErrorEstimate(largest=Columns(_unknown(run)), units=run.units, converged=False)
     apart = _differences(run, finer)
     coarser = _try(plan, change, -1)
     if coarser is not None:
@@ -119,7 +119,8 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         finest = _try(plan, change, 2)
         before, after = apart, _unknown(run) if finest is None else _differences(finer, finest)
     errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
-    return ErrorEstimate(largest=errors, units=run.units, converged=all(_falls(run.columns[c], before[c], after[c]) for c in apart))
+    converged = all(_falls(run.columns[c], before[c], after[c]) for c in apart)
+    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
 
 
 def _try(plan: SimulatorRun, change: _Change, times: int) -> Trajectory | None:

@@ -40,6 +40,12 @@ class Artifact:
     compile_seconds: float
     description: Mapping[str, Any] | None = None
 
+    def __repr__(self) -> str:
+        how = f"{self.implementation}, {self.precision}, {self.program.operations(self.iteration)} operations an evaluation"
+        sizes = f"{self.equations.unknowns} unknowns, {len(self.equations.equation_names)} equations of loops"
+        what = f"'{self.topology.model.name}', scene '{self.scene.name}', method {self.method}"
+        return f"<Artifact of {what}: {how}, {sizes}, {self.binary.path}>"
+
     @property
     def compilation(self) -> Compilation:
         """What the compilation was, for people."""

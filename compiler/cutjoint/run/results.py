@@ -2,19 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import nan
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, BinaryIO, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.model.errors import nearest
 from cutjoint.run.outputs import OutputError
 
+T = TypeVar("T")
+
 Array: TypeAlias = NDArray[np.float64]
+
+
+#: How many columns a `repr` names.
+_NAMED = 6
+
+
+class Columns(dict[str, T]):
+    """Values by the names of columns.
+
+    Raises:
+        KeyError: there is no such column; the message has the name nearest to it, or some that there are.
+    """
+
+    def __missing__(self, column: str) -> T:
+        raise KeyError(f"no column '{column}'; {nearest(str(column), self, 'there is')}")
+
+
+def _listed(columns: Iterable[str]) -> str:
+    """The first of the columns, and how many more there are."""
+    names = list(columns)
+    more = [f"{len(names) - _NAMED} more"] if len(names) > _NAMED else []
+    return ", ".join([*names[:_NAMED], *more]) or "none"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +113,11 @@ class ErrorEstimate:
     def __getitem__(self, column: str) -> float:
         return self.largest[column]
 
+    def __repr__(self) -> str:
+        worst = ", ".join(f"{name} {value:.1e}" for name, value in sorted(self.largest.items(), key=lambda x: -x[1])[:_NAMED])
+        converged = "converged" if self.converged else "not converged"
+        return f"<ErrorEstimate, {converged}: {len(self.largest)} columns, largest {worst or 'none'}>"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
@@ -112,6 +142,12 @@ class Trajectory:
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
+
+    def __repr__(self) -> str:
+        reached = f"t = {self.t[-1]:g} s" if self.t.size else "no row"
+        end = "" if self.failure is None else f"; failed: {self.failure.message}"
+        columns = f"{len(self.columns)} columns ({_listed(self.columns)})"
+        return f"<Trajectory to {reached}: {self.t.size} rows, {columns}, {self.steps} steps{end}>"
 
     @cached_property
     def error(self) -> ErrorEstimate:
@@ -146,6 +182,11 @@ class Batch:
     seconds: float
     elapsed: float
 
+    def __repr__(self) -> str:
+        failed = sum(failure is not None for failure in self.failures)
+        sets = f"over {_listed(self.names)}"
+        return f"<Batch of {len(self.cases)} runs, {failed} failed, {sets}: {len(self.units)} columns ({_listed(self.units)})>"
+
     @property
     def names(self) -> tuple[str, ...]:
         """The parameters that the runs set."""
@@ -161,6 +202,9 @@ class Equilibrium:
 
     def __getitem__(self, column: str) -> float:
         return self.values[column]
+
+    def __repr__(self) -> str:
+        return f"<Equilibrium of {len(self.values)} quantities ({_listed(self.values)})>"
 
 
 def read_effort(summary: Mapping[str, Any]) -> Effort:

@@ -9,7 +9,7 @@ from typing import Any
 
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import RunTables
-from cutjoint.run.results import Trajectory, read_effort, read_run_table
+from cutjoint.run.results import Columns, Trajectory, read_effort, read_run_table
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 
@@ -65,7 +65,7 @@ def start(
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
     return Trajectory(
-        t=t, columns=columns, units=run.units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
+        t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         effort=read_effort(summary), table=table,
     )  # fmt: skip
