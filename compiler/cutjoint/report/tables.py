@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.report.names import closing_equations
-from cutjoint.run.results import Batch, Effort, Equilibrium, ErrorEstimate, Trajectory
+from cutjoint.run.results import Batch, Effort, ErrorEstimate, MechanismState, Trajectory
 from cutjoint.run.simulator_run import Compilation
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ def _listed(names: tuple[str, ...]) -> str:
     return f": {', '.join(names)}" if names else ""
 
 
-def equilibrium_table(equilibrium: Equilibrium) -> Table:
+def equilibrium_table(equilibrium: MechanismState) -> Table:
     """One row a quantity."""
     table = Table(title="static equilibrium", title_justify="left", box=None)
     for heading in ("element", "quantity", "value", "unit"):

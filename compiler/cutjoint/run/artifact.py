@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from cutjoint.emit.source import Source
@@ -59,6 +60,11 @@ class Artifact:
     def topology(self) -> Topology:
         """The spanning tree with its cut joints."""
         return self.equations.topology
+
+    @property
+    def file(self) -> Path:
+        """The model file."""
+        return Path(self.topology.model.span.file)
 
     @property
     def places(self) -> dict[str, str]:

@@ -194,17 +194,21 @@ class Batch:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Equilibrium:
-    """A static equilibrium: the value and unit of each quantity by ``element.quantity``."""
+class MechanismState:
+    """A state of a mechanism: the value and unit of each quantity by ``element.quantity``.
+
+    ``undetermined`` are independent speeds that neither scene nor loops determine, which are as small as they can be.
+    """
 
     values: Mapping[str, float]
     units: Mapping[str, str]
+    undetermined: tuple[str, ...] = ()
 
     def __getitem__(self, column: str) -> float:
         return self.values[column]
 
     def __repr__(self) -> str:
-        return f"<Equilibrium of {len(self.values)} quantities ({_listed(self.values)})>"
+        return f"<MechanismState of {len(self.values)} quantities ({_listed(self.values)})>"
 
 
 def read_effort(summary: Mapping[str, Any]) -> Effort:
