@@ -20,6 +20,7 @@ from cutjoint.methods import CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS,
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import derive
+from cutjoint.run.artifact import start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
@@ -29,6 +30,7 @@ from cutjoint.run.run_file import changing, following, make_run_file, parameter_
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.run.simulator_run import Start
 from cutjoint.toolchain.build import FLAGS, Binary, build
 
 #: The method whose runs are evaluated side by side.
@@ -45,6 +47,11 @@ class BatchArtifact:
     binary: Binary
     generate_seconds: float
     compile_seconds: float
+
+    @property
+    def start(self) -> Start:
+        """What the speeds at the start of its runs follow from."""
+        return start_of(self.equations)
 
     def __repr__(self) -> str:
         return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"

@@ -122,8 +122,9 @@ def simulate(
     if tangents is not None:
         require_tangents(artifact, options)
     plan = make_simulator_run(artifact, options, parameters)
-    files = {"out": path_of(out), "steps": path_of(steps), "tangents": path_of(tangents)}
-    run = run_accurately(plan, **files, progress=progress, estimate=error)
+    run = run_accurately(
+        plan, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress, estimate=error, advise=check
+    )
     if check and run.failure is not None:
         where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact.file)
         raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)

@@ -139,7 +139,7 @@ def test_a_stiff_model_is_told() -> None:
     failure = simulate(artifact, integrator="rk4", dt=1e-3, end=0.5, check=False).failure
     assert failure is not None
     assert failure.message == "the accelerations have no finite value"
-    assert failure.advice == "take a smaller dt, or a stable method: the integrator trapezoidal, or the method augmented"
+    assert failure.advice == "not tried: a smaller dt"
 
 
 def test_events_are_told(tmp_path: Path) -> None:

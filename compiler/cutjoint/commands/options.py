@@ -107,8 +107,9 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.model.errors import ModelError
     from cutjoint.program.blocks import ConstantError
+    from cutjoint.realtime import FailedRealTimeError
     from cutjoint.run.errors import RunError
-    from cutjoint.run.failures import IncompleteError
+    from cutjoint.run.failures import FailedBatchError, FailedRunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError
@@ -117,7 +118,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
 
     return (
         ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
-        NoEquilibriumError, IncompleteError, OutputError, OSError,
+        NoEquilibriumError, FailedRunError, FailedBatchError, FailedRealTimeError, OutputError, OSError,
     )  # fmt: skip
 
 

@@ -90,7 +90,9 @@ def command(
 
     def play(prepared: PreparedRun) -> Trajectory:
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
-            return run_accurately(prepared.run, out=out, steps=steps, progress=progress, estimate=error)
+            return run_accurately(
+                prepared.run, out=out, steps=steps, progress=progress, estimate=error, go_over=method is None, advise=True
+            )
 
     prepared = find_cached_run(request, parameters)
     if prepared is not None:

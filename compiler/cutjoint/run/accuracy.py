@@ -13,6 +13,7 @@ import numpy as np
 
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
+from cutjoint.run.cures import follow_up
 from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
@@ -40,19 +41,24 @@ _STRICTER = _Change(setting="tolerance", factor=0.1, left=0.1)
 
 def run_accurately(
     plan: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
-    progress: Progress | None = None, estimate: bool = True,
+    progress: Progress | None = None, estimate: bool = True, go_over: bool = True, advise: bool = False,
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end, with steps that keep the run's ``goal`` if it has one; the run can say how wrong it is.
 
-    Without ``estimate`` there is one run, and the goal is not looked at.  Files and errors as of `simulator_run.start`.
+    Without ``estimate`` there is one run, and the goal is not looked at.  Where a run fails whose plan is free, another integrator takes
+    over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and errors as of `simulator_run.start`.
     """
     begin = partial(start, out=out, steps=steps, tangents=tangents, progress=progress)
-    if not estimate:
-        return begin(plan)
-    if plan.goal is None:
-        run = begin(plan)
-        return replace(run, estimator=partial(estimate_error, plan))
-    return _reach(plan, plan.goal, begin)
+    play = partial(_play, begin=begin, estimate=estimate)
+    return follow_up(plan, play(plan), play, go_over=go_over and plan.is_free, advise=advise)
+
+
+def _play(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
+    """A run by the settings of its plan."""
+    if estimate and plan.goal is not None:
+        return _reach(plan, plan.goal, begin)
+    run = begin(plan)
+    return replace(run, estimator=partial(estimate_error, plan)) if estimate else run
 
 
 def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:

@@ -20,6 +20,8 @@ T = TypeVar("T")
 Array: TypeAlias = NDArray[np.float64]
 
 
+#: What an advice begins with, or its last part, that nobody has tried for the run at hand.
+UNTRIED = "not tried: "
 #: How many columns a `repr` names.
 _NAMED = 6
 
@@ -44,7 +46,7 @@ def _listed(columns: Iterable[str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class FailureReport:
-    """Where a run stopped: ``time`` in s, the ``element`` with the worst residual, and what to try.
+    """Where a run stopped: ``time`` in s, the ``element`` with the worst residual, and an ``advice`` ("" if there is none).
 
     ``guards`` names the forces that were left out of the model and would act there, if that is why it stopped; the residual is then the
     violation of their margin.
@@ -58,10 +60,13 @@ class FailureReport:
     advice: str
     guards: tuple[str, ...] = ()
 
+    @property
+    def what(self) -> str:
+        """What happened when, and where most."""
+        return f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}"
+
     def __str__(self) -> str:
-        return (
-            f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}; {self.advice}"
-        )
+        return f"{self.what}; {self.advice}" if self.advice else self.what
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,8 +129,8 @@ class Trajectory:
     """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
 
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
-    start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.  ``estimator``
-    finds how wrong the run is, None where nothing can.
+    start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.  ``instead`` says
+    which integrator took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where nothing can.
     """
 
     t: Array
@@ -138,6 +143,7 @@ class Trajectory:
     failure: FailureReport | None
     effort: Effort = Effort()
     table: Path | None = None
+    instead: str = ""
     estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
 
     def __getitem__(self, column: str) -> Array:
