@@ -138,7 +138,7 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
         ("compile", f"{_taken(c.compile_seconds)} ({c.compiler}, {' '.join(c.flags)})"),
         ("run", f"{run.seconds:.4f} s for {simulated:g} s: {factor}"),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
-        *([("integrator", run.instead)] if run.instead else []),
+        *([("went over to", run.instead)] if run.instead else []),
         *_effort_facts(run.effort),
         *_speeds_not_given(c.start, run.undetermined),
     ])  # fmt: skip

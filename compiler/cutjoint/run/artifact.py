@@ -114,8 +114,14 @@ def make_simulator_run(artifact: Artifact, options: Options, parameters: Mapping
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
         description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
         others=tuple(_other_settings(artifact, options, run_file["integrator"])),
-        is_free=goal is not None and artifact.method == DEFAULT_METHOD and not artifact.scene.method,
+        is_free=goal is not None and _leaves_choice(artifact, options),
     )  # fmt: skip
+
+
+def _leaves_choice(artifact: Artifact, options: Options) -> bool:
+    """Whether neither scene nor caller name a method, or what steps do at events."""
+    scene = artifact.scene
+    return artifact.method == DEFAULT_METHOD and not scene.method and options.events is None and scene.numerics.events is None
 
 
 def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[dict[str, Any]]:

@@ -22,11 +22,11 @@ _STEPS, _SHARE = 20, 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Cure:
-    """Other settings for a run, in words, and the parts of the run file that they change; ``integrator`` is whether it is another one."""
+    """Other settings for a run, in words, and the parts of the run file that they change; ``free`` ones need no number to be chosen."""
 
     words: str
     parts: Mapping[str, Any]
-    integrator: bool = False
+    free: bool = False
 
     def applied_to(self, plan: SimulatorRun) -> SimulatorRun:
         """The run with these settings, whose steps follow from nothing else."""
@@ -64,14 +64,14 @@ def try_cures(plan: SimulatorRun, run: Trajectory) -> Trials | None:
 def follow_up(
     plan: SimulatorRun, run: Trajectory, play: Callable[[SimulatorRun], Trajectory], *, go_over: bool, advise: bool
 ) -> Trajectory:  # fmt: skip
-    """What becomes of a run that failed: to ``go_over`` to another integrator that plays to the end, or to ``advise`` what may help.
+    """What becomes of a run that failed: to ``go_over`` to another integrator, or over events, to the end, or to ``advise`` what may help.
 
     Raises:
         SimulatorError, OutputError, Interrupted, Terminated: as of a run.
     """
     if run.failure is None or not (go_over or advise) or (trials := try_cures(plan, run)) is None:
         return run
-    others = [cure for cure in trials.helped if cure.integrator] if go_over else []
+    others = [cure for cure in trials.helped if cure.free] if go_over else []
     for cure in others:
         other = play(cure.applied_to(plan))
         if other.failure is None:
@@ -119,7 +119,7 @@ def _cures(plan: SimulatorRun) -> Iterator[Cure]:
     integrator = INTEGRATORS[file["integrator"]]
     for parts in plan.others:
         step = "" if INTEGRATORS[parts["integrator"]].adaptive else f" with dt {parts['numerics']['dt']:g}"
-        yield Cure(words=f"integrator {parts['integrator']}{step}", parts=parts, integrator=True)
+        yield Cure(words=f"integrator {parts['integrator']}{step}", parts=parts, free=True)
     if not integrator.adaptive:
         dt = numerics["dt"]
         stride = count_steps(dt, file["end"], file["output_step"]).stride
@@ -130,7 +130,7 @@ def _cures(plan: SimulatorRun) -> Iterator[Cure]:
         for factor in (1e-2, 1e2):
             yield _with_penalty(file, factor * numerics["penalty"])
     if numerics["events"]:
-        yield Cure(words="events crossed", parts={"numerics": {**numerics, "events": False}})
+        yield Cure(words="events crossed", parts={"numerics": {**numerics, "events": False}}, free=True)
 
 
 def _with_tolerance(numerics: Mapping[str, Any], factor: float) -> Cure:

@@ -130,7 +130,7 @@ class Trajectory:
 
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
     start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.  ``instead`` says
-    which integrator took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where nothing can.
+    which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where nothing can.
     """
 
     t: Array

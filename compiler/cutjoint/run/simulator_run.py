@@ -23,7 +23,8 @@ class SimulatorRun:
     steps are to keep, None where steps are given.
 
     ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``others`` are the settings of other integrators that
-    it has: parts of a run file.  ``is_free`` is whether scene and caller leave the choice of the integrator.
+    it has: parts of a run file.  ``is_free`` is whether scene and caller leave the choice of the integrator and of what
+    steps do at events.
     """
 
     simulator: Path
