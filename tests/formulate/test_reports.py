@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cutjoint.model.quantities import quantities
-from cutjoint.model.records import COORDINATES, GROUND, SPEEDS, JointKind, Model, Output
+from cutjoint.model.records import COORDINATES, GROUND, SPEEDS, JointKind, Model, Output, Reaction
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models
 from tests.mechanisms.random_models import CUT_KINDS, NOWHERE, K, scene, workshop
@@ -26,7 +28,14 @@ def all_outputs(model: Model) -> tuple[Output, ...]:
     return tuple(Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e))
 
 
+def with_reactions(model: Model) -> Model:
+    """The model with all components of the reaction of every joint, along the axes of the base."""
+    reactions = (Reaction(name=f"all_of_{j.name}", joint=j.name, body=j.base, direction=None, span=NOWHERE) for j in model.joints)
+    return replace(model, reactions=(*model.reactions, *reactions))
+
+
 def compare(model: Model, seed: int) -> None:
+    model = with_reactions(model)
     outputs = all_outputs(model)
     blocks, dense = both(build_topology(model), scene(), outputs=outputs, parameters={"size": 1.3})
     rng = np.random.default_rng(seed)

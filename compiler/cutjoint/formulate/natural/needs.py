@@ -14,6 +14,7 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.quantities import reaction_component
 from cutjoint.model.records import (
     GROUND,
     AxialForce,
@@ -224,7 +225,8 @@ class Collector:
                 self._marker(marker, output)
         for reaction in model.reactions:
             if reaction.name == output.element and isinstance(reaction, Reaction):
-                self.of(reaction.body).direction(reaction.direction, f"{reaction.name}.direction")
+                _, direction = reaction_component(reaction, output.quantity)
+                self.of(reaction.body).direction(direction, f"{reaction.name}.direction")
         for joint in model.joints:
             if joint.name == output.element:
                 self._joint_output(joint, output.quantity)
