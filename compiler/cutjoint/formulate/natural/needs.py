@@ -14,7 +14,6 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.quantities import reaction_component
 from cutjoint.model.records import (
     GROUND,
     AxialForce,
@@ -225,8 +224,10 @@ class Collector:
                 self._marker(marker, output)
         for reaction in model.reactions:
             if reaction.name == output.element and isinstance(reaction, Reaction):
-                _, direction = reaction_component(reaction, output.quantity)
-                self.of(reaction.body).direction(direction, f"{reaction.name}.direction")
+                if reaction.direction is None:
+                    self.of(reaction.body).attitude(reaction.body)
+                else:
+                    self.of(reaction.body).direction(reaction.direction, f"{reaction.name}.direction")
         for joint in model.joints:
             if joint.name == output.element:
                 self._joint_output(joint, output.quantity)

@@ -24,6 +24,7 @@ from cutjoint.model.records import (
     Scalar,
     Scene,
     Tyre,
+    Vector,
 )  # fmt: skip
 from cutjoint.reduce.half.halves import HALVED
 from cutjoint.reduce.half.model import Half
@@ -110,22 +111,30 @@ def _output(half: Half, output: Output) -> Output:
 
 
 def _reaction_output(half: Half, reaction: Reaction, output: Output) -> Output:
-    """A component of a reaction; of a joint in the plane the half has half of the force in it and of the moment across it.
+    """A component of a reaction.
 
     Raises:
         AsymmetryError: the half does not determine it.
     """
     is_moment, direction = reaction_component(reaction, output.quantity)
     if reaction.joint in half.in_plane or half.is_own(reaction.joint):
-        is_in_plane = half.plane.along_normal(direction) if is_moment else half.plane.within(direction)
-        if not is_in_plane or not (half.flat or reaction.body == GROUND or half.is_own(reaction.body)):
-            words = f"is asked for its {output.quantity}, which a model in the plane {half.plane} does not determine"
-            raise AsymmetryError(reaction.name, words, output.span)
-        return _scaled(output, 1 if half.flat else 2)
+        return _in_plane_reaction(half, reaction, output, is_moment, direction)
     if reaction.joint not in half.removed:
         return output
     turned = -1 if is_moment else 1  # a moment is an axial vector: its image along a mirrored direction is the opposite
     return _scaled(output, turned if reaction.direction is not None else half.plane.sign(output.quantity))
+
+
+def _in_plane_reaction(half: Half, reaction: Reaction, output: Output, is_moment: bool, direction: Vector) -> Output:
+    """Of a joint in the plane the half has half of the force in it and of the moment across it; the rest of a symmetric whole is zero."""
+    in_plane, across = half.plane.within(direction), half.plane.along_normal(direction)
+    if half.flat or reaction.body == GROUND or half.is_own(reaction.body):
+        if across if is_moment else in_plane:
+            return _scaled(output, 1 if half.flat else 2)
+        if (in_plane if is_moment else across) and not half.flat:
+            return _scaled(output, 0)
+    words = f"is asked for its {output.quantity}, which a model in the plane {half.plane} does not determine"
+    raise AsymmetryError(reaction.name, words, output.span)
 
 
 def _scaled(output: Output, factor: float, element: str = "", quantity: str = "") -> Output:
