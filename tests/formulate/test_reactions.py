@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
-from cutjoint.model.records import JointKind, Model, Output
+from cutjoint.model.records import COORDINATES, JointForce, JointKind, Model, Output
 from cutjoint.pipeline import generate
 from cutjoint.topology.build import build_topology
 from tests.formulate.test_natural import SCENE, determined, make_pair, natural_report, recursive_report, states, without_rod_forces
@@ -141,23 +140,30 @@ def test_equations_of_motion_do_not_feel_reactions(method: str) -> None:
 FOUND = tuple(kind for kind in random_models.PLAIN_KINDS if kind not in (K.FIXED, K.FREE))
 
 
+def pushed(model: Model, kind: JointKind) -> Model:
+    """The model with a force on the displacement of each joint of a kind that has one."""
+    coordinates = {j.name: [c for c in COORDINATES[kind] if c.startswith("displacement")] for j in model.joints if j.kind is kind}
+    law = 5 - 4 * random_models.variable("position") - random_models.variable("rate")
+    forces = (
+        JointForce(name=f"push_in_{joint}", joint=joint, coordinate=names[0], law=law, active=True, span=NOWHERE)
+        for joint, names in coordinates.items() if names
+    )  # fmt: skip
+    return replace(model, forces=(*model.forces, *forces))
+
+
 @pytest.mark.parametrize("kind", FOUND)
-def test_tree_joints_in_natural_coordinates(kind: JointKind) -> None:
+@pytest.mark.parametrize("is_reversed", [False, True], ids=["normal", "reversed"])
+def test_tree_joints_in_natural_coordinates(kind: JointKind, is_reversed: bool) -> None:
     """Where natural coordinates give the force of a joint in the tree, it is that of the recursion."""
-    compared = 0
-    for is_reversed in (False, True):
-        model = with_reactions(without_rod_forces(random_models.tree_with(kind, is_reversed, 1)))
-        kinds = {j.name: j.kind for j in model.joints}
-        for reaction in (r for r in model.reactions if kinds[r.joint] is kind):
-            outputs = tuple(Output(element=reaction.name, quantity=q, span=NOWHERE) for q in COMPONENTS[:3])
-            with suppress(ModelError):
-                pair = make_pair(model, SCENE, outputs)
-                at = states(pair, 1)[0]
-                expected, found, known = recursive_report(pair, at), natural_report(pair, at), determined(pair, at)
-                for name in known:
-                    assert found[name] == pytest.approx(expected[name], abs=1e-6 * max(1.0, abs(expected[name]))), name
-                    compared += 1
-    assert compared > 0
+    model = pushed(with_reactions(without_rod_forces(random_models.tree_with(kind, is_reversed, 1))), kind)
+    joint = next(j for j in model.joints if j.kind is kind)
+    outputs = tuple(Output(element=f"all_of_{joint.name}", quantity=q, span=NOWHERE) for q in COMPONENTS[:3])
+    pair = make_pair(model, SCENE, outputs)
+    at = states(pair, 1)[0]
+    expected, found, known = recursive_report(pair, at), natural_report(pair, at), determined(pair, at)
+    assert known
+    for name in known:
+        assert found[name] == pytest.approx(expected[name], abs=1e-6 * max(1.0, abs(expected[name]))), name
 
 
 def refusal(model: Model, element: str, quantity: str) -> str:
