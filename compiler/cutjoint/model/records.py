@@ -292,12 +292,16 @@ class Guard:
 
 @dataclass(frozen=True, kw_only=True)
 class Reaction:
-    """A sensor: a cut joint's force on its follower along ``direction``, which is fixed in ``body``."""
+    """A sensor: the force and moment of a joint, in the tree or cut, on its follower.
+
+    The moment is about the follower's point of the joint.  Components are along ``direction``, which is fixed in ``body``, or
+    without one along the axes of ``body``.
+    """
 
     name: str
     joint: str
     body: str
-    direction: Vector
+    direction: Vector | None
     span: Span
 
 
