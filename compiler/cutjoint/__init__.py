@@ -4,9 +4,11 @@ From Python::
 
     import cutjoint
 
-    artifact = cutjoint.compile_model(Path("models/iltis.yaml"), scene="simul1")
+    artifact = cutjoint.compile_model("models/iltis.yaml", scene="simul1")
     run = cutjoint.simulate(artifact, dt=0.0075)
     run.t, run["chassis.z"]
+
+docs/python.md goes through all of it.
 """
 
 from importlib import import_module
@@ -15,37 +17,44 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
+    from cutjoint.batch import compile_batch, simulate_batch
     from cutjoint.model.errors import ModelError
     from cutjoint.model.read import read_model, read_model_text
     from cutjoint.pipeline import compile_model, simulate
     from cutjoint.program.blocks import ConstantError
+    from cutjoint.realtime import FailedRealTimeError, run_in_real_time
     from cutjoint.run.errors import RunError
+    from cutjoint.run.failures import FailedBatchError, FailedRunError
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
-    from cutjoint.states import NoEquilibriumError, find_equilibrium
+    from cutjoint.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
     from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.spanning_tree import TopologyError
 
 __all__ = [
-    "ConstantError", "GuideError", "MissingLibraryError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError",
-    "SimulatorError", "ToolchainError", "TopologyError", "build_topology", "compile_model", "find_equilibrium", "read_model",
-    "read_model_text", "simulate",
+    "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError", "ModelError",
+    "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "SimulatorError", "ToolchainError", "TopologyError",
+    "build_topology", "compile_batch", "compile_model", "find_equilibrium", "find_initial_state", "find_modes", "read_model",
+    "read_model_text", "run_in_real_time", "simulate", "simulate_batch",
 ]  # fmt: skip
 
 _HOMES = {
     "cutjoint.analysis.guides": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
+    "cutjoint.batch": ("compile_batch", "simulate_batch"),
     "cutjoint.model.errors": ("ModelError",),
     "cutjoint.model.read": ("read_model", "read_model_text"),
     "cutjoint.pipeline": ("compile_model", "simulate"),
     "cutjoint.program.blocks": ("ConstantError",),
-    "cutjoint.run.outputs": ("OutputError",),
+    "cutjoint.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.errors": ("RunError",),
+    "cutjoint.run.failures": ("FailedBatchError", "FailedRunError"),
+    "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
-    "cutjoint.states": ("NoEquilibriumError", "find_equilibrium"),
+    "cutjoint.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
     "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.spanning_tree": ("TopologyError",),
@@ -60,3 +69,6 @@ if not TYPE_CHECKING:
             if name in names:
                 return getattr(import_module(home), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return __all__

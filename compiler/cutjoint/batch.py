@@ -15,17 +15,22 @@ import numpy as np
 from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.locations import AnyPath
 from cutjoint.methods import CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, either, names_of
+from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import derive
+from cutjoint.run.artifact import start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.errors import RunError
+from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
 from cutjoint.run.options import Options
-from cutjoint.run.results import Array, Batch
+from cutjoint.run.results import Array, Batch, Columns
 from cutjoint.run.run_file import changing, following, make_run_file, parameter_values
-from cutjoint.run.scenes import with_closure
+from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.run.simulator_run import Start
 from cutjoint.toolchain.build import FLAGS, Binary, build
 
 #: The method whose runs are evaluated side by side.
@@ -43,8 +48,22 @@ class BatchArtifact:
     generate_seconds: float
     compile_seconds: float
 
+    @property
+    def start(self) -> Start:
+        """What the speeds at the start of its runs follow from."""
+        return start_of(self.equations)
 
-def compile_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
+    def __repr__(self) -> str:
+        return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"
+
+
+def compile_batch(path: AnyPath, *, scene: str | None = None, flags: Sequence[str] = FLAGS) -> BatchArtifact:
+    """Compile a model file for batches of one scene, the only one if none is named; errors as in `compile_scene_batch`."""
+    model = read_model(path)
+    return compile_scene_batch(model, find_scene(model, scene), flags=flags)
+
+
+def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
     """Compile a model for batches of a scene, with the recursive method.
 
     Raises:
@@ -82,18 +101,20 @@ def _require_batch(scene: Scene) -> None:
 
 def simulate_batch(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], *, dt: float | None = None, end: float | None = None,
-    tolerance: float | None = None, threads: int | None = None, out: Path | None = None, progress: Progress | None = None,
+    tolerance: float | None = None, threads: int | None = None, out: AnyPath | None = None, progress: Progress | None = None,
+    check: bool = True,
 ) -> Batch:  # fmt: skip
     """Run a scene once for each of ``cases``, parameters by name (SI units); ``threads`` are as many as processors by default.
 
     ``out`` receives a table of the results (`CaseTable`), each row when its run is done.  Results do not depend on the number of threads.
-    A run that fails does not stop the others.
+    A run that fails does not stop the others; with ``check`` it is an error once all have ended.
 
     Raises:
         RunError: a parameter that cannot be set, settings that no run has, or cases that do not set the same parameters.
         SimulatorError: the simulator could not begin.
         OutputError: the table cannot be written.
         Interrupted, Terminated: a signal has ended the batch.
+        FailedBatchError: some runs failed; it has the batch.
     """
     require_settings(threads=threads)
     if any(case.keys() != cases[0].keys() for case in cases):
@@ -103,10 +124,10 @@ def simulate_batch(
     file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
     file["cases"] = _own_parts(artifact.model, artifact.scene, cases)
     file["threads"] = len(os.sched_getaffinity(0)) if threads is None else threads
-    units = {c.name: c.unit for c in artifact.equations.columns}
+    units = Columns({c.name: c.unit for c in artifact.equations.columns})
     results: list[dict[str, Any]] = [{}] * len(cases)
     with ExitStack() as stack:
-        table = None if out is None else stack.enter_context(CaseTable(out, cases, units))
+        table = None if out is None else stack.enter_context(CaseTable(Path(out), cases, units))
 
         def receive(record: Mapping[str, Any]) -> None:
             first, new = record["first"], record["results"]
@@ -119,12 +140,15 @@ def simulate_batch(
             table.finish()
     elapsed = perf_counter() - begin
     tables = {kind: _columns(results, kind, list(units)) for kind in ("end", "smallest", "largest")}
-    return Batch(
+    batch = Batch(
         cases=tuple(dict(case) for case in cases), **tables, units=units,
         evaluations=tuple(r.get("evaluations", 0) for r in results),
         failures=tuple(failure_of(r) for r in results), undetermined=tuple(results[0].get("undetermined", ())) if results else (),
         seconds=summary["seconds"], elapsed=elapsed,
     )  # fmt: skip
+    if check and (failed := count_failures(batch)):
+        raise FailedBatchError("\n".join([*describe_failures(batch), f"{failed}; the error's batch has all of them"]), batch)
+    return batch
 
 
 def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
@@ -134,7 +158,7 @@ def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]])
     return [{"parameters": own, **following(model, scene, own, parts)} for own in values]
 
 
-def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> dict[str, Array]:
+def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> Columns[Array]:
     missing = [None] * len(names)
     rows = np.array([r.get(kind, missing) for r in results], dtype=float).reshape(len(results), len(names))
-    return {name: rows[:, i] for i, name in enumerate(names)}
+    return Columns({name: rows[:, i] for i, name in enumerate(names)})

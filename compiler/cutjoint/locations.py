@@ -1,10 +1,20 @@
-"""Where templates/ and runtime/ are: inside the package in a wheel, beside it in a checkout."""
+"""Paths that callers give, and where templates/ and runtime/ are: inside the package in a wheel, beside it in a checkout."""
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
+from typing import TypeAlias
+
+#: A path as a caller gives it.
+AnyPath: TypeAlias = str | PathLike[str]
 
 _PACKAGE = Path(__file__).resolve().parent
+
+
+def path_of(given: AnyPath | None) -> Path | None:
+    """The path that a caller gives, None if there is none."""
+    return None if given is None else Path(given)
 
 
 def templates_folder() -> Path:

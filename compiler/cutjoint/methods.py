@@ -50,6 +50,7 @@ class Method:
     ``closures`` are the ways to hold cut joints that a scene can choose from; others hold them in one way, and start with PLAIN_CLOSURE.
     ``symmetric`` is whether the tangent of a step is, ``saddle_point`` whether multipliers are unknowns beside the coordinates, so that
     pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
+    ``instead`` are methods that may go on where this one fails.
     ``own_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
     where none are given; the penalty then follows from masses and step.  ``fixed_cost`` is whether steps can have a fixed number of
     iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report the Jacobians of its
@@ -62,6 +63,7 @@ class Method:
     symmetric: bool = False
     saddle_point: bool = False
     events: bool = False
+    instead: tuple[str, ...] = ()
     own_updates: int | None = None
     twin: Twin | None = None
     fixed_cost: bool = False
@@ -174,12 +176,20 @@ def _catalogue(*records: R) -> Mapping[str, R]:
 #: The methods in the order of the documentation.
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
-        name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, twin=Twin(), fixed_cost=True,
-        batch=True, tangents=True,
+        name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, instead=("recursive-newton",),
+        twin=Twin(), fixed_cost=True, batch=True, tangents=True,
     ),
-    Method(name="augmented", formulation=Formulation.NATURAL, symmetric=True, own_updates=20, twin=Twin(solver="eigen-ldlt")),
-    Method(name="classical", formulation=Formulation.NATURAL, saddle_point=True, twin=Twin(solver="klu")),
-    Method(name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, own_updates=20),
+    Method(
+        name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), own_updates=20,
+        twin=Twin(solver="eigen-ldlt"),
+    ),
+    Method(
+        name="classical", formulation=Formulation.NATURAL, saddle_point=True, instead=("augmented", "recursive-newton"),
+        twin=Twin(solver="klu"),
+    ),
+    Method(
+        name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, instead=("recursive", "augmented"), own_updates=20,
+    ),
 )  # fmt: skip
 
 #: The penalty that explicit integrators have at most: they correct multipliers until nothing of it is left, and a larger one would leave

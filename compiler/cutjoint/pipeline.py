@@ -16,6 +16,7 @@ from cutjoint.emit.source import Source, emit
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.locations import AnyPath, path_of
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
@@ -23,6 +24,7 @@ from cutjoint.program.records import Program
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_choice, require_tangents
 from cutjoint.run.compiled_files import require_no_model, write_compiled
+from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
@@ -32,14 +34,14 @@ from cutjoint.toolchain.build import FLAGS, Kind, build
 from cutjoint.topology.build import build_topology
 
 
-def compile_model(path: Path, *, scene: str | None = None, **how: Any) -> Artifact:
+def compile_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:
     """Compile a model file for one scene, the only one if none is named; ``how`` and errors as in `compile_scene`."""
     model = read_model(path)  # model.yaml -> Model
     return compile_scene(model, find_scene(model, scene), **how)
 
 
 def compile_scene(
-    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, out: Path | None = None, flags: Sequence[str] = FLAGS,
+    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, out: AnyPath | None = None, flags: Sequence[str] = FLAGS,
     outputs: Sequence[Output] | None = None, lanes: bool = True, comparison: bool = False, precision: str = DEFAULT_PRECISION,
 ) -> Artifact:  # fmt: skip
     """Compile a model for a scene; ``out`` receives the generated source and the simulator.
@@ -59,12 +61,13 @@ def compile_scene(
     outputs = scene.outputs if outputs is None else outputs
     equations, program, source = generate(model, scene, outputs, method=method, lanes=lanes, precision=precision)
     generated = perf_counter()
-    if out is not None:
-        require_no_model(source.files, out, Path(model.span.file))
+    folder = path_of(out)
+    if folder is not None:
+        require_no_model(source.files, folder, Path(model.span.file))
     # Source -> Binary
     binary = build(source, flags=(*flags, *PRECISIONS[precision].flags), kind=Kind(comparison=comparison, precision=precision))
-    if out is not None:
-        write_compiled(source.files, binary.path, out)
+    if folder is not None:
+        write_compiled(source.files, binary.path, folder)
     return Artifact(
         scene=scene, equations=equations, program=program, source=source, binary=binary, method=method, precision=precision,
         implementation=Implementation.GENERATED, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
@@ -95,26 +98,34 @@ def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: st
 
 
 def simulate(
-    artifact: Artifact, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
+    artifact: Artifact, *, out: AnyPath | None = None, steps: AnyPath | None = None, tangents: AnyPath | None = None,
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
     penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
-    integrator: str | None = None, events: str | None = None, error: bool = True,
+    integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model with ``parameters`` (SI units); settings from ``dt`` on are those of `Options`, by default the scene's.
 
     ``out`` receives the table, with its units beside it, ``steps`` a CSV file with iterations and residuals of each step, ``tangents`` a
-    line of JSON for each row, the Jacobians of the accelerations.  A run that fails is returned as far as it came, with its failure; its
-    files are those of `partial_of`.  With ``error`` its `Trajectory.error` can be asked for; runs without given steps keep a tolerance.
+    line of JSON for each row, the Jacobians of the accelerations.  With ``error`` its `Trajectory.error` can be asked for; runs without
+    given steps keep a tolerance.  A run that fails is an error with ``check``, else it is returned as far as it came, with its
+    `Trajectory.failure`; its files are those of `partial_of`.
 
     Raises:
         RunError: a parameter that cannot be set, or settings that no run has or that do not go together.
         SimulatorError, OutputError: the simulator could not begin, or a file cannot be written.
         Interrupted, Terminated: a signal has ended the run.
+        FailedRunError: the run failed; it has the trajectory up to then.
     """
     options = Options(
         dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events
     )  # fmt: skip
     if tangents is not None:
         require_tangents(artifact, options)
-    run = make_simulator_run(artifact, options, parameters)
-    return run_accurately(run, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error)
+    plan = make_simulator_run(artifact, options, parameters)
+    run = run_accurately(
+        plan, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress, estimate=error, advise=check
+    )
+    if check and run.failure is not None:
+        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact.file)
+        raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)
+    return run

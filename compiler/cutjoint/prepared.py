@@ -23,7 +23,7 @@ from typing import Any
 from cutjoint.locations import code_folders
 from cutjoint.methods import DEFAULT_PRECISION, Implementation
 from cutjoint.run.options import Options
-from cutjoint.run.simulator_run import Compilation, SimulatorRun
+from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler, resolve
@@ -136,6 +136,7 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
         raise ValueError("a simulator has a name in the cache, not a path")
     return PreparedRun(
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
-        compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"])}), following=tuple(data["following"]),
+        compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
+        following=tuple(data["following"]),
         run=SimulatorRun(**{**run, "simulator": cache_folder() / run["simulator"] / "simulator"}),
     )  # fmt: skip

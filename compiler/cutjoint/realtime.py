@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.locations import AnyPath, path_of
 from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
+from cutjoint.run.failures import IncompleteError, describe_failure, describe_rest
 from cutjoint.run.options import Options
 from cutjoint.run.result_files import RunTables
 from cutjoint.run.results import FailureReport, read_run_table
@@ -33,6 +35,10 @@ class StepTimes:
     failure: FailureReport | None
     table: Path | None = None
 
+    def __repr__(self) -> str:
+        end = "" if self.failure is None else f"; failed: {self.failure.message}"
+        return f"<StepTimes of {self.took.size} steps each {self.period:g} s: {self.missed} missed{end}>"
+
     @property
     def missed(self) -> int:
         """How many steps ended after the next one was due."""
@@ -43,20 +49,31 @@ class StepTimes:
         return float(np.percentile(self.took, share, method="higher"))
 
 
+class FailedRealTimeError(IncompleteError):
+    """A run against the wall clock that failed."""
+
+    @property
+    def times(self) -> StepTimes:
+        """The steps up to then."""
+        times: StepTimes = self.args[1]
+        return times
+
+
 def run_in_real_time(
     artifact: Artifact, *, dt: float | None = None, end: float | None = None, iterations: int | None = None,
-    parameters: Mapping[str, float] | None = None, out: Path | None = None,
+    parameters: Mapping[str, float] | None = None, out: AnyPath | None = None, check: bool = True,
 ) -> StepTimes:  # fmt: skip
     """Run a compiled model by the trapezoidal rule, as fast as the clock on the wall.
 
     ``out`` receives a table with ``took`` and ``late`` (s) of each step.  ``iterations`` are how many each step has, so that all cost the
-    same; only the method recursive has that.
+    same; only the method recursive has that.  A run that fails is an error with ``check``, else it is returned as far as it came.
 
     Raises:
         RunError: a parameter that cannot be set, settings that no run has, or steps that cannot be of fixed cost.
         SimulatorError: the simulator could not begin, or could not write a file.
         OutputError: a file cannot be written.
         Interrupted, Terminated: a signal has ended the run.
+        FailedRealTimeError: the run failed; it has the times of the steps up to then.
     """
     if artifact.implementation != Implementation.GENERATED:
         raise RunError("runs against the wall clock take generated code")
@@ -64,11 +81,13 @@ def run_in_real_time(
     run_file = make_run_file(
         artifact.topology.model, artifact.scene, parameters or {}, task="realtime", method=artifact.method, options=options
     )
-    with RunTables(None, out=out) as tables:
+    with RunTables(None, out=path_of(out)) as tables:
         summary = call_simulator(artifact.binary.path, {**run_file, **tables.places})
         _, columns = read_run_table(tables.rows, ("took", "late"), summary.get("rows", 0))
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
-    return StepTimes(
-        period=run_file["numerics"]["dt"], took=columns["took"], late=columns["late"], failure=failure, table=table
-    )
+    times = StepTimes(period=run_file["numerics"]["dt"], took=columns["took"], late=columns["late"], failure=failure, table=table)
+    if check and failure is not None:
+        where = describe_failure(failure, artifact.scene.name, artifact.places, artifact.file)
+        raise FailedRealTimeError(f"{where}; {describe_rest(table)}", times)
+    return times

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 from cutjoint.analysis.linearisation import NoMassError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
 from cutjoint.formulate.implicit.records import ImplicitEquations
-from cutjoint.methods import LINEARISED
-from cutjoint.model.quantities import quantities, unit_of
+from cutjoint.locations import AnyPath
+from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
+from cutjoint.model.quantities import Element, quantities, unit_of
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import compile_scene, generate
+from cutjoint.pipeline import compile_scene, generate, simulate
 from cutjoint.run.errors import RunError
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.options import PLAIN_STEPS
-from cutjoint.run.results import Equilibrium, FailureReport
+from cutjoint.run.results import Columns, FailureReport, MechanismState
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import build
+from cutjoint.topology.build import build_topology
+
+_POSE = ("x", "y", "z", "roll", "pitch", "yaw")
+_SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
 class NoEquilibriumError(RuntimeError):
@@ -34,7 +38,7 @@ class NoEquilibriumError(RuntimeError):
         self.report = report
 
 
-def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> Equilibrium:
+def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
     """The static equilibrium of a model with every quantity of its bodies, forces and reactions.
 
     Raises:
@@ -53,10 +57,39 @@ def find_equilibrium(path: Path, *, scene: str | None = None, parameters: Mappin
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(failure)
-    return Equilibrium(values=summary["columns"], units={o.column: unit_of(model, o) for o in outputs})
+    return MechanismState(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
+
+
+def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
+    """Where a scene starts: places, attitudes and speeds of all bodies, coordinates and speeds of all joints that are not cut.
+
+    Raises:
+        FailedRunError: the scene has no start; its trajectory has no row.
+        ModelError, TopologyError, NoInertiaError, GuideError: the file is wrong.
+        RunError: there is no such scene, or a parameter cannot be set.
+        ToolchainError: the C++ side failed.
+        SimulatorError: the simulator could not begin.
+    """
+    model = read_model(path)
+    chosen = with_closure(replace(find_scene(model, scene), end=0.0), PLAIN_CLOSURE)
+    tree = [t.joint for t in build_topology(model).tree]
+    outputs = [*_outputs(model.bodies, (*_POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
+    artifact = compile_scene(model, chosen, outputs=outputs)
+    run = simulate(artifact, parameters=parameters, integrator=PLAIN_STEPS.integrator, events=PLAIN_STEPS.events, error=False)
+    values = Columns({name: float(column[0]) for name, column in run.columns.items()})
+    return MechanismState(values=values, units=run.units, undetermined=run.undetermined)
 
 
 def find_modes(
+    path: AnyPath, *, scene: str | None = None, at: float | None = None, parameters: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Modes:  # fmt: skip
+    """Eigenvalues and mode shapes of a model file, of the only scene if none is named; ``at`` and errors as in `find_scene_modes`."""
+    model = read_model(path)
+    return find_scene_modes(model, find_scene(model, scene), at=at, parameters=parameters, progress=progress)
+
+
+def find_scene_modes(
     model: Model, scene: Scene, *, at: float | None = None, parameters: Mapping[str, float] | None = None, progress: Progress | None = None
 ) -> Modes:  # fmt: skip
     """Eigenvalues and mode shapes of a model about its static equilibrium, or about its motion ``at`` a time (s) of a scene.
@@ -96,7 +129,9 @@ def find_modes(
 
 def _everything(model: Model) -> list[Output]:
     """The pose of each body and every force."""
-    pose = ("x", "y", "z", "roll", "pitch", "yaw")
-    bodies = [(b, [q for q in quantities(b) if q in pose]) for b in model.bodies]
-    others = [(e, list(quantities(e))) for e in (*model.forces, *model.reactions)]
-    return [Output(element=e.name, quantity=q, span=e.span) for e, names in (*bodies, *others) for q in names]
+    forces = (*model.forces, *model.reactions)
+    return [*_outputs(model.bodies, _POSE), *(o for force in forces for o in _outputs([force], quantities(force)))]
+
+
+def _outputs(elements: Iterable[Element], names: Iterable[str]) -> Iterator[Output]:
+    yield from (Output(element=e.name, quantity=q, span=e.span) for e in elements for q in names)

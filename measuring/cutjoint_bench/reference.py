@@ -126,8 +126,9 @@ def _route(case: Case, artifact: Artifact, tolerance: float) -> Trajectory:
     penalty = PENALTIES[artifact.precision] if METHODS[artifact.method].formulation is Formulation.RECURSIVE else None
     own = replace(artifact, scene=case.scene)
     return simulate(
-        own, dt=case.scene.output_step, penalty=penalty, tolerance=tolerance, parameters=case.parameters, integrator="reference"
-    )
+        own, dt=case.scene.output_step, penalty=penalty, tolerance=tolerance, parameters=case.parameters, integrator="reference",
+        check=False,
+    )  # fmt: skip
 
 
 def _apart(runs: list[Trajectory], names: tuple[str, ...]) -> float:

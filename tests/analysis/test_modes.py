@@ -17,7 +17,7 @@ from cutjoint.cli import main
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.model.read import read_model
 from cutjoint.run.scenes import find_scene
-from cutjoint.states import find_modes
+from cutjoint.states import find_scene_modes
 from tests.analysis.linearised import Array, implicit, linearised
 from tests.conftest import MODELS, ROOT, needs_cpp
 
@@ -225,7 +225,7 @@ def test_unequal_four_bar() -> None:
 def test_flyball_governor_after_a_second() -> None:
     """A published stiff problem: -8075, -1444, -20.5 1/s (benchmark A05); the whole turns about its shaft without resistance."""
     model = read_model(MODELS / "flyball.yaml")
-    modes = find_modes(model, find_scene(model, None), at=1.0)
+    modes = find_scene_modes(model, find_scene(model, None), at=1.0)
     real = sorted(m.eigenvalue.real for m in modes.modes)
     assert real[:3] == pytest.approx([-8075, -1444, -20.5], abs=0.5)
     assert list(modes.indifferent) == ["bearing.angle"]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cutjoint.model.quantities import quantities
-from cutjoint.model.records import COORDINATES, GROUND, SPEEDS, JointKind, Model, Output
+from cutjoint.model.records import COORDINATES, GROUND, SPEEDS, JointKind, Model, Output, Reaction
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models
-from tests.mechanisms.random_models import CUT_KINDS, NOWHERE, K, scene, workshop
+from tests.mechanisms.random_models import CUT_KINDS, NOWHERE, TREE_KINDS, K, scene, workshop
 from tests.oracles.dense import Instant, Numerics
 from tests.oracles.evaluation import both
 from tests.oracles.reports import reported
@@ -26,7 +28,14 @@ def all_outputs(model: Model) -> tuple[Output, ...]:
     return tuple(Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e))
 
 
+def with_reactions(model: Model) -> Model:
+    """The model with all components of the reaction of every joint, along the axes of the base."""
+    reactions = (Reaction(name=f"all_of_{j.name}", joint=j.name, body=j.base, direction=None, span=NOWHERE) for j in model.joints)
+    return replace(model, reactions=(*model.reactions, *reactions))
+
+
 def compare(model: Model, seed: int) -> None:
+    model = with_reactions(model)
     outputs = all_outputs(model)
     blocks, dense = both(build_topology(model), scene(), outputs=outputs, parameters={"size": 1.3})
     rng = np.random.default_rng(seed)
@@ -54,6 +63,17 @@ def compare(model: Model, seed: int) -> None:
 @pytest.mark.parametrize("kind", CUT_KINDS)
 def test_reaction_of_a_cut_joint(kind: JointKind) -> None:
     compare(random_models.loop_with(kind, "roots", 5), 5)
+
+
+@pytest.mark.parametrize("kind", TREE_KINDS)
+def test_reaction_of_a_tree_joint(kind: JointKind) -> None:
+    """As the mechanism's only tree, at the ground and on others, alternately the one and the other way round."""
+    compare(random_models.tree_with(kind, TREE_KINDS.index(kind) % 2 == 0, 1), 1)
+
+
+def test_reactions_of_guided_and_geared_joints() -> None:
+    compare(random_models.loop_with(K.SPHERICAL, "guided", 2), 2)
+    compare(random_models.with_gears(random_models.random_tree(0), 0), 0)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -182,11 +182,6 @@ JOINTS = [
         "spring: {kind: point_spring, bodies: [ground, arm], from: tip, to: §tip, law: 1}",
         "@: force 'spring': from and to are the same point; the line between them gives the direction",
     ),
-    (
-        "markers:",
-        "reactions:\n  pull: {joint: §hinge, body: arm, direction: [1, 0, 0]}\nmarkers:",
-        "@: reaction 'pull': the joint 'hinge' is not cut, so it has no reaction; write cut: true in the joint",
-    ),
 ]
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import sympy
 from scipy.spatial.transform import Rotation
 
-from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Joint, JointForce, PointSpring, Reaction
+from cutjoint.model.records import AxialForce, BodyLoad, Bushing, JointForce, PointSpring, Reaction
 from tests.oracles.dense import TINY, Array, DenseMechanism, Instant, Motion
-from tests.oracles.joints import residual, skew
+from tests.oracles.joints import skew
+from tests.oracles.reactions import wrench_on_follower
 
 #: Step of the differences that give a law's tangents.
 STEP = 1e-4
@@ -28,7 +29,7 @@ def reported(dense: DenseMechanism, at: Instant, vdot: Array, multipliers: Array
     for marker in dense.model.markers:
         values |= _point(motion, marker.name, marker.body, dense.vector(marker.point), vdot)
     for reaction in dense.model.reactions:
-        values[reaction.name, "force"] = _reaction(dense, at, motion, reaction, multipliers)
+        values |= _reaction(dense, at, motion, reaction, vdot, multipliers)
     for force in dense.model.forces:
         if isinstance(force, PointSpring | AxialForce | JointForce) and force.active:
             values |= {(force.name, q): x for q, x in _law(dense, at, force)}
@@ -85,18 +86,14 @@ def _load(dense: DenseMechanism, at: Instant, motion: Motion, force: BodyLoad) -
         yield f"{'M' if force.point is None else 'F'}{axis}", acts * dense.law(component, "x y z vx vy vz wx wy wz", (*x, *v, *w), at.t)
 
 
-def _reaction(dense: DenseMechanism, at: Instant, motion: Motion, reaction: Reaction, multipliers: Array) -> float:
-    """The virtual power of the multipliers when the follower alone is shifted along the direction."""
-    (cut,) = (j for j in dense.topology.cuts if j.name == reaction.joint)
-    direction = motion.R[reaction.body] @ dense.vector(reaction.direction)
-    shift = shifted_residual(dense, motion, cut, 1j * TINY * direction).imag / TINY
-    turn = dense.base_turn(at)[dense.equations[cut.name], dense.equations[cut.name]]
-    return float(-multipliers[dense.equations[cut.name]] @ turn @ shift)
-
-
-def shifted_residual(dense: DenseMechanism, motion: Motion, cut: Joint, shift: Array) -> Array:
-    """The residual, in the base's axes, with the follower shifted in global axes."""
-    at, axes, to, pitch = dense.geometry[cut.name]
-    R_b, p_b, R_f, p_f = (m[b] for b in (cut.base, cut.follower) for m in (motion.R, motion.p))
-    gap = R_b.T @ (p_f + shift + R_f @ (at if to is None else to) - p_b) - at
-    return residual(cut.kind, axes, None if to is None else to - at, pitch, gap, R_b.T @ R_f)
+def _reaction(
+    dense: DenseMechanism, at: Instant, motion: Motion, reaction: Reaction, vdot: Array, multipliers: Array
+) -> dict[tuple[str, str], float]:  # fmt: skip
+    """Components of the wrench on the follower."""
+    joint = next(j for j in dense.model.joints if j.name == reaction.joint)
+    wrench, R = wrench_on_follower(dense, at, motion, joint, vdot, multipliers), motion.R[reaction.body]
+    if reaction.direction is None:
+        components = zip(("Fx", "Fy", "Fz", "Mx", "My", "Mz"), np.kron(np.eye(2), R.T) @ wrench, strict=True)
+        return {(reaction.name, q): float(x) for q, x in components}
+    direction = R @ dense.vector(reaction.direction)
+    return {(reaction.name, "force"): float(wrench[:3] @ direction), (reaction.name, "moment"): float(wrench[3:] @ direction)}

@@ -50,7 +50,8 @@ def test_tight_integrators(method: str, integrator: str) -> None:
 def test_given_coordinates_that_contradict_a_gear_name_it() -> None:
     artifact = compiled("recursive")
     positions = {"pinion.angle": 1.0, "rack.displacement": 0.3}
-    run = simulate(replace(artifact, scene=replace(artifact.scene, positions={n: sympy.Float(x) for n, x in positions.items()})), end=0.01)
+    scene = replace(artifact.scene, positions={n: sympy.Float(x) for n, x in positions.items()})
+    run = simulate(replace(artifact, scene=scene), end=0.01, check=False)
     assert run.failure is not None
     assert run.failure.element == "mesh.ratio"
     assert run.failure.residual == pytest.approx(0.2)

@@ -54,7 +54,7 @@ def test_simul1s_needs_the_papers_smaller_step() -> None:
     artifact = compile_model(ILTIS, scene="simul1s")
     run = completed(simulate(artifact, dt=0.0025))
     assert 12 < run["chassis.az"].max() / 9.81 < 25
-    failed = simulate(artifact, dt=0.0075)
+    failed = simulate(artifact, dt=0.0075, check=False)
     assert failed.failure is not None
     assert "did not converge" in failed.failure.message
     assert failed.failure.element.endswith("_rate") or failed.failure.element[-2:] in ("wx", "wy", "wz", "vx", "vy", "vz")

@@ -188,7 +188,7 @@ def test_a_force_without_value_ends_the_run_with_its_name(tmp_path: Path) -> Non
     text = SPRING.replace("law: {stiffness: 1.0e+12, free_position: 0}", 'law: "-pull*sqrt(position/metre)"')
     text = text.replace("bodies:\n", 'parameters: {pull: "1 N", metre: "1 m"}\nbodies:\n', 1)
     path.write_text(text.replace("0.4", "4").replace("1.0e-3", "0.1"), encoding="utf-8")
-    run = simulate(compiled(path), integrator="sdirk4")
+    run = simulate(compiled(path), integrator="sdirk4", check=False)
     assert run.failure is not None
     assert run.failure.element == "spring"
     assert len(run.t) > 10

@@ -25,7 +25,7 @@ def compiled(name: str, scene: str | None = None) -> Artifact:
 
 
 def finished(artifact: Artifact, **how: object) -> Trajectory:
-    run = simulate(artifact, **how)
+    run = simulate(artifact, **how, check=False)
     assert run.failure is None, run.failure
     return run
 
@@ -81,7 +81,7 @@ def test_a_step_whose_parts_fail_ends_the_run() -> None:
     """No part converges in one iteration; the state is that before the step."""
     artifact = compiled("iltis", "simul1")
     numerics = replace(artifact.scene.numerics, iterations=1)
-    run = simulate(replace(artifact, scene=replace(artifact.scene, numerics=numerics)), dt=0.005, tolerance=1e-13)
+    run = simulate(replace(artifact, scene=replace(artifact.scene, numerics=numerics)), dt=0.005, tolerance=1e-13, check=False)
     assert run.failure is not None
     assert run.failure.message == "recursive-newton: Newton's iteration did not converge in 1 iterations"
     assert len(run.t) == run.failure.step
@@ -154,10 +154,10 @@ def test_four_bar_steps_over_its_singular_poses(dt: float, gap: float, integrato
 @pytest.mark.parametrize("dt", [0.002, 0.714355529292960 / 40, 0.714355529292960 / 143])
 def test_four_bar_says_where_it_meets_a_singular_pose(dt: float, integrator: str) -> None:
     """The last two step sizes meet the first pose exactly; 2 ms goes over six poses and comes too near the seventh."""
-    run = simulate(compiled("four_bar"), dt=dt, integrator=integrator)
+    run = simulate(compiled("four_bar"), dt=dt, integrator=integrator, check=False)
     assert run.failure is not None
     assert "the pose is singular, or nearly" in run.failure.message
-    assert run.failure.advice == "take --method augmented or recursive, which cross such poses"
+    assert run.failure.advice == "not tried: another dt, or the methods augmented and recursive, which can cross such poses"
     assert np.abs(run.columns["tip.y"] - np.cos(parallelogram(run.t))).max() < 10 * dt**2
     assert run.effort.residuals.position < 2e-9
 
@@ -189,7 +189,7 @@ def test_constraints_hold_at_any_penalty_from_the_least_on(model: str, scene: st
 @pytest.mark.parametrize(("model", "scene", "penalty"), [("slider_crank", None, 1e6), ("andrews", None, 1e8), ("iltis", "simul1", 1e6)])
 def test_a_penalty_below_the_masses_ends_the_run_at_its_first_step(model: str, scene: str | None, penalty: float) -> None:
     """Known, and docs/mechanics.md says so: what is left of a gap by one projection is taken for a singular pose."""
-    failure = simulate(with_penalty(compiled(model, scene), penalty), end=0.1).failure
+    failure = simulate(with_penalty(compiled(model, scene), penalty), end=0.1, check=False).failure
     assert failure is not None
     assert failure.step == 1
     assert "the pose is singular, or nearly" in failure.message

@@ -204,10 +204,10 @@ def test_flyball_stays_symmetric() -> None:
 
 def test_flyball_too_large_a_step_is_refused_clearly() -> None:
     """Its fastest eigenvalue is -8075 1/s; the fixed point contracts while 8075 dt/2 < 1, that is dt < 2.48e-4 s."""
-    run = simulate(compiled(BY_NAME["A05"]), dt=2.5e-4)
+    run = simulate(compiled(BY_NAME["A05"]), dt=2.5e-4, check=False)
     assert run.failure is not None
     assert str(run.failure).startswith("the fixed point did not converge in 100 iterations at t = 0.00025 s (step 1); worst at 'slide.")
-    assert run.failure.advice == "take a smaller dt, or softer springs and dampers"
+    assert run.failure.advice == "not tried: a smaller dt"
     assert run.failure.residual > 0
     assert list(run.t) == [0.0]
     assert run["slider.z"] == pytest.approx([0.5])
@@ -216,7 +216,7 @@ def test_flyball_too_large_a_step_is_refused_clearly() -> None:
 def test_flyball_that_grows_stiffer_keeps_its_results() -> None:
     """Without spin the arms sink, the springs' leverage grows and the step that served becomes too large on the way."""
     artifact = compiled(BY_NAME["A05"])
-    run = simulate(artifact, dt=1e-4, parameters={"spin": 0.0})
+    run = simulate(artifact, dt=1e-4, parameters={"spin": 0.0}, check=False)
     assert run.failure is not None
     assert "did not converge" in run.failure.message
     assert 0.2 < run.failure.time < 0.4

@@ -74,6 +74,9 @@ scenes:
 """
 
 
+WITHOUT_DIRECTION = "stays: 'all' is the reaction of its joint 'link_pin' without a direction"
+
+
 def read(text: str, scene: str = "fall") -> tuple[Model, Scene]:
     model = read_model_text(text, "model.yaml")
     return model, model.scenes[scene]
@@ -127,6 +130,9 @@ def test_distances_move_as_links_do_in_the_recursion() -> None:
         ("[carrier.x,", "[link.x, carrier.x,", "stays: the output 'link.x' asks for it"),
         ("point: D, axis", "point: [1.03, 0.2, 0.3], axis", "stays: 'spring' is at a point between its joints"),
         ("{joint: link_pin, body: link,", "{joint: link_pin, body: carrier,", "stays: the direction of 'hold' is fixed in 'carrier'"),
+        ("{joint: link_pin, body: link,", "{joint: link_ball, body: link,", "stays: 'hold' is the reaction of its joint 'link_ball'"),
+        ("reactions:", "reactions:\n  all: {joint: link_pin, body: link}", WITHOUT_DIRECTION),
+        ("hold.force", "hold.moment", "stays: the output 'hold.moment' asks for a moment in its joint 'link_pin'"),
         (
             "link_ball: {kind: spherical", "link_ball: {kind: universal, axis: [1, 0, 0], axis_2: [0, 1, 0]",
             "stays: it has a revolute and a universal joint",
@@ -181,6 +187,16 @@ def test_what_no_output_can_feel_is_dropped() -> None:
 def test_nothing_is_dropped_that_a_force_leads_to() -> None:
     spring = "forces: {cord: {kind: point_spring, bodies: [rod, other], from: [0, 0, 0], to: [0, 2, 0], law: length}}\noutputs:"
     assert drop_unreached(*read(WELDED.replace("outputs:", spring))).done == ()
+
+
+def test_nothing_is_dropped_that_a_reaction_carries() -> None:
+    """A guided base holds all that hangs on it, though no output is about that."""
+    base = "joints:\n  base: {kind: prismatic, bodies: [ground, foot], at: [0, 0, 0], axis: [1, 0, 0], guide: push}"
+    text = WELDED.replace("joints:", f"  foot: {{mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}\n{base}")
+    text = text.replace("bodies: [ground, other], at: [0, 2, 0]", "bodies: [foot, other], at: [0, 2, 0]")
+    asked = text.replace("outputs: [", "reactions:\n  hold: {joint: base, body: ground}\noutputs: [hold.Mx, ")
+    assert list(words(drop_unreached(*read(text)))) == ["other"]
+    assert drop_unreached(*read(asked)).done == ()
 
 
 @pytest.mark.parametrize("reduce", [drop_unreached, weld_bodies, shorten_links, drop_idle_equations, lighten_links])

@@ -20,7 +20,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import require_settings
-from cutjoint.states import find_modes
+from cutjoint.states import find_scene_modes
 from cutjoint.twin.artifact import compile_generic
 from tests.run.test_failing_starts import PENDULUM
 
@@ -72,7 +72,7 @@ def test_what_runs_have() -> None:
         (lambda: simulate(compiled(), iterations=0), "iterations"),
         (lambda: simulate(compiled(), parameters={"gap": nan}), "parameter 'gap'"),
         (lambda: run_in_real_time(compiled(), end=-1.0), "end"),
-        (lambda: find_modes(pendulum(), pendulum().scenes["rest"], at=nan), "at"),
+        (lambda: find_scene_modes(pendulum(), pendulum().scenes["rest"], at=nan), "at"),
     ],
 )
 def test_every_run_refuses_them(run: Callable[[], object], name: str) -> None:

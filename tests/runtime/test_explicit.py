@@ -96,7 +96,7 @@ def test_a_tighter_absolute_tolerance_takes_more_steps(tmp_path: Path) -> None:
 def test_dry_friction_that_sticks_is_told_by_name(speed: float, integrator: str, tmp_path: Path) -> None:
     """Both sides of rest push back to it: the law has no value that keeps it there.  2 N stop 1 kg at 1 m/s after 0.5 s."""
     text = SLIDE.replace("LAW", "where(rate > 0, -2, 2)").replace("displacement_rate: 1}", f"displacement_rate: {speed}}}")
-    failure = simulate(compile_text(tmp_path, text), integrator=integrator, dt=0.01).failure
+    failure = simulate(compile_text(tmp_path, text), integrator=integrator, dt=0.01, check=False).failure
     assert failure is not None
     assert failure.message.startswith("'friction' (")
     assert "model.yaml:10" in failure.message
@@ -109,7 +109,7 @@ def test_dry_friction_that_sticks_is_told_by_name(speed: float, integrator: str,
 def test_what_fails_within_a_step_is_told_with_its_number(tmp_path: Path) -> None:
     """The accelerations are found anew at an event, where nothing knows how many steps there were."""
     artifact = compile_text(tmp_path, SLIDE.replace("LAW", "where(position > 0.255, sqrt(0.2 - position), 0)"))
-    failure = simulate(artifact, events="located", dt=0.01).failure
+    failure = simulate(artifact, events="located", dt=0.01, check=False).failure
     assert failure is not None
     assert "no finite value" in failure.message
     assert (failure.step, failure.time) == (26, pytest.approx(0.255))
@@ -119,7 +119,7 @@ def test_a_force_without_bound_leaves_no_step_small_enough(tmp_path: Path) -> No
     """x = 1 - t pulls itself to the origin by -1/x: the speed grows without bound before t = 1."""
     law = "-1/(position + 1 - 1)".replace("position + 1 - 1", "position")
     text = SLIDE.replace("LAW", law).replace("rates: {slide.displacement_rate: 1}", "positions: {slide.displacement: 0.5}")
-    run = simulate(compile_text(tmp_path, text), integrator="dormand-prince")
+    run = simulate(compile_text(tmp_path, text), integrator="dormand-prince", check=False)
     assert run.failure is not None
     assert run.failure.message == "no step is small enough for the tolerance"
     # 0.5 sqrt(pi/2): a mass falls to a pull of 1/x
@@ -136,10 +136,10 @@ def test_a_stiff_model_is_told() -> None:
     assert run.steps == pytest.approx(0.5 * 8075 / 3.3, rel=0.5)
     facts = run_facts(artifact.compilation, run)
     assert any("stability, not accuracy, limited" in str(cell) for cell in facts.columns[1].cells)
-    failure = simulate(artifact, integrator="rk4", dt=1e-3, end=0.5).failure
+    failure = simulate(artifact, integrator="rk4", dt=1e-3, end=0.5, check=False).failure
     assert failure is not None
     assert failure.message == "the accelerations have no finite value"
-    assert failure.advice == "take a smaller dt, or a stable method: the integrator trapezoidal, or the method augmented"
+    assert failure.advice == "not tried: a smaller dt"
 
 
 def test_events_are_told(tmp_path: Path) -> None:

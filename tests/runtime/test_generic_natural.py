@@ -25,7 +25,7 @@ from cutjoint.methods import Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model
-from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Output, Scene
+from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Output, Reaction, Scene
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.run.options import Options
 from cutjoint.run.results import read_table
@@ -37,6 +37,7 @@ from cutjoint.topology.build import build_topology
 from cutjoint.twin.mechanism import describe_generic
 from cutjoint.twin.system import describe_generic_natural
 from tests.conftest import MODELS
+from tests.formulate.test_reports import with_reactions
 from tests.mechanisms import random_models
 from tests.mechanisms.random_models import CUT_KINDS, MEASURED, NOWHERE, TREE_KINDS, K, workshop
 from tests.oracles.dense import DenseMechanism, Instant
@@ -131,8 +132,9 @@ def all_outputs(model: Model) -> list[Output]:
     reactions = [r for r in model.reactions if r.joint in cuts and joints[r.joint].kind is not K.FIXED]
     rods = {j.name for j in model.joints if not j.element.is_measured}
     forces = [f for f in model.forces if not (isinstance(f, JointForce) and f.joint in rods)]
-    elements = (*model.bodies, *model.markers, *reactions, *forces, *tree, *model.gears)
-    return [Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e)]
+    elements = (*model.bodies, *model.markers, *forces, *tree, *model.gears)
+    others = [o for r in reactions for o in forces_of(r)]
+    return others + [Output(element=e.name, quantity=q, span=NOWHERE) for e in elements for q in quantities(e)]
 
 
 # States and both evaluations
@@ -366,15 +368,22 @@ CLOSED = [(kind, closing) for kind in (*SHARING, *ACROSS) for closing in ("roots
 
 @pytest.mark.parametrize(("kind", "closing"), CLOSED)
 def test_reactions(kind: JointKind, closing: str, program: Path, tmp_path: Path) -> None:
-    model = random_models.loop_with(kind, closing, 0)
-    wanted = [Output(element=r.name, quantity="force", span=NOWHERE) for r in model.reactions]
+    model = with_reactions(random_models.loop_with(kind, closing, 0))
+    across = {j.name for j in model.joints if j.cut or j.kind in ACROSS}
+    wanted = [o for r in model.reactions if r.joint in across for o in forces_of(r)]
     case = make_case(model, random_models.scene(), "classical", wanted=wanted, factor=1.0)
     assert case.equations.outputs
     state, expected = moving_state(case)
     (found,) = run_twin(program, case, [state], tmp_path)["states"]
     for output, value in zip(case.equations.outputs, found["column"], strict=True):
-        wanted_value = expected[output.element, "force"]
+        wanted_value = expected[output.element, output.quantity]
         assert value == pytest.approx(wanted_value, rel=1e-6, abs=1e-6 * np.abs(state["lambda"]).max()), output.column
+
+
+def forces_of(reaction: Reaction) -> list[Output]:
+    """The components of the force."""
+    names = [q for q in quantities(reaction) if q[0] in "fF"]
+    return [Output(element=reaction.name, quantity=q, span=NOWHERE) for q in names]
 
 
 def moving_state(case: Case) -> tuple[dict[str, np.ndarray], dict[tuple[str, str], float]]:

@@ -18,6 +18,8 @@ Complex = NDArray[np.complex128]
 _ZERO = 1e-12
 #: A real or imaginary part below this share of an eigenvalue is rounding.
 _PART = 1e-9
+#: How many eigenvalues a `repr` has.
+_NAMED = 6
 #: Shares that differ by less than this part are alike.
 _ALIKE = 1e-6
 
@@ -75,6 +77,11 @@ class Modes:
     undamped: tuple[Mode, ...]
     indifferent: Mapping[str, Mapping[str, Participant]]
     zeros: int
+
+    def __repr__(self) -> str:
+        where = "at rest" if self.at_rest else f"at t = {self.time:g} s"
+        values = [f"{mode.eigenvalue:.3g}" for mode in self.modes[:_NAMED]] + ["..."] * (len(self.modes) > _NAMED)
+        return f"<Modes {where}: {self.freedoms} degrees of freedom, eigenvalues {', '.join(values) or 'none'} 1/s>"
 
 
 def find_mode_shapes(of: Linearisation, time: float) -> Modes:

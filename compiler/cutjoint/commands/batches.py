@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from cutjoint.batch import compile_batch, simulate_batch
+from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.commands import options
 from cutjoint.commands.preparing import read_request, require_own
 from cutjoint.methods import INTEGRATORS, METHODS, Events, names_of
@@ -15,6 +15,7 @@ from cutjoint.prepared import Request
 from cutjoint.report.tables import batch_facts
 from cutjoint.run.cases import read_cases
 from cutjoint.run.errors import RunError
+from cutjoint.run.failures import count_failures, describe_failures
 from cutjoint.run.options import Options
 from cutjoint.run.results import Batch
 
@@ -60,11 +61,11 @@ def _run(
     out: Path,
 ) -> Batch:  # fmt: skip
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_batch(model, scene)
+        artifact = compile_scene_batch(model, scene)
     with options.progress_bar(f"running {scene.name}") as progress:
         done = simulate_batch(
             artifact, [{**parameters, **case} for case in cases], dt=asked.dt, end=asked.end, tolerance=asked.tolerance,
-            threads=threads, out=out, progress=progress,
+            threads=threads, out=out, progress=progress, check=False,
         )  # fmt: skip
     console = options.console_beside(out)
     console.print(batch_facts(artifact, done))
@@ -73,9 +74,8 @@ def _run(
 
 
 def _report_failures(done: Batch, table: Path, out: Path) -> None:
-    failed = [(i, failure) for i, failure in enumerate(done.failures) if failure is not None]
-    for i, failure in failed[:5]:
-        options.err.print(f"{table}: run {i + 1}: {failure}", markup=False)
-    if failed:
-        options.err.print(f"{len(failed)} of {len(done.cases)} runs failed; column 'run.failure' of {out} says how", markup=False)
+    for failure in describe_failures(done):
+        options.err.print(f"{table}: {failure}", markup=False)
+    if failed := count_failures(done):
+        options.err.print(f"{failed}; column 'run.failure' of {out} says how", markup=False)
         raise SystemExit(1)

@@ -12,7 +12,7 @@ from cutjoint.report.modes import mode_tables, modes_json
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_scene
-from cutjoint.states import find_modes
+from cutjoint.states import find_scene_modes
 
 
 @click.command("modes")
@@ -30,7 +30,7 @@ def command(model: Path, scene: str | None, at: float | None, changes: tuple[str
     checked = read_model(model)
     chosen = options.take_scene(checked, scene) if at is None else find_scene(checked, scene)
     with options.progress_bar(f"linearising {model.name}") as progress:
-        found = find_modes(checked, chosen, at=at, parameters=options.read_parameters(changes), progress=progress)
+        found = find_scene_modes(checked, chosen, at=at, parameters=options.read_parameters(changes), progress=progress)
     for table in mode_tables(found):
         options.console_beside(out).print(table)
     if out is not None:

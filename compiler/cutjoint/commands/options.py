@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -18,7 +18,6 @@ from cutjoint.model.numbers import is_number, is_whole, read_number
 from cutjoint.model.printing import escaped_lines
 from cutjoint.model.ranges import WHOLE, fault_of, fault_of_setting
 from cutjoint.run.outputs import OutputError, descriptor_of
-from cutjoint.run.results import FailureReport
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Scene
@@ -108,7 +107,9 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.model.errors import ModelError
     from cutjoint.program.blocks import ConstantError
+    from cutjoint.realtime import FailedRealTimeError
     from cutjoint.run.errors import RunError
+    from cutjoint.run.failures import FailedBatchError, FailedRunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError
@@ -117,7 +118,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
 
     return (
         ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
-        NoEquilibriumError, OutputError, OSError,
+        NoEquilibriumError, FailedRunError, FailedBatchError, FailedRealTimeError, OutputError, OSError,
     )  # fmt: skip
 
 
@@ -133,17 +134,6 @@ def take_scene(model: Model, name: str | None) -> Scene:
     if name is None and len(model.scenes) > 1:
         err.print(f"scene {chosen.name}, the first of {len(model.scenes)}; --scene takes another", markup=False)
     return chosen
-
-
-def describe_failure(failure: FailureReport, scene: str, places: Mapping[str, str], model: Path) -> str:
-    """What failed, with the place of its joint in the model file."""
-    where = places.get(failure.element.rpartition(".")[0], str(model))
-    return f"{where}: scene '{scene}': {failure}"
-
-
-def describe_rest(table: Path | None) -> str:
-    """Where the rows of a run are that failed."""
-    return f"the rows up to then are in {table}" if table else "no file has rows of it"
 
 
 @contextmanager

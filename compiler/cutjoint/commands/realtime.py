@@ -10,6 +10,7 @@ from cutjoint.commands import options
 from cutjoint.pipeline import compile_model
 from cutjoint.realtime import run_in_real_time
 from cutjoint.report.realtime import time_tables
+from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.outputs import require_apart
 
 
@@ -32,10 +33,11 @@ def command(
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_model(model, scene=scene, method=method)
     with options.progress_bar(f"running {artifact.scene.name}"):
-        times = run_in_real_time(artifact, dt=dt, end=end, iterations=iterations, parameters=options.read_parameters(changes), out=out)
+        times = run_in_real_time(
+            artifact, dt=dt, end=end, iterations=iterations, parameters=options.read_parameters(changes), out=out, check=False)
     for table in time_tables(times):
         options.console_beside(out).print(table)
     if times.failure is not None:
-        where = options.describe_failure(times.failure, artifact.scene.name, artifact.places, model)
-        options.err.print(f"{where}; the times are of the steps up to then; {options.describe_rest(times.table)}", markup=False)
+        where = describe_failure(times.failure, artifact.scene.name, artifact.places, model)
+        options.err.print(f"{where}; the times are of the steps up to then; {describe_rest(times.table)}", markup=False)
         raise SystemExit(1)

@@ -23,6 +23,7 @@ from cutjoint.methods import (
 from cutjoint.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
+from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
@@ -89,7 +90,9 @@ def command(
 
     def play(prepared: PreparedRun) -> Trajectory:
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
-            return run_accurately(prepared.run, out=out, steps=steps, progress=progress, estimate=error)
+            return run_accurately(
+                prepared.run, out=out, steps=steps, progress=progress, estimate=error, go_over=method is None, advise=True
+            )
 
     prepared = find_cached_run(request, parameters)
     if prepared is not None:
@@ -107,8 +110,8 @@ def command(
     if plots is not None:
         console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots))}", markup=False)
     if run.failure is not None:
-        where = options.describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
-        options.err.print(f"{where}; {options.describe_rest(run.table)}", markup=False)
+        where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
+        options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
         raise SystemExit(1)
 
 

@@ -42,6 +42,10 @@ class Source:
     digest: str
     driver: str
 
+    def __repr__(self) -> str:
+        size = sum(len(text) for text in self.files.values())
+        return f"<Source '{self.stem}': {len(self.files)} files, {size} characters, driver {self.driver}, digest {self.digest[:12]}>"
+
 
 def emit(program: Program, equations: Equations, *, batch: bool = False) -> Source:
     """The C++ of a mechanism: one header, one file a function, the description, a main program and its CMake project.

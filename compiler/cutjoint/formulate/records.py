@@ -93,6 +93,9 @@ class Function:
     arguments: tuple[str, ...]
     results: Mapping[str, Block]
 
+    def __repr__(self) -> str:
+        return f"<Function {self.name}({', '.join(self.arguments)}): {len(self.results)} results>"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
@@ -115,6 +118,10 @@ class Equations:
     load_arguments: tuple[str, ...]
     domains: tuple[DomainPlace, ...] = ()
 
+    def __repr__(self) -> str:
+        sizes = f"{self.unknowns} unknowns, {len(self.equation_names)} equations of loops, {len(self.columns)} columns"
+        return f"<{type(self).__name__} of '{self.topology.model.name}' in scene '{self.scene.name}': {sizes}>"
+
     def function(self, name: str) -> Function:
         """A function by name."""
         return next(f for f in self.functions if f.name == name)
@@ -135,7 +142,7 @@ class Equations:
         raise NotImplementedError
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class RecursiveEquations(Equations):
     """The recursive formulation: joint coordinates by ``charts``, cut joints and gears by ``closures``, the values of ``events`` by
     ``switches``.
@@ -190,7 +197,7 @@ class RecursiveEquations(Equations):
         return replace(self, functions=tuple(f for f in self.functions if f.name not in ("project", "events")), switches=())
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SystemEquations(Equations):
     """An index-3 formulation that Newton's iteration solves, see runtime/include/cutjoint/lagrangian/system.hpp.
 

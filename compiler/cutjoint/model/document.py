@@ -40,11 +40,11 @@ class Gear(Part):
 
 
 class Reaction(Part):
-    """A component of a cut joint's force."""
+    """The force and moment of a joint on its follower: along a direction of a body, or along all axes of the body."""
 
     joint: StrictStr
     body: StrictStr
-    direction: Direction
+    direction: Direction | None = None
 
 
 class Marker(Part):

@@ -135,20 +135,9 @@ _GUIDES = {"rad": LawKind({"t": TIME}, ANGLE), "m": LawKind({"t": TIME}, LENGTH)
 
 
 def _read_reaction(element: Element, reaction: document.Reaction) -> Reaction:
-    name, joint = element.joint(reaction.joint, ("joint",))
-    if joint is not None and not joint.cut:
-        element.fail(
-            f"the joint '{name}' is not cut, so it has no reaction",
-            "write cut: true in the joint",
-            ("joint",),
-        )
-    return Reaction(
-        name=element.name,
-        joint=name,
-        body=element.body(reaction.body, ("body",)),
-        direction=read_direction(element, reaction.direction, ("direction",)),
-        span=element.span,
-    )
+    name, _ = element.joint(reaction.joint, ("joint",))
+    direction = None if reaction.direction is None else read_direction(element, reaction.direction, ("direction",))
+    return Reaction(name=element.name, joint=name, body=element.body(reaction.body, ("body",)), direction=direction, span=element.span)
 
 
 def _read_marker(element: Element, marker: document.Marker) -> Marker:

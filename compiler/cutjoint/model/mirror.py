@@ -180,7 +180,7 @@ def _load(mirror: Mirror, load: BodyLoad) -> BodyLoad:
 
 
 def _reaction(mirror: Mirror, reaction: Reaction) -> Reaction:
-    return replace(reaction, direction=mirror.vector(reaction.direction))
+    return reaction if reaction.direction is None else replace(reaction, direction=mirror.vector(reaction.direction))
 
 
 def _marker(mirror: Mirror, marker: Marker) -> Marker:

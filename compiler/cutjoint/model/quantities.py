@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 from cutjoint.elements.gear import FORCE_UNITS
 from cutjoint.elements.joints import JOINTS
+from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
     AxialForce,
     Body,
@@ -24,6 +25,7 @@ from cutjoint.model.records import (
     Reaction,
     RodForce,
     Tyre,
+    Vector,
 )
 
 Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker
@@ -58,11 +60,14 @@ QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
     },
     BodyLoad: {"Fx": "N", "Fy": "N", "Fz": "N"},
     Tyre: {"Fz": "N", "Fy": "N", "Mz": "N*m", "slip": "rad", "camber": "rad", "deflection": "m"},
-    Reaction: {"force": "N"},
+    Reaction: {"force": "N", "moment": "N*m"},
     RodForce: {"force": "N"},
 }
 
 _TORQUE: Mapping[str, str] = {"Mx": "N*m", "My": "N*m", "Mz": "N*m"}
+
+#: What a reaction without a direction has.
+_WRENCH: Mapping[str, str] = {"Fx": "N", "Fy": "N", "Fz": "N", **_TORQUE}
 
 
 #: Quantities and units of the tree joints of each kind: coordinates, then speeds.
@@ -78,11 +83,20 @@ def quantities(element: Element) -> Mapping[str, str]:
             return JOINT_QUANTITIES[element.kind]
         case Gear():
             return {"force": FORCE_UNITS.get(element.first.unit, "")}  # without a unit where its coordinate is wrong, which is noted
+        case Reaction(direction=None):
+            return _WRENCH
         case BodyLoad(point=None):
             return _TORQUE
         case JointForce():
             return _ROTARY_LAW if element.coordinate.startswith("angle") else {"force": "N", **_TANGENTS}
     return QUANTITIES[type(element)]
+
+
+def reaction_component(reaction: Reaction, quantity: str) -> tuple[bool, Vector]:
+    """Whether a quantity of a reaction is one of its moment, and the direction, fixed in the reaction's body, that it counts along."""
+    if reaction.direction is not None:
+        return quantity == "moment", reaction.direction
+    return quantity.startswith("M"), GLOBAL_AXES["xyz".index(quantity[-1])]
 
 
 def unit_of(model: Model, output: Output) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cutjoint.locations import AnyPath
 from cutjoint.model.errors import Problems
 from cutjoint.model.expand import expand
 from cutjoint.model.records import Model
@@ -19,12 +20,12 @@ from cutjoint.model.units import ACCELERATION
 from cutjoint.model.validate import check_elements, check_names
 
 
-def read_model(path: Path) -> Model:
+def read_model(path: AnyPath) -> Model:
     """Read and validate the model file at ``path``.
 
     Raises ModelError with all problems found; numbers in the result are SI.
     """
-    return read_model_text(read_text(path), str(path))
+    return read_model_text(read_text(Path(path)), str(path))
 
 
 def read_model_text(text: str, file: str) -> Model:

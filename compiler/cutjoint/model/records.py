@@ -292,12 +292,16 @@ class Guard:
 
 @dataclass(frozen=True, kw_only=True)
 class Reaction:
-    """A sensor: a cut joint's force on its follower along ``direction``, which is fixed in ``body``."""
+    """A sensor: the force and moment of a joint, in the tree or cut, on its follower.
+
+    The moment is about the follower's point of the joint.  Components are along ``direction``, which is fixed in ``body``, or
+    without one along the axes of ``body``.
+    """
 
     name: str
     joint: str
     body: str
-    direction: Vector
+    direction: Vector | None
     span: Span
 
 
@@ -460,6 +464,9 @@ class Scene:
     budget: float | None = None
     on_violation: str = "stop"
 
+    def __repr__(self) -> str:
+        return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
@@ -482,6 +489,10 @@ class Model:
     text: str = field(repr=False)
     guards: tuple[Guard, ...] = ()
     gears: tuple[Gear, ...] = ()
+
+    def __repr__(self) -> str:
+        elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}
+        return f"<Model '{self.name}': {', '.join(f'{len(x)} {name}' for name, x in elements.items())}>"
 
     @property
     def constraint_spans(self) -> Mapping[str, Span]:

@@ -27,6 +27,9 @@ class LoweredFunction:
     results: tuple[Result, ...]
     statements: tuple[int, ...]
 
+    def __repr__(self) -> str:
+        return f"<LoweredFunction {self.name}: {len(self.statements)} statements, {len(self.results)} results>"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Program:
@@ -45,6 +48,10 @@ class Program:
     stepped: tuple[int, ...]
     stored: frozenset[int]
     lanes: bool = False
+
+    def __repr__(self) -> str:
+        operations = ", ".join(f"{f.name} {self.operations(f.name)}" for f in self.functions)
+        return f"<Program of {len(self.graph.nodes)} scalars{', with lanes' if self.lanes else ''}: operations {operations}>"
 
     def function(self, name: str) -> LoweredFunction:
         """A function by name."""

@@ -22,7 +22,7 @@ _TURNS = (JointKind.REVOLUTE, JointKind.PLANAR)
 
 
 def drop_idle_equations(model: Model, scene: Scene) -> Outcome:
-    """The pass: cut revolute joints of plane loops whose reactions nobody asks for become points on their axes."""
+    """The pass: cut revolute joints of plane loops become points on their axes, where nobody asks for a reaction in the loop."""
     topology, outcome = build_topology(model), Outcome(model=model, scene=scene)
     values = {p.symbol: p.value for p in model.parameters if p.binding is Binding.CONST}
     joint_of = topology.joint_of
@@ -32,11 +32,12 @@ def drop_idle_equations(model: Model, scene: Scene) -> Outcome:
             continue
         others = [joint_of[body].joint for body in loop.bodies]
         odd = next((j for j in others if not _moves_across(j, cut.axes[0], values)), None)
-        sensor = next((r for r in model.reactions if getattr(r, "joint", "") == cut.name), None)
+        names = {cut.name, *(j.name for j in others)}
+        sensor = next((r for r in model.reactions if getattr(r, "joint", "") in names), None)
         if odd is None and sensor is None:
             outcome = _freed(outcome, cut)
         else:
-            why = f"'{odd.name}' leaves the plane" if odd is not None else f"'{sensor.name}' is its reaction"  # type: ignore[union-attr]
+            why = f"'{odd.name}' leaves the plane" if odd is not None else f"'{sensor.name}' is a reaction in its loop"  # type: ignore[union-attr]
             note = Note(element=cut.name, words=f"keeps its five equations: {why}", span=cut.span)
             outcome = replace(outcome, left=(*outcome.left, note))
     return outcome

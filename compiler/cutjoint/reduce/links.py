@@ -125,6 +125,9 @@ def _require_idle(outcome: Outcome, link: _Link) -> None:
             raise _StaysError(f"stays: the scene gives '{state}'")
     if link.outside(link.cut) == link.outside(link.tree):
         raise _StaysError("stays: it joins a body to itself")
+    moments = {r.name for r in outcome.model.reactions if isinstance(r, Reaction) and r.joint == link.cut.name}
+    for name in (o.column for o in outcome.scene.outputs if o.element in moments and o.quantity == "moment"):
+        raise _StaysError(f"stays: the output '{name}' asks for a moment in its joint '{link.cut.name}'")
 
 
 def _moved(force: Force, link: _Link) -> Force:
@@ -168,8 +171,12 @@ def _told(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], for
     if isinstance(reaction, RodForce) or reaction.joint not in (link.cut.name, link.tree.name):
         _require_other(reaction, link)
         return reaction
+    if reaction.joint == link.tree.name:
+        raise _StaysError(f"stays: '{reaction.name}' is the reaction of its joint '{link.tree.name}'")
     if reaction.body != link.body.name:
         raise _StaysError(f"stays: the direction of '{reaction.name}' is fixed in '{reaction.body}'")
+    if reaction.direction is None:
+        raise _StaysError(f"stays: '{reaction.name}' is the reaction of its joint '{link.cut.name}' without a direction")
     for force in _at_end(forces, link):
         raise _StaysError(f"stays: '{force.name}' and '{reaction.name}' are at the same end")
     sign = 1 if link.cut.follower == link.body.name else -1

@@ -22,6 +22,8 @@ def drop_unreached(model: Model, scene: Scene) -> Outcome:
     group = _groups(model, scene, given)
     asked = {o.element for o in scene.outputs}
     wanted = {group[b] for element in _elements(model) if element.name in asked for b in _felt(element, model) if b in group}
+    if any(_is_carried(element, model, given) for element in model.reactions if element.name in asked):
+        return Outcome(model=model, scene=scene)
     gone = {b for b in group if group[b] not in wanted} if wanted else set()
     return _without(model, scene, gone)
 
@@ -44,6 +46,11 @@ def _felt(element: Any, model: Model) -> set[str]:
         case Gear():
             return {body for name in element.joints for body in bodies_of(joints[name])}
     return bodies_of(element)
+
+
+def _is_carried(reaction: Reaction | RodForce, model: Model, given: set[str]) -> bool:
+    """Whether a reaction is of a joint between bodies of given motion, which may carry all others."""
+    return isinstance(reaction, Reaction) and next(bodies_of(j) for j in model.joints if j.name == reaction.joint) <= given
 
 
 def _given_motion(model: Model) -> set[str]:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.report.names import closing_equations
-from cutjoint.run.results import Batch, Effort, Equilibrium, ErrorEstimate, Trajectory
-from cutjoint.run.simulator_run import Compilation
+from cutjoint.run.results import Batch, Effort, ErrorEstimate, MechanismState, Trajectory
+from cutjoint.run.simulator_run import Compilation, Start
 
 if TYPE_CHECKING:
     from cutjoint.analysis.conditioning import RatedChoice, RatedOption
@@ -138,9 +138,18 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
         ("compile", f"{_taken(c.compile_seconds)} ({c.compiler}, {' '.join(c.flags)})"),
         ("run", f"{run.seconds:.4f} s for {simulated:g} s: {factor}"),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
+        *([("went over to", run.instead)] if run.instead else []),
         *_effort_facts(run.effort),
-        ("speeds not given", f"{len(run.undetermined)}, as small as the loops allow{_listed(run.undetermined)}"),
+        *_speeds_not_given(c.start, run.undetermined),
     ])  # fmt: skip
+
+
+def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:
+    """The speeds that a run has chosen; none where it begins at rest, since no speed is given."""
+    if start.at_rest or not undetermined:
+        return []
+    chosen = "as small as the loops allow" if start.closes_loops else "zero"
+    return [("speeds not given", f"{len(undetermined)}, {chosen}: {', '.join(undetermined)}")]
 
 
 def error_facts(error: ErrorEstimate) -> Table:
@@ -168,7 +177,7 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
         ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),
         ("steps", f"{batch.seconds / runs * 1e3:.3g} ms of a thread for each run"),
         ("parameters", ", ".join(batch.names)),
-        ("speeds not given", f"{len(batch.undetermined)}, as small as the loops allow{_listed(batch.undetermined)}"),
+        *_speeds_not_given(artifact.start, batch.undetermined),
     ])  # fmt: skip
 
 
@@ -202,11 +211,7 @@ def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:
 STIFF = 0.1
 
 
-def _listed(names: tuple[str, ...]) -> str:
-    return f": {', '.join(names)}" if names else ""
-
-
-def equilibrium_table(equilibrium: Equilibrium) -> Table:
+def equilibrium_table(equilibrium: MechanismState) -> Table:
     """One row a quantity."""
     table = Table(title="static equilibrium", title_justify="left", box=None)
     for heading in ("element", "quantity", "value", "unit"):

@@ -13,7 +13,8 @@ import numpy as np
 
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
-from cutjoint.run.results import Array, ErrorEstimate, Trajectory
+from cutjoint.run.cures import follow_up
+from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
@@ -43,19 +44,24 @@ _STRICTER = _Change(setting="tolerance", factor=0.1, left=0.1, levels=5, heals=F
 
 def run_accurately(
     plan: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
-    progress: Progress | None = None, estimate: bool = True,
+    progress: Progress | None = None, estimate: bool = True, go_over: bool = True, advise: bool = False,
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end, with steps that keep the run's ``goal`` if it has one; the run can say how wrong it is.
 
-    Without ``estimate`` there is one run, and the goal is not looked at.  Files and errors as of `simulator_run.start`.
+    Without ``estimate`` there is one run, and the goal is not looked at.  Where a run fails whose plan is free, another integrator takes
+    over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and errors as of `simulator_run.start`.
     """
     begin = partial(start, out=out, steps=steps, tangents=tangents, progress=progress)
-    if not estimate:
-        return begin(plan)
-    if plan.goal is None:
-        run = begin(plan)
-        return replace(run, estimator=partial(estimate_error, plan))
-    return _reach(plan, plan.goal, begin)
+    play = partial(_play, begin=begin, estimate=estimate)
+    return follow_up(plan, play(plan), play, go_over=go_over and plan.is_free, advise=advise)
+
+
+def _play(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
+    """A run by the settings of its plan."""
+    if estimate and plan.goal is not None:
+        return _reach(plan, plan.goal, begin)
+    run = begin(plan)
+    return replace(run, estimator=partial(estimate_error, plan)) if estimate else run
 
 
 def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
@@ -103,7 +109,7 @@ def _unknown(run: Trajectory) -> dict[str, float]:
 
 
 def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool) -> Trajectory:
-    estimate = ErrorEstimate(largest=errors, units=run.units, converged=converged)
+    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
     return replace(run, estimator=lambda _: estimate)
 
 
@@ -120,7 +126,7 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     change = _change_of(plan)
     finer = _try(plan, change, 1)
     if run.failure is not None or finer is None:
-        return ErrorEstimate(largest=_unknown(run), units=run.units, converged=False)
+        return ErrorEstimate(largest=Columns(_unknown(run)), units=run.units, converged=False)
     apart = _differences(run, finer)
     coarser = _try(plan, change, -1)
     if coarser is not None:
@@ -129,7 +135,8 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         finest = _try(plan, change, 2)
         before, after = apart, _unknown(run) if finest is None else _differences(finer, finest)
     errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
-    return ErrorEstimate(largest=errors, units=run.units, converged=all(_falls(run.columns[c], before[c], after[c]) for c in apart))
+    converged = all(_falls(run.columns[c], before[c], after[c]) for c in apart)
+    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
 
 
 def _try(plan: SimulatorRun, change: _Change, times: int) -> Trajectory | None:

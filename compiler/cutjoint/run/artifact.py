@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.methods import INTEGRATORS, METHODS, PRECISIONS, Implementation, either, names_of
+from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, Implementation, either, names_of
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Settings, find_goal, find_settings, with_options
-from cutjoint.run.simulator_run import Compilation, SimulatorRun
+from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology
 
@@ -40,6 +42,12 @@ class Artifact:
     compile_seconds: float
     description: Mapping[str, Any] | None = None
 
+    def __repr__(self) -> str:
+        how = f"{self.implementation}, {self.precision}, {self.program.operations(self.iteration)} operations an evaluation"
+        sizes = f"{self.equations.unknowns} unknowns, {len(self.equations.equation_names)} equations of loops"
+        what = f"'{self.topology.model.name}', scene '{self.scene.name}', method {self.method}"
+        return f"<Artifact of {what}: {how}, {sizes}, {self.binary.path}>"
+
     @property
     def compilation(self) -> Compilation:
         """What the compilation was, for people."""
@@ -47,12 +55,18 @@ class Artifact:
             scene=self.scene.name, method=self.method, operations=self.program.operations(self.iteration),
             instructions=self.program.instructions(self.iteration), compiler=self.binary.compiler, flags=tuple(self.binary.flags),
             generate_seconds=self.generate_seconds, compile_seconds=self.compile_seconds if self.binary.fresh else 0.0,
+            start=start_of(self.mechanism),
         )  # fmt: skip
 
     @property
     def topology(self) -> Topology:
         """The spanning tree with its cut joints."""
         return self.equations.topology
+
+    @property
+    def file(self) -> Path:
+        """The model file."""
+        return Path(self.topology.model.span.file)
 
     @property
     def places(self) -> dict[str, str]:
@@ -79,6 +93,12 @@ class Artifact:
         return find_settings(scene, METHODS[self.method], self.implementation, options)
 
 
+def start_of(equations: RecursiveEquations) -> Start:
+    """What the speeds at the start of a scene follow from."""
+    guided = any(joint.guide is not None for joint in equations.topology.model.joints)
+    return Start(at_rest=not (equations.scene.rates or guided), closes_loops=bool(equations.equation_names))
+
+
 def make_simulator_run(artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None) -> SimulatorRun:
     """The run of a compiled model with options and ``parameters`` (SI units).
 
@@ -89,10 +109,26 @@ def make_simulator_run(artifact: Artifact, options: Options, parameters: Mapping
         artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
         implementation=artifact.implementation, options=options,
     )  # fmt: skip
+    goal = find_goal(artifact.scene, artifact.method, run_file["integrator"], options)
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
-        description=artifact.description, goal=find_goal(artifact.scene, artifact.method, run_file["integrator"], options),
+        description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
+        others=tuple(_other_settings(artifact, options, run_file["integrator"])),
+        is_free=goal is not None and _leaves_choice(artifact, options),
     )  # fmt: skip
+
+
+def _leaves_choice(artifact: Artifact, options: Options) -> bool:
+    """Whether neither scene nor caller name a method, or what steps do at events."""
+    scene = artifact.scene
+    return artifact.method == DEFAULT_METHOD and not scene.method and options.events is None and scene.numerics.events is None
+
+
+def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[dict[str, Any]]:
+    """The settings of a run by each other integrator that the simulator has."""
+    for name in names_of(INTEGRATORS, lambda i: i.in_files and i.name != integrator):
+        with suppress(RunError):  # it does not take the method, or not with these options
+            yield artifact.settings(replace(options, integrator=name)).parts()
 
 
 def require_tangents(artifact: Artifact, options: Options) -> None:

@@ -2,24 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import nan
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, BinaryIO, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.model.errors import nearest
 from cutjoint.run.outputs import OutputError
+
+T = TypeVar("T")
 
 Array: TypeAlias = NDArray[np.float64]
 
 
+#: What an advice begins with, or its last part, that nobody has tried for the run at hand.
+UNTRIED = "not tried: "
+#: How many columns a `repr` names.
+_NAMED = 6
+
+
+class Columns(dict[str, T]):
+    """Values by the names of columns.
+
+    Raises:
+        KeyError: there is no such column; the message has the name nearest to it, or some that there are.
+    """
+
+    def __missing__(self, column: str) -> T:
+        raise KeyError(f"no column '{column}'; {nearest(str(column), self, 'there is')}")
+
+
+def _listed(columns: Iterable[str]) -> str:
+    """The first of the columns, and how many more there are."""
+    names = list(columns)
+    more = [f"{len(names) - _NAMED} more"] if len(names) > _NAMED else []
+    return ", ".join([*names[:_NAMED], *more]) or "none"
+
+
 @dataclass(frozen=True, kw_only=True)
 class FailureReport:
-    """Where a run stopped: ``time`` in s, the ``element`` with the worst residual, and what to try.
+    """Where a run stopped: ``time`` in s, the ``element`` with the worst residual, and an ``advice`` ("" if there is none).
 
     ``guards`` names the forces that were left out of the model and would act there, if that is why it stopped; the residual is then the
     violation of their margin.
@@ -33,10 +60,13 @@ class FailureReport:
     advice: str
     guards: tuple[str, ...] = ()
 
+    @property
+    def what(self) -> str:
+        """What happened when, and where most."""
+        return f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}"
+
     def __str__(self) -> str:
-        return (
-            f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}; {self.advice}"
-        )
+        return f"{self.what}; {self.advice}" if self.advice else self.what
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,14 +118,19 @@ class ErrorEstimate:
     def __getitem__(self, column: str) -> float:
         return self.largest[column]
 
+    def __repr__(self) -> str:
+        worst = ", ".join(f"{name} {value:.1e}" for name, value in sorted(self.largest.items(), key=lambda x: -x[1])[:_NAMED])
+        converged = "converged" if self.converged else "not converged"
+        return f"<ErrorEstimate, {converged}: {len(self.largest)} columns, largest {worst or 'none'}>"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
     """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
 
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
-    start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.  ``estimator``
-    finds how wrong the run is, None where nothing can.
+    start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.  ``instead`` says
+    which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where nothing can.
     """
 
     t: Array
@@ -108,10 +143,17 @@ class Trajectory:
     failure: FailureReport | None
     effort: Effort = Effort()
     table: Path | None = None
+    instead: str = ""
     estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
+
+    def __repr__(self) -> str:
+        reached = f"t = {self.t[-1]:g} s" if self.t.size else "no row"
+        end = "" if self.failure is None else f"; failed: {self.failure.message}"
+        columns = f"{len(self.columns)} columns ({_listed(self.columns)})"
+        return f"<Trajectory to {reached}: {self.t.size} rows, {columns}, {self.steps} steps{end}>"
 
     @cached_property
     def error(self) -> ErrorEstimate:
@@ -146,6 +188,11 @@ class Batch:
     seconds: float
     elapsed: float
 
+    def __repr__(self) -> str:
+        failed = sum(failure is not None for failure in self.failures)
+        sets = f"over {_listed(self.names)}"
+        return f"<Batch of {len(self.cases)} runs, {failed} failed, {sets}: {len(self.units)} columns ({_listed(self.units)})>"
+
     @property
     def names(self) -> tuple[str, ...]:
         """The parameters that the runs set."""
@@ -153,14 +200,21 @@ class Batch:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Equilibrium:
-    """A static equilibrium: the value and unit of each quantity by ``element.quantity``."""
+class MechanismState:
+    """A state of a mechanism: the value and unit of each quantity by ``element.quantity``.
+
+    ``undetermined`` are independent speeds that neither scene nor loops determine, which are as small as they can be.
+    """
 
     values: Mapping[str, float]
     units: Mapping[str, str]
+    undetermined: tuple[str, ...] = ()
 
     def __getitem__(self, column: str) -> float:
         return self.values[column]
+
+    def __repr__(self) -> str:
+        return f"<MechanismState of {len(self.values)} quantities ({_listed(self.values)})>"
 
 
 def read_effort(summary: Mapping[str, Any]) -> Effort:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import subprocess
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 from cutjoint.run.result_files import write_all
@@ -25,15 +28,16 @@ class SimulatorError(RuntimeError):
 
 
 def call_simulator(
-    binary: Path, run_file: Mapping[str, Any], progress: Progress | None = None, receive: Receive | None = None
+    binary: Path, run_file: Mapping[str, Any], progress: Progress | None = None, receive: Receive | None = None,
+    seconds: float | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Run a simulator on a run file and return its summary; it has ended when this returns or raises, also where ``progress`` raises.
 
-    It ends too when this process is killed: then its standard input ends.
+    It ends too when this process is killed: then its standard input ends.  After ``seconds``, if given, it is killed.
 
     Raises:
-        SimulatorError: it could not begin (a run that fails numerically returns a summary that says so), could not write a file, or wrote
-            what is no summary.
+        SimulatorError: it could not begin (a run that fails numerically returns a summary that says so), could not write a file, wrote what
+            is no summary, or took too long.
         Interrupted, Terminated: a signal has ended the run.
     """
     # files without names: nothing of them stays if this process is killed.  What a simulator complains of goes into a file, since a pipe
@@ -48,7 +52,8 @@ def call_simulator(
         command = [str(binary), f"/dev/fd/{file.fileno()}"]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": complaint, "pass_fds": open_files}
         # from before the simulator begins: what it writes first may be what somebody waits for with a signal
-        with stop_requests() as request, _begin(command, **pipes, encoding="utf-8", errors="replace") as process:
+        begun = partial(_begin, command, **pipes, encoding="utf-8", errors="replace")
+        with stop_requests() as request, begun() as process, _killed_after(seconds, process):
             status, summary = _follow(process, request, progress, receive)
         if request.number is not None:
             raise request.error(_when(summary))
@@ -63,6 +68,19 @@ def call_simulator(
 def _is_descriptor(place: Any) -> bool:
     """Whether a run file has an open file there."""
     return isinstance(place, Mapping) and "descriptor" in place
+
+
+@contextmanager
+def _killed_after(seconds: float | None, process: subprocess.Popen[str]) -> Iterator[None]:
+    """While this lasts, a process is killed after so many seconds, if they are given."""
+    timer = None if seconds is None else Timer(seconds, process.kill)
+    if timer is not None:
+        timer.start()
+    try:
+        yield
+    finally:
+        if timer is not None:
+            timer.cancel()
 
 
 def _follow(

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import RunTables
-from cutjoint.run.results import Trajectory, read_effort, read_run_table
+from cutjoint.run.results import Columns, Trajectory, read_effort, read_run_table
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 
@@ -20,6 +21,10 @@ class SimulatorRun:
     ``simulator`` is the program, ``run_file`` what it reads, ``description`` what the generic twin reads of the model besides (None for
     generated code), ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that
     steps are to keep, None where steps are given.
+
+    ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``others`` are the settings of other integrators that
+    it has: parts of a run file.  ``is_free`` is whether scene and caller leave the choice of the integrator and of what
+    steps do at events.
     """
 
     simulator: Path
@@ -27,10 +32,22 @@ class SimulatorRun:
     description: Mapping[str, Any] | None
     units: Mapping[str, str]
     goal: float | None = None
+    method: str = DEFAULT_METHOD
+    closes_loops: bool = False
+    others: Sequence[Mapping[str, Any]] = ()
+    is_free: bool = False
 
     def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
         """The run with other values (SI units) of open parameters that nothing else in the run file follows from."""
         return replace(self, run_file={**self.run_file, "parameters": {**self.run_file["parameters"], **changes}})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """What the speeds at a start follow from: ``at_rest`` is whether neither scene nor guides give one."""
+
+    at_rest: bool
+    closes_loops: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,27 +62,29 @@ class Compilation:
     flags: tuple[str, ...]
     generate_seconds: float
     compile_seconds: float
+    start: Start
 
 
 def start(
-    run: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None, progress: Progress | None = None
+    run: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
+    progress: Progress | None = None, seconds: float | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are the files that receive what `pipeline.simulate` says.
 
     Raises:
-        SimulatorError: the simulator could not begin, or could not write a file.
+        SimulatorError: the simulator could not begin, could not write a file, or took more than ``seconds``.
         OutputError: a file cannot be written.
         Interrupted, Terminated: a signal has ended the run.
     """
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
     with RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents) as tables:
         model = {} if run.description is None else {"model": run.description}
-        summary = call_simulator(run.simulator, {**run.run_file, **model, **tables.places}, progress)
+        summary = call_simulator(run.simulator, {**run.run_file, **model, **tables.places}, progress, seconds=seconds)
         t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
     return Trajectory(
-        t=t, columns=columns, units=run.units, steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
+        t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         effort=read_effort(summary), table=table,
     )  # fmt: skip

@@ -68,6 +68,10 @@ class Topology:
     branches: tuple[Branch, ...]
     classes: tuple[SubtreeClass, ...]
 
+    def __repr__(self) -> str:
+        loops = f"{len(self.cuts)} cut joints, {len(self.loops)} loops, {len(self.classes)} classes of isomorphic subtrees"
+        return f"<Topology of '{self.model.name}': {len(self.tree)} tree joints, {loops}>"
+
     @property
     def closing(self) -> tuple[Joint | Gear, ...]:
         """What has equations: the cut joints, then the model's gears."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from cutjoint.model.records import GROUND, Joint, JointForce, Model
+from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.topology.cuts import problems_of_cuts, reasons_to_stay, shortest_paths
 from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.operations import predict_operations
 from cutjoint.topology.records import TreeJoint
@@ -27,73 +27,16 @@ def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
     """
     joints = [j for j in model.joints if j.cut is not True]
     bound = tree_only(model)
-    chosen = _shortest_paths(joints, bound)
-    _check(model, joints, chosen, bound)
+    chosen = shortest_paths(joints, bound)
+    if problems := list(problems_of_cuts(model.bodies, joints, chosen, bound)):
+        raise TopologyError("\n".join(problems))
     chosen = _improve(model, joints, chosen, bound)
     return split(model, chosen)
 
 
-def tree_only(model: Model) -> frozenset[str]:
-    """The joints whose coordinates are used, so that they cannot be cut: wanted in the tree, guided, with a force on the coordinate or a
-    gear, with an initial coordinate or speed, reported; and free joints, which close nothing."""
-    wanted = {j.name for j in model.joints if j.cut is False or j.guide is not None or not j.element.closes}
-    forced = {f.joint for f in model.force_elements if isinstance(f, JointForce)}
-    geared = {name for gear in model.gears for name in gear.joints}
-    names = {j.name for j in model.joints}
-    used: set[str] = set()
-    for scene in model.scenes.values():
-        used |= {key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} | {o.element for o in scene.outputs}
-    return frozenset(wanted | forced | geared | (used & names))
-
-
-def _shortest_paths(joints: Sequence[Joint], bound: frozenset[str]) -> set[str]:
-    """A breadth-first tree; joints that must not be cut count as no distance, so that it has all of them unless they close a loop."""
-    known: set[str] = set()
-    chosen: set[str] = set()
-    held = [j for j in joints if j.name in bound]
-    queue = deque(sorted(_reach(GROUND, held, known, chosen)))
-    while queue:
-        body = queue.popleft()
-        for joint in joints:
-            other = _other(joint, body)
-            if other is not None and other not in known:
-                chosen.add(joint.name)
-                queue.extend(_reach(other, held, known, chosen))
-    return chosen
-
-
-def _reach(body: str, held: Sequence[Joint], known: set[str], chosen: set[str]) -> list[str]:
-    """A body and all that ``held`` joints connect with it, nearest first; they become known and the joints chosen."""
-    known.add(body)
-    reached = [body]
-    for inner in reached:
-        for joint in held:
-            other = _other(joint, inner)
-            if other is not None and other not in known:
-                known.add(other)
-                chosen.add(joint.name)
-                reached.append(other)
-    return reached
-
-
-def _other(joint: Joint, body: str) -> str | None:
-    if joint.base == body:
-        return joint.follower
-    return joint.base if joint.follower == body else None
-
-
-def _check(model: Model, joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> None:
-    reached = {GROUND} | {b for j in joints if j.name in chosen for b in (j.base, j.follower)}
-    problems = [
-        f"{b.span}: body '{b.name}': the cut joints tear it off the ground; leave one of its joints uncut"
-        for b in model.bodies if b.name not in reached
-    ] + [
-        f"{j.span}: joint '{j.name}': it closes a loop but must not be cut, since its coordinate is used; "
-        "leave another joint of the loop free to be cut"
-        for j in joints if j.name not in chosen and j.name in bound
-    ]  # fmt: skip
-    if problems:
-        raise TopologyError("\n".join(problems))
+def tree_only(model: Model) -> Mapping[str, str]:
+    """The joints that must not be cut, and why."""
+    return reasons_to_stay(model)
 
 
 @dataclass(frozen=True, kw_only=True, order=True)
@@ -123,7 +66,7 @@ def split(model: Model, chosen: set[str]) -> tuple[tuple[TreeJoint, ...], tuple[
     return _orient([j for j in model.joints if j.name in chosen]), tuple(j for j in model.joints if j.name not in chosen)
 
 
-def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> set[str]:
+def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], bound: Container[str]) -> set[str]:
     best, cost = chosen, cost_of(model, *split(model, chosen))
     improved = True
     while improved:
@@ -136,7 +79,7 @@ def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], bound: fro
     return best
 
 
-def _exchanges(model: Model, joints: Sequence[Joint], chosen: set[str], bound: frozenset[str]) -> Iterable[set[str]]:
+def _exchanges(model: Model, joints: Sequence[Joint], chosen: set[str], bound: Container[str]) -> Iterable[set[str]]:
     """Every tree that differs from the chosen one by one exchange of a compiler's cut joint for a joint of its loop."""
     tree, _ = split(model, chosen)
     for cut in (j for j in joints if j.name not in chosen):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations
+from cutjoint.locations import AnyPath
 from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, all_of, names_of
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
@@ -22,7 +22,7 @@ from cutjoint.twin.mechanism import describe_generic
 from cutjoint.twin.system import describe_generic_natural
 
 
-def compile_generic_model(path: Path, *, scene: str | None = None, **how: Any) -> Artifact:
+def compile_generic_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:
     """A model file for the generic twin; ``how`` as in `compile_generic`.
 
     Raises:

@@ -28,7 +28,7 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.records import Chart
 from cutjoint.formulate.recursive.closures import derive_closure
-from cutjoint.model.quantities import reported_element, unit_of
+from cutjoint.model.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import (
     COORDINATES,
     SPEEDS,
@@ -232,8 +232,7 @@ def _source(trees: Trees, output: Output, element: Any, topology: Topology, scen
         case Marker():
             return _motion(trees, element.body, element.point, output.quantity)
         case Reaction():
-            direction = trees.all(element.direction)
-            return {"kind": "reaction", "cut": element.joint, "body": element.body, "direction": direction}
+            return _reaction(trees, element, output.quantity)
         case Joint():
             return _joint_value(output, element, topology)
         case Gear():
@@ -243,6 +242,16 @@ def _source(trees: Trees, output: Output, element: Any, topology: Topology, scen
 
 def _motion(trees: Trees, body: str, point: Iterable[Scalar], quantity: str) -> Json:
     return {"kind": "motion", "body": body, "point": trees.all(point), "quantity": quantity}
+
+
+def _reaction(trees: Trees, reaction: Reaction, quantity: str) -> Json:
+    is_moment, direction = reaction_component(reaction, quantity)
+    joint = next(j for j in trees.model.joints if j.name == reaction.joint)
+    return {
+        "kind": "reaction", "joint": joint.name, "follower": joint.follower,
+        "point": trees.all(joint.at if joint.to is None else joint.to), "body": reaction.body, "direction": trees.all(direction),
+        "moment": is_moment,
+    }  # fmt: skip
 
 
 def _joint_value(output: Output, joint: Joint, topology: Topology) -> Json:

@@ -93,8 +93,9 @@ def try_run(
         steps = folder / "steps.csv"
         try:
             run = simulate(
-                own, dt=dt, parameters={**case.parameters, **(parameters or {})}, steps=steps, integrator="trapezoidal", events="crossed"
-            )
+                own, dt=dt, parameters={**case.parameters, **(parameters or {})}, steps=steps, integrator="trapezoidal", events="crossed",
+                check=False,
+            )  # fmt: skip
         except SimulatorError as error:
             return Finding(outcome="diverged", message=str(error))
         residual = _last_residual(steps)

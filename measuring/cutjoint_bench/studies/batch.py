@@ -18,7 +18,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.batch import BatchArtifact, compile_batch, simulate_batch
+from cutjoint.batch import BatchArtifact, compile_scene_batch, simulate_batch
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
@@ -58,7 +58,7 @@ def peak() -> dict[int, float]:
 def compare(name: str, model: Model, scene: Scene, throughput: Table, limit: Table, at_most: dict[int, float]) -> None:
     """The lines of one model."""
     lanes, scalar = (compile_scene(model, scene, lanes=lanes) for lanes in (True, False))
-    batch = compile_batch(model, scene)
+    batch = compile_scene_batch(model, scene)
     operations, evaluations = scalar.program.operations("evaluate"), simulate(scalar).evaluations
     single = {"one at a time, lanes in it": (steps(lanes), whole(lanes)), "one at a time, no lanes": (steps(scalar), whole(scalar))}
     together = steps_of_batch(batch)
@@ -75,23 +75,23 @@ def compare(name: str, model: Model, scene: Scene, throughput: Table, limit: Tab
 def seek_millimetre(full: Artifact, model: Model, scene: Scene, table: Table) -> None:
     """What steps and tolerances cost that are short enough, and some that are not."""
     truth = simulate(full, dt=REFERENCE_STEP)
-    single, batch = compile_scene(model, scene), compile_batch(model, scene)
+    single, batch = compile_scene(model, scene), compile_scene_batch(model, scene)
     sparse = replace(single, scene=replace(scene, output_step=SPARSE_ROWS))
     for dt, tolerance in STEPS:
-        run = simulate(single, dt=dt, tolerance=tolerance)
+        run = simulate(single, dt=dt, tolerance=tolerance, check=False)
         seconds = steps(single, dt=dt, tolerance=tolerance), steps_of_batch(batch, dt=dt, tolerance=tolerance)[0]
         times = (text for x in seconds for text in (f"{x * 1e3:.2f}", f"{scene.end / x:.0f}"))
         table.add_row(f"{dt * 1e3:g}", f"{tolerance:g}", str(run.evaluations), f"{distance(run, truth):.1e}", *times)
     for tolerance in TOLERANCES:
         how: dict[str, Any] = {"integrator": "dormand-prince", "events": "crossed", "tolerance": tolerance, "penalty": PENALTY}
-        run, x = simulate(single, **how), steps(sparse, **how)
+        run, x = simulate(single, **how, check=False), steps(sparse, **how)
         figures = (f"{1e3 * scene.end / run.steps:.2g} on average", f"{tolerance:g}", str(run.evaluations), f"{distance(run, truth):.1e}")
         table.add_row(*figures, f"{x * 1e3:.2f}", f"{scene.end / x:.0f}", "", "")
 
 
 def steps(artifact: Artifact, **how: Any) -> float:
     """Seconds of a run's steps."""
-    return median(simulate(artifact, **how).seconds for _ in range(REPETITIONS))
+    return median(simulate(artifact, **how, check=False).seconds for _ in range(REPETITIONS))
 
 
 def whole(artifact: Artifact) -> float:
@@ -108,7 +108,7 @@ def whole(artifact: Artifact) -> float:
 
 def steps_of_batch(artifact: BatchArtifact, **how: float) -> tuple[float, float]:
     """The same two of one run of a batch."""
-    done = [simulate_batch(artifact, CASES, threads=1, **how) for _ in range(REPETITIONS)]  # type: ignore[arg-type]
+    done = [simulate_batch(artifact, CASES, threads=1, check=False, **how) for _ in range(REPETITIONS)]  # type: ignore[arg-type]
     return median(b.seconds for b in done) / RUNS, median(b.elapsed for b in done) / RUNS
 
 

@@ -148,7 +148,7 @@ class Projection {
     for (std::size_t i = 0; i < open.size(); ++i)
       if (abs(open[i]) > abs(open[worst]) || open[i] != open[i]) worst = i;
     throw Failure(what, static_cast<double>(state.t), number, std::string(d_.equations[worst]), static_cast<double>(left),
-                  "take a smaller dt; near a singular pose also a smaller penalty");
+                  "not tried: a smaller dt");
   }
 
   static Real rounding() { return Real(64) * std::numeric_limits<Real>::epsilon(); }

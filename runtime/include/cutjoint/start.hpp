@@ -68,7 +68,7 @@ class Starter {
       if (!std::isfinite(static_cast<double>(state.vdot[i])))
         throw Failure("an acceleration has no finite value at the start", static_cast<double>(state.t), 0, std::string(d_.speeds[i]),
                       static_cast<double>(state.vdot[i]),
-                      "look for a law that divides by zero or takes the root of a negative number in this pose");
+                      "it may move no mass in this pose, as of massless links in line");
   }
 
   /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay or only rounding is left to

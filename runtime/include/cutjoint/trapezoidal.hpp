@@ -42,8 +42,7 @@ inline FixedPoint fixed_point_of(const RunSettings& settings) {
 inline Failure not_reached(int iterations, double change, double size, double t, long number, std::string_view speed) {
   const std::string what = std::isfinite(change) ? "the fixed point did not converge in " + std::to_string(iterations) + " iterations"
                                                  : "the fixed point diverged to infinity";
-  const char* advice = change <= 1e-4 * size ? "what is left may be rounding: take a smaller penalty or a larger tolerance"
-                                             : "take a smaller dt, or softer springs and dampers";
+  const char* advice = change <= 1e-4 * size ? "what is left may be rounding; not tried: a larger tolerance" : "not tried: a smaller dt";
   return Failure(what, t, number, std::string(speed), change, advice);
 }
 

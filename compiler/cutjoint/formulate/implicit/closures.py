@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from cutjoint.formulate.implicit.motions import Motion, Motions
 from cutjoint.formulate.implicit.wrenches import ways
 from cutjoint.formulate.recursive.kinematics import Kinematics
-from cutjoint.formulate.recursive.loops import LoopClosure, transport
+from cutjoint.formulate.recursive.loops import LoopClosure, pulls, transport
 from cutjoint.program.blocks import BindingTime, Block
 
 
@@ -32,14 +32,6 @@ def close(k: Kinematics, loop: LoopClosure, penalty: Block) -> Closed:
     with b.section("closure", joint.name, "W = -A^T (penalty Phi + lambda)", joint.span.place):
         push = b.name(b.add(b.scale(penalty, loop.residual), loop.multipliers), "push", joint.name, rows=loop.names)
         return Closed(loop=loop, wrenches=pulls(k, loop, push))
-
-
-def pulls(k: Kinematics, loop: LoopClosure, push: Block) -> dict[str, Block]:
-    """-A^T push on the follower and its reaction on the base, each at the body's pole."""
-    b, joint = k.builder, loop.joint
-    wrench = b.mul(b.transpose(loop.A), push)
-    back = b.transpose(transport(b, k.pole_step(joint.base, joint.follower)))
-    return {joint.follower: b.neg(wrench), joint.base: b.mul(back, wrench)}
 
 
 def jacobian(motions: Motions, loop: LoopClosure) -> list[tuple[Motion, Block, Block]]:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
 from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
-from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, pulls, weights
+from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, weights
 from cutjoint.formulate.implicit.gears import change, gear_tangent, push_joints, speed_inputs, weighted_push
 from cutjoint.formulate.implicit.gears import weights as gear_weights
 from cutjoint.formulate.implicit.inertia import Composite, composites, inertial_tangent
@@ -32,8 +32,9 @@ from cutjoint.formulate.records import Column, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
-from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, transport
+from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
+from cutjoint.formulate.recursive.reactions import Reactions
 from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output, Tyre
@@ -64,7 +65,10 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         gears=gears, pushes=tuple(weighted_push(k, gear, penalty) for gear in gears),
         Zdd=given_accelerations(k), M=masses, Q=weights_of_masses,
     )  # fmt: skip
-    reporter = Reporter(model=model, kinematics=k, forces=forces, loops=loops, gears=gears, Zdd=system_of.Zdd)
+    reactions = Reactions(kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=system_of.Zdd)
+    reporter = Reporter(
+        model=model, kinematics=k, forces=forces, loops=loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
+    )  # fmt: skip
     dynamic_residual = system_of.dynamic_residual()
     switches = find_switches(b, dynamic_residual.values())
     domains = find_domains(b, dynamic_residual.values())

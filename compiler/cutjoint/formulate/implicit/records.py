@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cutjoint.formulate.records import SwitchPlace, SystemEquations
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ImplicitEquations(SystemEquations):
     """The index-3 formulation in relative coordinates: those of ``start``, with its charts and cut joints.
 

@@ -6,12 +6,14 @@ and forces that move with that body gives the joint's force on it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Uses
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.records import Joint, Model, Reaction, Scalar
+from cutjoint.model.quantities import reaction_component
+from cutjoint.model.records import Joint, JointForce, Model, Reaction, Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +30,35 @@ class FreeBody:
     held: bool
 
 
+def require_force(model: Model, reaction: Reaction, joint: Joint, quantity: str) -> None:
+    """Refuse what points and unit vectors do not say of a joint.
+
+    Raises:
+        ModelError: a moment, or the force of a joint along whose displacement a gear acts.
+    """
+    ends = {end.joint: end.name for gear in model.gears for end in (gear.first, gear.second)}
+    coordinate = ends.get(joint.name)
+    is_moment, _ = reaction_component(reaction, quantity)
+    if is_moment or (coordinate is not None and coordinate not in joint.element.measures):
+        what = "moments of joints" if is_moment else f"the force of joint '{joint.name}', in which a gear acts"
+        raise ModelError([_refusal(reaction, f"natural coordinates do not give {what}")])
+
+
+def slide_forces(layout: Layout, model: Model, joint: Joint) -> Iterator[tuple[JointForce, int]]:
+    """The forces on displacements of a joint that is not guided, and their signs on the follower."""
+    own = (f for f in model.forces if isinstance(f, JointForce) and f.joint == joint.name and joint.guide is None)
+    for force in own:
+        if force.coordinate not in joint.element.measures:
+            yield force, 1 if layout.slide_ends(joint)[1] == joint.follower else -1
+
+
+def _refusal(reaction: Reaction, message: str) -> Problem:
+    return Problem(
+        span=reaction.span, element=f"reaction '{reaction.name}'", message=message,
+        hint="use --method recursive or recursive-newton, or leave this output out",
+    )  # fmt: skip
+
+
 def find_free_body(layout: Layout, model: Model, reaction: Reaction, joint: Joint) -> FreeBody:
     """The free body for the reaction of a joint that only shares a point.
 
@@ -42,12 +73,14 @@ def find_free_body(layout: Layout, model: Model, reaction: Reaction, joint: Join
             return FreeBody(group=group.name, node=node, sign=sign, held=True)
         if node in group.basis and _meets_alone(layout, model, joint, node, group.name) and not _is_held_twice(layout, node):
             return FreeBody(group=group.name, node=node, sign=sign, held=False)
-    problem = Problem(
-        span=reaction.span, element=f"reaction '{reaction.name}'",
-        message=f"natural coordinates do not give the force of joint '{joint.name}': it is fixed, or another joint shares its point",
-        hint="use --method recursive, or leave this output out",
-    )  # fmt: skip
-    raise ModelError([problem])
+    message = f"natural coordinates do not give the force of joint '{joint.name}': {_reason(joint)}"
+    raise ModelError([_refusal(reaction, message)])
+
+
+def _reason(joint: Joint) -> str:
+    if joint.element.is_rigid:
+        return "it is fixed, so that both bodies are one there"
+    return "another joint shares its point, or both bodies share a further point" if joint.element.shares_point else "it holds no point"
 
 
 def _meets_alone(layout: Layout, model: Model, joint: Joint, node: Node, group: str) -> bool:

@@ -224,7 +224,10 @@ class Collector:
                 self._marker(marker, output)
         for reaction in model.reactions:
             if reaction.name == output.element and isinstance(reaction, Reaction):
-                self.of(reaction.body).direction(reaction.direction, f"{reaction.name}.direction")
+                if reaction.direction is None:
+                    self.of(reaction.body).attitude(reaction.body)
+                else:
+                    self.of(reaction.body).direction(reaction.direction, f"{reaction.name}.direction")
         for joint in model.joints:
             if joint.name == output.element:
                 self._joint_output(joint, output.quantity)

@@ -14,6 +14,7 @@ from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.natural.reactions import ReactionMaker
 from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.quantities import reaction_component
 from cutjoint.model.records import Joint, Model, Output, Reaction, RodForce, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block
 
@@ -43,7 +44,7 @@ class NaturalReporter:
                 return self._motion(marker.body, marker.point, output.quantity)
         for reaction in self.model.reactions:
             if reaction.name == name:
-                return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction)
+                return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction, output.quantity)
         if any(force.name == name for force in self.model.force_elements):
             quantities = self.elements[name].quantities if name in self.elements else {}
             return quantities.get(output.quantity, self.motions.builder.zero(1))
@@ -68,9 +69,10 @@ class NaturalReporter:
         motion = self.motions.point(body, point)
         return b.element({"": motion.x, "v": motion.v, "a": motion.a}[kind], axis)
 
-    def _reaction(self, reaction: Reaction) -> Block:
+    def _reaction(self, reaction: Reaction, quantity: str) -> Block:
         maker = ReactionMaker(motions=self.motions, model=self.model, constraints=self.constraints, elements=self.elements)
-        return self.motions.builder.dot(self.motions.direction(reaction.body, reaction.direction).x, maker.pull(reaction))
+        pull, (_, direction) = maker.pull(reaction, quantity), reaction_component(reaction, quantity)
+        return self.motions.builder.dot(self.motions.direction(reaction.body, direction).x, pull)
 
     def _rods(self, sensor: RodForce) -> Block:
         """The residual of a distance is in m: its multiplier pulls."""

@@ -1,8 +1,8 @@
 """Joint reactions in natural coordinates.
 
-A joint with equations on the way between its points pulls with -(dPhi/dway)^T lambda.  The force of one that only shares a point is found
-from one of its bodies (`free_bodies.py`): by the multipliers that hold the body to the point, or by M qdd + Phi_q^T lambda - Q of all that
-moves with it.
+A joint with equations on the way between its points pulls with -(dPhi/dway)^T lambda, and pushes with the forces on its displacements.
+The force of one that only shares a point is found from one of its bodies (`free_bodies.py`): by the multipliers that hold the body to the
+point, or by M qdd + Phi_q^T lambda - Q of all that moves with it.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 from cutjoint.formulate.natural.constraints import Constraint, multipliers
 from cutjoint.formulate.natural.forces import Element
-from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, share
+from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, require_force, share, slide_forces
 from cutjoint.formulate.natural.mass import mass_matrix
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Use, is_nought
-from cutjoint.model.records import Model, Reaction, Scalar
+from cutjoint.model.records import Joint, Model, Reaction, Scalar
 from cutjoint.program.blocks import Block
 
 
@@ -29,20 +29,30 @@ class ReactionMaker:
     constraints: Sequence[Constraint]
     elements: Mapping[str, Element]
 
-    def pull(self, reaction: Reaction) -> Block:
+    def pull(self, reaction: Reaction, quantity: str) -> Block:
         """The force (3, 1) of a reaction's joint on its follower.
 
         Raises:
-            ModelError: natural coordinates do not determine it.
+            ModelError: natural coordinates do not determine it, or the quantity is one of a moment.
         """
         b = self.motions.builder
         joint = next(j for j in self.model.joints if j.name == reaction.joint)
+        require_force(self.model, reaction, joint, quantity)
         own = [self._pulled(c, c.by_way) for c in self.constraints if c.element == joint.name and c.by_way is not None]
         if own:
-            return b.neg(b.total(own))
+            return b.sub(self._pushed(joint), b.total(own))
         free_body = find_free_body(self.motions.layout, self.model, reaction, joint)
         force = self._holding(free_body) if free_body.held else self._moved(free_body)
         return force if free_body.sign > 0 else b.neg(force)
+
+    def _pushed(self, joint: Joint) -> Block:
+        """What forces on the joint's displacements do to the follower."""
+        b, total = self.motions.builder, self.motions.builder.zero(3)
+        for force, sign in slide_forces(self.motions.layout, self.model, joint):
+            if force.name in self.elements:
+                push = self.elements[force.name].actions[0].force
+                total = b.add(total, push if sign > 0 else b.neg(push))
+        return total
 
     def _pulled(self, constraint: Constraint, gradient: Block) -> Block:
         b = self.motions.builder

@@ -11,7 +11,7 @@ from cutjoint.formulate.records import SystemEquations
 from cutjoint.methods import METHODS
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class LagrangianEquations(SystemEquations):
     """An index-3 formulation in natural coordinates; ``method`` is "augmented" or "classical".
 

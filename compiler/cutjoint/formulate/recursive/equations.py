@@ -20,6 +20,7 @@ from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
+from cutjoint.formulate.recursive.reactions import Reactions
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
@@ -57,15 +58,17 @@ def formulate_recursive(
     margins = add_guards(forces, k, model, scene)
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()
-    masses = dict(system.M)
+    masses, pushed = dict(system.M), dict(system.Q)
     solution = solve(topology, system, k, closing, numbers)
     if CLOSURES[closure].penalty_of_each_cut:
         solution = refine(topology, masses, k, closing, numbers, solution, REFINEMENTS)
     correction = corrections(b, loops, numbers, solution.errors)
     gaps = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, gaps, "p").vdot
+    Zdd = given_accelerations(k)
+    reactions = Reactions(kinematics=k, loops=closing.loops, M=masses, Q=pushed, Zdd=Zdd)
     reporter = Reporter(
-        model=model, kinematics=k, forces=forces, loops=closing.loops, gears=closing.gears, Zdd=given_accelerations(k)
+        model=model, kinematics=k, forces=forces, loops=closing.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions
     )  # fmt: skip
     closures = _closures(loops)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}

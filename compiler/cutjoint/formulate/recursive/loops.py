@@ -162,6 +162,14 @@ def add_loops(system: BodySystem, k: Kinematics, loops: tuple[LoopClosure, ...],
             system.add_force(joint.base, b.mul(back, wrench))
 
 
+def pulls(k: Kinematics, loop: LoopClosure, push: Block) -> dict[str, Block]:
+    """-A^T push on the follower and its reaction on the base, each at the body's pole."""
+    b, joint = k.builder, loop.joint
+    wrench = b.mul(b.transpose(loop.A), push)
+    back = b.transpose(transport(b, k.pole_step(joint.base, joint.follower)))
+    return {joint.follower: b.neg(wrench), joint.base: b.mul(back, wrench)}
+
+
 def transport(b: Builder, step: Block) -> Block:
     """[1, -s~; 0, 1]: a twist taken at a pole that stands s further."""
     return b.stack([[b.identity(3), b.neg(b.skew(step))], [b.zero(3, 3), b.identity(3)]])

@@ -10,7 +10,8 @@ from cutjoint.formulate.recursive.forces import Forces
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.loops import LoopClosure
-from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Reaction, RodForce, Vector
+from cutjoint.formulate.recursive.reactions import Reactions
+from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, RodForce, Vector
 from cutjoint.program.blocks import BindingTime, Block
 
 
@@ -24,6 +25,7 @@ class Reporter:
     loops: tuple[LoopClosure, ...]
     gears: tuple[GearClosure, ...]
     Zdd: Mapping[str, Block]
+    reactions: Reactions
 
     def quantity(self, output: Output) -> Block:
         """The block of one output; zero for a force that the scene has switched off or that a guard stands for."""
@@ -36,7 +38,7 @@ class Reporter:
                 return self._motion(marker.body, marker.point, output.quantity)
         for reaction in self.model.reactions:
             if reaction.name == element:
-                return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction)
+                return self._rods(reaction) if isinstance(reaction, RodForce) else self.reactions.component(reaction, output.quantity)
         if any(force.name == element for force in self.model.force_elements):
             return self.forces.quantities.get(element, {}).get(output.quantity, self.kinematics.builder.zero(1))
         for gear in self.gears:
@@ -63,19 +65,11 @@ class Reporter:
                 return b.element(b.add(a0, carried), axis)
         raise ValueError(f"a body has no quantity {quantity}")
 
-    def _reaction(self, reaction: Reaction) -> Block:
-        """The linear part of the cut joint's force on its follower, -A^T lambda, along a direction."""
-        b, k, loop = self.kinematics.builder, self.kinematics, self._loop(reaction.joint)
-        pull, _ = halves(b, b.neg(b.mul(b.transpose(loop.A), loop.multipliers)))
-        return b.dot(k.direction(reaction.body, reaction.direction), pull)
-
     def _rods(self, sensor: RodForce) -> Block:
         """The residual of a distance is in m: its multiplier pulls."""
         k, b = self.kinematics, self.kinematics.builder
-        return b.neg(b.total([b.scale(k.translator.scalar(weight), self._loop(rod).multipliers) for rod, weight in sensor.pushes]))
-
-    def _loop(self, joint: str) -> LoopClosure:
-        return next(loop for loop in self.loops if loop.joint.name == joint)
+        loops = {loop.joint.name: loop for loop in self.loops}
+        return b.neg(b.total([b.scale(k.translator.scalar(weight), loops[rod].multipliers) for rod, weight in sensor.pushes]))
 
     def _joint(self, output: Output) -> Block:
         k = self.kinematics

@@ -115,7 +115,7 @@ def _reaction(half: Half, reaction: Reaction | RodForce) -> Reaction | RodForce:
     if not is_removed and not half.is_own(reaction.joint):
         raise AsymmetryError(reaction.name, "has its direction on the other side", reaction.span)
     joint = half.images.joints[reaction.joint] if is_removed else reaction.joint
-    direction = half.plane.mirror.vector(reaction.direction)
+    direction = None if reaction.direction is None else half.plane.mirror.vector(reaction.direction)
     return replace(reaction, joint=joint, body=half.images.bodies[reaction.body], direction=direction)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.model.quantities import JOINT_QUANTITIES, reported_element
+from cutjoint.model.quantities import JOINT_QUANTITIES, reaction_component, reported_element
 from cutjoint.model.records import (
+    GROUND,
     AxialForce,
     Body,
     BodyLoad,
@@ -23,6 +24,7 @@ from cutjoint.model.records import (
     Scalar,
     Scene,
     Tyre,
+    Vector,
 )  # fmt: skip
 from cutjoint.reduce.half.halves import HALVED
 from cutjoint.reduce.half.model import Half
@@ -97,7 +99,7 @@ def _output(half: Half, output: Output) -> Output:
         case Marker():
             return _scaled(output, half.plane.sign(output.quantity) if element.body in half.removed else 1)
         case Reaction():
-            return _scaled(output, 2 if half.is_own(element.joint) else 1)
+            return _reaction_output(half, element, output)
         case Body():
             sign = half.plane.sign(output.quantity)
             return _scaled(output, sign, half.images.bodies[element.name]) if element.name in half.removed else output
@@ -106,6 +108,33 @@ def _output(half: Half, output: Output) -> Output:
         case RodForce() if not half.flat:
             raise AsymmetryError(element.name, "is measured by distances that already stand for a link", element.span)
     return output if isinstance(element, RodForce | Gear) else _force_output(half, element, output)
+
+
+def _reaction_output(half: Half, reaction: Reaction, output: Output) -> Output:
+    """A component of a reaction.
+
+    Raises:
+        AsymmetryError: the half does not determine it.
+    """
+    is_moment, direction = reaction_component(reaction, output.quantity)
+    if reaction.joint in half.in_plane or half.is_own(reaction.joint):
+        return _in_plane_reaction(half, reaction, output, is_moment, direction)
+    if reaction.joint not in half.removed:
+        return output
+    turned = -1 if is_moment else 1  # a moment is an axial vector: its image along a mirrored direction is the opposite
+    return _scaled(output, turned if reaction.direction is not None else half.plane.sign(output.quantity))
+
+
+def _in_plane_reaction(half: Half, reaction: Reaction, output: Output, is_moment: bool, direction: Vector) -> Output:
+    """Of a joint in the plane the half has half of the force in it and of the moment across it; the rest of a symmetric whole is zero."""
+    in_plane, across = half.plane.within(direction), half.plane.along_normal(direction)
+    if half.flat or reaction.body == GROUND or half.is_own(reaction.body):
+        if across if is_moment else in_plane:
+            return _scaled(output, 1 if half.flat else 2)
+        if (in_plane if is_moment else across) and not half.flat:
+            return _scaled(output, 0)
+    words = f"is asked for its {output.quantity}, which a model in the plane {half.plane} does not determine"
+    raise AsymmetryError(reaction.name, words, output.span)
 
 
 def _scaled(output: Output, factor: float, element: str = "", quantity: str = "") -> Output:

@@ -10,10 +10,10 @@ import sympy
 
 from cutjoint.formulate.attitude import ATTITUDE
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, share
+from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, require_force, share, slide_forces
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.quantities import reported_element, unit_of
+from cutjoint.model.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import Body, Gear, Joint, Marker, Output, Reaction, Scalar, Vector
 from cutjoint.twin.natural.forces import ForceElement
 from cutjoint.twin.natural.forms import FormTable, is_ground
@@ -43,7 +43,7 @@ class Reports:
             case Marker():
                 return self._motion(element.body, element.point, output.quantity)
             case Reaction():
-                return self._reaction(element)
+                return self._reaction(element, output.quantity)
             case Joint():
                 return self._joint(element, output.quantity)
             case Gear():
@@ -89,18 +89,22 @@ class Reports:
 
     # Reactions
 
-    def _reaction(self, reaction: Reaction) -> Json:
+    def _reaction(self, reaction: Reaction, quantity: str) -> Json:
         """The force of a joint on its follower along a direction.
 
         A joint whose equations hold the way between its points pulls with their multipliers; else see formulate/natural/free_bodies.py.
         """
         model, layout = self.trees.model, self.table.layout
         joint = next(j for j in model.joints if j.name == reaction.joint)
-        direction = {"kind": "reaction", "direction": self.table.number(self.table.direction(reaction.body, reaction.direction))}
+        require_force(model, reaction, joint, quantity)
+        _, along = reaction_component(reaction, quantity)
+        direction = {"kind": "reaction", "direction": self.table.number(self.table.direction(reaction.body, along))}
         held = [(i, row) for i, row in enumerate(self.rows) if row.element == joint.name and row.pulls]
         if held:
             rows = [[i, [int(uses is row.forms[0]) for uses in row.forms]] for i, row in held]
-            return {**direction, "sign": -1, "rows": rows, "masses": [], "forces": [], "weight": 0}
+            pushes = {force.name: sign for force, sign in slide_forces(layout, model, joint)}
+            forces = [[i, [pushes[force.name], 0]] for i, force in enumerate(self.forces) if force.name in pushes]
+            return {**direction, "sign": -1, "rows": rows, "masses": [], "forces": forces, "weight": 0}
         free_body = find_free_body(layout, model, reaction, joint)
         if not free_body.held:
             return {**direction, "sign": free_body.sign, **self._of_free_body(free_body)}

@@ -51,7 +51,9 @@ class GenericMechanism {
   /// Accelerations for given multipliers, and the correction that the augmented update adds to these.
   void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) {
     update(q, v);
-    assemble(q, v, lambda);
+    assemble(q, v);
+    add_closures(system_, model_, closures_, plan_, lambda);
+    gears_.add(system_, plan_, lambda);
     recursion_.condense(system_);
     recursion_.expand(vdot);
     correct_multipliers(model_, closures_, [this](int body) -> const Vector6<Real>& { return recursion_.Zdd(body); }, correction);
@@ -73,9 +75,9 @@ class GenericMechanism {
   /// The reported columns.
   void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) {
     update(q, v);
-    forces_.add(system_, q, v);
+    assemble(q, v);
     forces_.add_tangents();
-    reporter_.report({q, v, vdot, lambda}, column);
+    reporter_.report({q, v, vdot, lambda}, system_, column);
   }
 
   /// The step that closes gaps of the cut joints and gears: what multipliers of penalty times gap change in the accelerations.
@@ -97,7 +99,8 @@ class GenericMechanism {
     gears_.update(q, v);
   }
 
-  void assemble(const Real* q, const Real* v, const Real* lambda) {
+  /// The bodies and the applied forces.
+  void assemble(const Real* q, const Real* v) {
     system_.clear();
     const Vector3<Real>& gravity = model_.vectors[model_.gravity];
     for (int i = ground + 1; i < static_cast<int>(model_.bodies.size()); ++i) {
@@ -105,8 +108,6 @@ class GenericMechanism {
       if (!body.massless) add_body(system_, kinematics_, gravity, i, body, inertias_[static_cast<std::size_t>(i)]);
     }
     forces_.add(system_, q, v);
-    add_closures(system_, model_, closures_, plan_, lambda);
-    gears_.add(system_, plan_, lambda);
   }
 
   Model<Real> model_;

@@ -183,11 +183,18 @@ enum class Quantity {
 };
 
 /// A column: `at` is a body's point, or a reaction's direction; `index` the component of a vector, the coordinate or speed of a
-/// joint, a force's quantity, or a gear's equation; `cut` the cut joint of a reaction.
+/// joint, a force's quantity, a gear's equation, or a reaction.
 struct Output {
   Quantity quantity = Quantity::zero;
   Fixed at;
-  int index = 0, cut = -1;
+  int index = 0;
+};
+
+/// The force or the moment of a joint on its follower: a cut joint, or the tree joint of a body if `cut` is negative.
+struct Reaction {
+  int cut, outer;
+  Fixed follower;  ///< the follower's point
+  bool moment;
 };
 
 /// A body's point or direction that others ask for.
@@ -262,6 +269,7 @@ struct Model {
   std::vector<JointForce> joint_forces;
   std::vector<Tyre> tyres;
   std::vector<Output> outputs;
+  std::vector<Reaction> reactions;
   std::vector<Mark> marks;  ///< points and directions that others ask for
   int quantities = 0;  ///< how many all forces report
   int nodes = 0;       ///< of the body system: the bodies, then the unknowns of geared joints

@@ -159,6 +159,7 @@ class ModelReader {
     read_coordinates(b, joint);
     read_inertia(b, self, json);
     bodies_[json.at("name")] = self;
+    joints_[joint.at("name")] = self;
     model_.bodies.push_back(b);
   }
 
@@ -287,16 +288,21 @@ class ModelReader {
     Output output;
     if (kind == "motion") output = read_motion(json);
     else if (kind == "reaction") output = read_reaction(json);
-    else if (kind == "gear") output = {Quantity::gear_force, {}, gears_.at(json.at("gear")), -1};
-    else if (kind == "force") output = {Quantity::force, {}, quantities_.at(json.at("quantity")), -1};
-    else if (kind == "joint_position") output = {Quantity::joint_position, {body(json.at("body")), -1}, json.at("index"), -1};
-    else if (kind == "joint_rate") output = {Quantity::joint_rate, {body(json.at("body")), -1}, json.at("index"), -1};
+    else if (kind == "gear") output = {Quantity::gear_force, {}, gears_.at(json.at("gear"))};
+    else if (kind == "force") output = {Quantity::force, {}, quantities_.at(json.at("quantity"))};
+    else if (kind == "joint_position") output = {Quantity::joint_position, {body(json.at("body")), -1}, json.at("index")};
+    else if (kind == "joint_rate") output = {Quantity::joint_rate, {body(json.at("body")), -1}, json.at("index")};
     else if (kind != "zero") throw std::runtime_error("unknown kind of output '" + kind + "'");
     model_.outputs.push_back(output);
   }
 
   Output read_reaction(const Json& json) {
-    return {Quantity::reaction, direction(body(json.at("body")), json.at("direction")), 0, cuts_.at(json.at("cut"))};
+    const std::string joint = json.at("joint");
+    const auto cut = cuts_.find(joint);
+    const bool in_tree = cut == cuts_.end();
+    const Fixed follower = point(body(json.at("follower")), json.at("point"));
+    model_.reactions.push_back({in_tree ? -1 : cut->second, in_tree ? joints_.at(joint) : -1, follower, json.at("moment")});
+    return {Quantity::reaction, direction(body(json.at("body")), json.at("direction")), static_cast<int>(model_.reactions.size()) - 1};
   }
 
   /// x y z, vx vy vz, wx wy wz, ax ay az, roll pitch yaw.
@@ -318,7 +324,7 @@ class ModelReader {
 
   const Json& document_;
   Model<Real> model_;
-  std::map<std::string, int> bodies_, cuts_, gears_, quantities_;
+  std::map<std::string, int> bodies_, joints_, cuts_, gears_, quantities_;  ///< tree joints by their outer bodies
   std::vector<int> origins_;
 };
 

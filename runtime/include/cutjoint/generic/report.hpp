@@ -6,6 +6,7 @@
 
 #include "cutjoint/generic/closure.hpp"
 #include "cutjoint/generic/force.hpp"
+#include "cutjoint/generic/reactions.hpp"
 
 namespace cutjoint::generic {
 
@@ -19,11 +20,13 @@ template <class Real>
 class Reporter {
  public:
   Reporter(const Model<Real>& model, const Kinematics<Real>& kinematics, const Forces<Real>& forces, const Closures<Real>& closures)
-      : model_(model), k_(kinematics), forces_(forces), closures_(closures), Zdd_(model.bodies.size(), Vector6<Real>::Zero()) {}
+      : model_(model), k_(kinematics), forces_(forces), reactions_(model, kinematics, closures),
+        Zdd_(model.bodies.size(), Vector6<Real>::Zero()) {}
 
-  /// Kinematics, forces and closures must belong to the instant.
-  void report(const Instant<Real>& instant, Real* column) {
+  /// Kinematics, forces and closures must belong to the instant; `system` has its bodies and applied forces alone.
+  void report(const Instant<Real>& instant, BodySystem<Real>& system, Real* column) {
     accelerate(instant.vdot);
+    if (!model_.reactions.empty()) reactions_.update(system, Zdd_, instant.lambda);
     for (std::size_t i = 0; i < model_.outputs.size(); ++i) column[i] = value(model_.outputs[i], instant);
   }
 
@@ -53,7 +56,8 @@ class Reporter {
   Real value(const Output& output, const Instant<Real>& instant) const {
     switch (output.quantity) {
       case Quantity::zero: return Real(0);
-      case Quantity::reaction: return reaction(output, instant.lambda);
+      case Quantity::reaction:
+        return reactions_.component(model_.reactions[static_cast<std::size_t>(output.index)], k_.direction(output.at));
       case Quantity::gear_force: return -instant.lambda[output.index];
       case Quantity::force: return forces_.quantity(output.index);
       case Quantity::joint_position: return k_.position(output.at.body, output.index, instant.q);
@@ -85,19 +89,10 @@ class Reporter {
     return Zdd.template head<3>() + wd.cross(point) + w.cross(k_.velocity(body, point));
   }
 
-  /// The linear part of the cut joint's force on its follower, -A^T lambda, along a direction.
-  Real reaction(const Output& output, const Real* lambda) const {
-    const Cut& cut = model_.cuts[static_cast<std::size_t>(output.cut)];
-    const Equations<Real>& equations = closures_[static_cast<std::size_t>(output.cut)].equations;
-    Vector3<Real> force = Vector3<Real>::Zero();
-    for (int n = 0; n < cut.size; ++n) force -= lambda[cut.first + n] * equations.At.col(n).template head<3>();
-    return k_.direction(output.at).dot(force);
-  }
-
   const Model<Real>& model_;
   const Kinematics<Real>& k_;
   const Forces<Real>& forces_;
-  const Closures<Real>& closures_;
+  Reactions<Real> reactions_;
   std::vector<Vector6<Real>> Zdd_;
 };
 

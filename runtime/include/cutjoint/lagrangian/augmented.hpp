@@ -102,7 +102,7 @@ class AugmentedNewton : public Newton<S> {
     const char* loose = "this coordinate has neither mass nor stiffness, and no equation holds it";
     if (broken.kind == Breakdown::Kind::singular) this->fail("the tangent is singular", coordinate, Real(0), loose);
     this->fail("a pivot of the tangent is not positive", coordinate, Real(0),
-               std::string("a negative stiffness or damping outweighs the mass over a step this long: take a smaller dt; or ") + loose);
+               std::string("a negative stiffness or damping outweighs the mass over a step this long, or ") + loose + "; not tried: a smaller dt");
   }
 
   Real start_alpha_{1}, alpha_;

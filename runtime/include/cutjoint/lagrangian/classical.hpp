@@ -78,7 +78,7 @@ class ClassicalNewton final : public Newton<S> {
       if (abs(x_[i]) > abs(x_[worst]) || x_[i] != x_[i]) worst = i;
     if (!(abs(x_[worst]) <= Real(10) * (Real(1) + largest(values))))
       this->fail("the pose is singular, or nearly: rates that satisfy the equations are a leap away", d_.coordinates[worst], x_[worst],
-                 "take another dt, or use augmented, which leaves such directions alone");
+                 "not tried: another dt, or method augmented, which leaves such directions alone");
   }
 
   void examine() override {
@@ -109,7 +109,7 @@ class ClassicalNewton final : public Newton<S> {
                  "this coordinate can move without moving mass or meeting an equation: give it mass or hold it");
     const auto named = static_cast<std::size_t>(row);
     this->fail("the tangent is singular", row < 0 ? "" : named < n_ ? d_.coordinates[named] : d_.equations[named - n_], Real(0),
-               "take another dt, or use augmented, whose tangent stays regular");
+               "not tried: another dt, or method augmented, whose tangent stays regular");
   }
 
   [[noreturn]] void report_dependence(const Dependence& found) const {
@@ -118,7 +118,7 @@ class ClassicalNewton final : public Newton<S> {
     this->fail("the tangent is singular", d_.equations[static_cast<std::size_t>(found.dependent.front())], Real(0),
                (one ? "equation " : "the equations ") + names + (one ? " depends" : " depend") +
                    (others.empty() ? " on no coordinate" : " on ") + others +
-                   " here; use augmented, which tolerates redundant and momentarily dependent equations");
+                   " here; not tried: method augmented, which tolerates redundant and momentarily dependent equations");
   }
 
   Scaled<Real> scaled_;

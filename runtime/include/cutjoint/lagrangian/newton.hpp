@@ -99,7 +99,10 @@ class Newton : public Workspace<S> {
       this->constraint_residual(state);
       if (iteration > 0) correct_start();
       if (converged) break;
-      if (iteration == 200) fail("the accelerations at the start do not converge", d_.unknowns()[worst()], change_, "take a larger penalty");
+      if (iteration == 200) {
+        const char* advice = m_ > 0 ? "not tried: a larger penalty" : "look for a force without bound";
+        fail("the accelerations at the start do not converge", d_.unknowns()[worst()], change_, advice);
+      }
       this->dynamic_residual(state, Real(0));
       right_of_start(state);
       this->solve();
@@ -437,10 +440,10 @@ class Newton : public Workspace<S> {
 
   [[noreturn]] void give_up(const std::string& what) {
     explain();
-    const char* advice = !finite(change_) || !finite(largest_move()) ? "take a smaller dt"
-                         : idle_ == 0                             ? "it was still getting closer: allow more iterations, or take a smaller dt"
-                         : change_ <= Real(1e-4) * size_          ? "what is left may be rounding: take a larger tolerance"
-                                                                  : "take a smaller dt; look at the forces on this coordinate";
+    const char* advice = !finite(change_) || !finite(largest_move()) ? "not tried: a smaller dt"
+                         : idle_ == 0                             ? "it was still getting closer; not tried: more iterations, or a smaller dt"
+                         : change_ <= Real(1e-4) * size_          ? "what is left may be rounding; not tried: a larger tolerance"
+                                                                  : "look at the forces on this coordinate; not tried: a smaller dt";
     fail(what, d_.unknowns()[worst()], change_, advice);
   }
 

@@ -75,7 +75,7 @@ class RecursiveNewton final : public AugmentedNewton<S> {
     Base::take_share(left);
     if (left > Real(0.9))
       this->fail("the pose is singular, or nearly: equations depend on each other for a moment", d_.equations[0], left,
-                 "take --method augmented or recursive, which cross such poses");
+                 "not tried: another dt, or the methods augmented and recursive, which can cross such poses");
   }
 
   bool renews_always() const override { return false; }

@@ -115,9 +115,8 @@ class Workspace {
       }
   }
 
-  static const char* advice_finite() {
-    return "look for a law that divides by zero or takes the root of a negative number in this pose; or take a smaller dt";
-  }
+  /// Laws with a domain are named where they leave it: what is left is another cause.
+  static const char* advice_finite() { return "values may have grown without bound; not tried: a smaller dt"; }
 
   /// What a share of a quantity that is rounding in double is in this type.
   static Real rounding_like(double in_double) {

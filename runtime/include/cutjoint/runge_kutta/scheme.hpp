@@ -97,9 +97,9 @@ class Scheme {
   [[noreturn]] void give_up(const Attempt& attempt, const stepping::Counts& counts, long number) const {
     const bool stiff = stiff_ > counts.steps / 2;
     const char* what = adaptive() ? "no step is small enough for the tolerance" : "the accelerations have no finite value";
-    const char* advice = !adaptive() ? "take a smaller dt, or a stable method: the integrator trapezoidal, or the method augmented"
-                         : stiff     ? "the problem is stiff: take the integrator trapezoidal, or the method augmented"
-                                     : "allow a larger tolerance, a smaller penalty, or take a longer precision";
+    const char* advice = !adaptive() ? "not tried: a smaller dt"
+                         : stiff     ? "stability limits the steps, as of a stiff model; not tried: method recursive-newton"
+                                     : "look for a force without bound, or for a singular pose; not tried: a larger tolerance";
     throw Failure(what, static_cast<double>(t_), number, dynamics_.name(worst_), static_cast<double>(attempt.size), advice);
   }
 

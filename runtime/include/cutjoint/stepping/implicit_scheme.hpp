@@ -109,8 +109,8 @@ class ImplicitScheme {
       const char* what = attempt.found ? "no step is small enough for the tolerance"
                          : adaptive_   ? "Newton's iteration converges with no step, however small"
                                        : "Newton's iteration did not converge in a stage";
-      const char* advice = adaptive_ ? "allow a larger tolerance; look for a force without bound, or for a singular pose"
-                                     : "take a smaller dt, or the integrator sdirk4, which chooses its steps";
+      const char* advice = adaptive_ ? "look for a force without bound, or for a singular pose; not tried: a larger tolerance"
+                                     : "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
       throw Failure(what, static_cast<double>(time()), number, stages_.worst(), static_cast<double>(attempt.size), advice);
     } else {
       throw Failure(stages_.failure());

@@ -55,7 +55,7 @@ class TrapezoidalRule {
     const State<Real>& solved = relative_.solve(state.t, y_);
     if (!std::isfinite(static_cast<double>(largest(solved.vdot))))
       throw Failure("the accelerations have no finite value", static_cast<double>(state.t), 0, std::string(d_.speeds[0]),
-                    static_cast<double>(largest(solved.vdot)), "look for a law that divides by zero there");
+                    static_cast<double>(largest(solved.vdot)), "it may move no mass in this pose; not tried: another dt");
     state.vdot = solved.vdot;
     state.lambda = solved.lambda;
   }

@@ -1,0 +1,159 @@
+"""What to do about a run that failed: other settings of the same program are tried on the way past the failure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from time import monotonic
+from typing import Any
+
+from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE, INTEGRATORS, METHODS, all_of
+from cutjoint.model.steps import StepsError, count_steps
+from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
+from cutjoint.run.simulator import SimulatorError
+from cutjoint.run.simulator_run import SimulatorRun, start
+
+#: Seconds that trials take together, if the run itself took no longer.
+_SECONDS = 2.0
+#: How many equal steps beyond a failure, and which share of the time up to it, a trial has to go.
+_STEPS, _SHARE = 20, 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cure:
+    """Other settings for a run, in words, and the parts of the run file that they change; ``free`` ones need no number to be chosen."""
+
+    words: str
+    parts: Mapping[str, Any]
+    free: bool = False
+
+    def applied_to(self, plan: SimulatorRun) -> SimulatorRun:
+        """The run with these settings, whose steps follow from nothing else."""
+        return replace(plan, run_file={**plan.run_file, **self.parts}, goal=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trials:
+    """Which cures went past a failure, up to the time ``past`` (s), which failed too, and for which there was no time."""
+
+    past: float
+    helped: tuple[Cure, ...]
+    failed: tuple[Cure, ...]
+    skipped: tuple[Cure, ...]
+
+
+def try_cures(plan: SimulatorRun, run: Trajectory) -> Trials | None:
+    """Try each cure from the start up to a little past the failure of a run; None where no other settings help, as at a start.
+
+    Raises:
+        Interrupted, Terminated: a signal has ended a run.
+    """
+    failure = run.failure
+    if failure is None or failure.step == 0 or failure.guards or not failure.time < inf:
+        return None
+    past, budget = _time_past(plan, failure), max(_SECONDS, run.seconds)
+    end = monotonic() + budget
+    found: dict[bool | None, list[Cure]] = {True: [], False: [], None: []}
+    for cure in _cures(plan):
+        left = min(end - monotonic(), budget / 2)
+        found[_goes_past(cure.applied_to(plan), past, left) if left > 0 else None].append(cure)
+    return Trials(past=past, helped=tuple(found[True]), failed=tuple(found[False]), skipped=tuple(found[None]))
+
+
+def follow_up(
+    plan: SimulatorRun, run: Trajectory, play: Callable[[SimulatorRun], Trajectory], *, go_over: bool, advise: bool
+) -> Trajectory:  # fmt: skip
+    """What becomes of a run that failed: to ``go_over`` to another integrator, or over events, to the end, or to ``advise`` what may help.
+
+    Raises:
+        SimulatorError, OutputError, Interrupted, Terminated: as of a run.
+    """
+    if run.failure is None or not (go_over or advise) or (trials := try_cures(plan, run)) is None:
+        return run
+    others = [cure for cure in trials.helped if cure.free] if go_over else []
+    for cure in others:
+        other = play(cure.applied_to(plan))
+        if other.failure is None:
+            return replace(other, instead=f"{cure.words}, since {plan.run_file['integrator']} stopped: {run.failure.what}")
+    if others:
+        run = play(plan)  # whose rows are in the files again
+    return run if run.failure is None or not advise else replace(run, failure=with_trials(run.failure, plan, trials))
+
+
+def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | None) -> FailureReport:
+    """The failure with what was tried for an advice."""
+    if trials is None:
+        return failure
+    known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
+    untried = [f"method {name}" for name in METHODS[plan.method].instead]
+    if plan.closes_loops and plan.run_file["stabilisation"]["closure"] != DEFAULT_CLOSURE in METHODS[plan.method].closures:
+        untried.insert(0, f"closure {DEFAULT_CLOSURE}")
+    words = (
+        known,
+        f"tried up to {trials.past:.6g} s: {_listed(trials.helped)} {_verb(trials.helped)} on" if trials.helped else "",
+        f"tried without success: {_listed(trials.failed)}" if trials.failed else "",
+        f"{UNTRIED}{', '.join([*(c.words for c in trials.skipped), *untried])}" if trials.skipped or untried else "",
+    )
+    return replace(failure, advice="; ".join(filter(None, words)))
+
+
+def _listed(cures: tuple[Cure, ...]) -> str:
+    return all_of([cure.words for cure in cures])
+
+
+def _verb(cures: tuple[Cure, ...]) -> str:
+    return "goes" if len(cures) == 1 else "go"
+
+
+def _time_past(plan: SimulatorRun, failure: FailureReport) -> float:
+    """A time (s) a little after a failure, if the run has one."""
+    step = plan.run_file["numerics"]["dt"]
+    steps = 1 if INTEGRATORS[plan.run_file["integrator"]].adaptive else _STEPS
+    return float(min(plan.run_file["end"], failure.time + max(steps * step, _SHARE * failure.time)))
+
+
+def _cures(plan: SimulatorRun) -> Iterator[Cure]:
+    """Other integrators of the program, then other settings of the same one."""
+    file, numerics = plan.run_file, plan.run_file["numerics"]
+    integrator = INTEGRATORS[file["integrator"]]
+    for parts in plan.others:
+        step = "" if INTEGRATORS[parts["integrator"]].adaptive else f" with dt {parts['numerics']['dt']:g}"
+        yield Cure(words=f"integrator {parts['integrator']}{step}", parts=parts, free=True)
+    if not integrator.adaptive:
+        dt = numerics["dt"]
+        stride = count_steps(dt, file["end"], file["output_step"]).stride
+        yield Cure(words=f"dt {dt / 10:g}", parts={"numerics": {**numerics, "dt": dt / 10}, "output_step": stride * dt})
+    for factor in (0.1, 10.0):
+        yield _with_tolerance(numerics, factor)
+    if plan.closes_loops and not CLOSURES[file["stabilisation"]["closure"]].finds_penalty and numerics["penalty"] is not None:
+        for factor in (1e-2, 1e2):
+            yield _with_penalty(file, factor * numerics["penalty"])
+    if numerics["events"]:
+        yield Cure(words="events crossed", parts={"numerics": {**numerics, "events": False}}, free=True)
+
+
+def _with_tolerance(numerics: Mapping[str, Any], factor: float) -> Cure:
+    absolute = numerics["absolute_tolerance"]
+    tolerance = factor * numerics["tolerance"]
+    changed = {"tolerance": tolerance, "absolute_tolerance": None if absolute is None else factor * absolute}
+    return Cure(words=f"tolerance {tolerance:g}", parts={"numerics": {**numerics, **changed}})
+
+
+def _with_penalty(file: Mapping[str, Any], penalty: float) -> Cure:
+    parts = {"numerics": {**file["numerics"], "penalty": penalty}, "stabilisation": {**file["stabilisation"], "penalty": penalty}}
+    return Cure(words=f"penalty {penalty:g}", parts=parts)
+
+
+def _goes_past(plan: SimulatorRun, past: float, seconds: float) -> bool | None:
+    """Whether a run comes to a time; None where it takes longer than so many seconds."""
+    numerics = {**plan.run_file["numerics"], "dt": min(plan.run_file["numerics"]["dt"], past)}
+    begin = monotonic()
+    try:
+        count_steps(numerics["dt"], past, plan.run_file["output_step"])
+        run = start(replace(plan, run_file={**plan.run_file, "numerics": numerics, "end": past}), seconds=seconds)
+    except StepsError:
+        return False
+    except SimulatorError:
+        return None if monotonic() - begin >= seconds else False
+    return run.failure is None

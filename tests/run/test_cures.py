@@ -1,0 +1,157 @@
+"""What is advised after a run that failed: it was tried, or is said not to be; and who takes over where nobody chose an integrator."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.batch import compile_scene_batch, simulate_batch
+from cutjoint.cli import main
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.pipeline import compile_scene, derive, simulate
+from cutjoint.realtime import run_in_real_time
+from cutjoint.report.tables import run_facts
+from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
+from cutjoint.run.cures import Cure, try_cures
+from cutjoint.run.failures import FailedRunError
+from cutjoint.run.options import Options
+from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.simulator import SimulatorError
+from cutjoint.run.simulator_run import Start, start
+from tests.conftest import MODELS, needs_cpp
+
+pytestmark = needs_cpp
+
+#: A block on a rail, a tree: with dry friction the law has no value that keeps it at rest, and with a stiff spring short steps are needed.
+BLOCK = """
+cutjoint: 1
+name: block
+gravity: [0, 0, 0]
+parameters: {friction: {value: 2, binding: param}, stiffness: {value: 0, binding: param}}
+bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {slide: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces:
+  contact: {kind: joint_force, joint: slide, law: "where(rate > 0, -friction, friction) - stiffness*position"}
+outputs: [block.x, block.vx]
+scenes: {stop: {end: 1, output_step: 0.1, rates: {slide.displacement_rate: 1}}}
+"""
+#: In a step of 10 ms no iteration converges with it.
+STIFF = {"friction": 0.0, "stiffness": 1e7}
+
+
+@cache
+def block() -> Artifact:
+    model = read_model_text(BLOCK, "block.yaml")
+    return compile_scene(model, model.scenes["stop"])
+
+
+@cache
+def press(closure: str) -> Artifact:
+    model = read_model(MODELS / "press.yaml")
+    scene = find_scene(model, None)
+    return compile_scene(model, with_closure(scene, closure))
+
+
+FAILING = {
+    "tree": (block, Options(dt=0.01), STIFF),
+    "tree, error control": (block, Options(integrator="dormand-prince"), {}),
+    "loop, penalty": (lambda: press("penalty"), Options(), {"stiffness": 1e9}),
+    "loop, proximal": (lambda: press("proximal"), Options(), {"stiffness": 1e9}),
+}
+
+
+@pytest.mark.parametrize("case", FAILING)
+def test_what_is_said_to_help_helps(case: str) -> None:
+    compiled, options, parameters = FAILING[case]
+    plan = make_simulator_run(compiled(), options, parameters)
+    trials = try_cures(plan, start(plan))
+    assert trials is not None
+    assert trials.helped
+
+    def ends(cure: Cure) -> bool:
+        other = cure.applied_to(plan)
+        return start(replace(other, run_file={**other.run_file, "end": trials.past})).failure is None
+
+    assert all(ends(cure) for cure in trials.helped)
+    assert not any(ends(cure) for cure in trials.failed)
+    words = " ".join(cure.words for cure in (*trials.helped, *trials.failed))
+    assert ("penalty" in words) == (case == "loop, penalty")
+
+
+def test_the_message_has_what_was_tried_and_what_was_not() -> None:
+    with pytest.raises(FailedRunError) as error:
+        simulate(press("penalty"), parameters={"stiffness": 1e9})
+    assert re.search(r"tried up to 0\.021 s: integrator dormand-prince and dt 0\.0001 go on", str(error.value))
+    assert "not tried: closure proximal, method recursive-newton" in str(error.value)
+    with pytest.raises(FailedRunError) as error:
+        simulate(block(), dt=0.01, parameters=STIFF)
+    assert not re.search("penalty|closure|spring", str(error.value))
+    assert "not tried: method recursive-newton" in str(error.value)
+
+
+def test_what_nobody_chose_gives_way_to_what_can() -> None:
+    """2 N stop 1 kg at 1 m/s after 0.5 s and 0.25 m; steps that end where the law jumps never leave that place."""
+    for check in (True, False):
+        run = simulate(block(), check=check)
+        assert run["block.x"][-1] == pytest.approx(0.25, abs=2e-3)
+        assert run.instead.startswith("events crossed, since dormand-prince stopped: 'contact' (block.yaml:9)")
+        assert np.isfinite(run.error["block.x"])
+        assert any("since dormand-prince stopped" in str(cell) for cell in run_facts(block().compilation, run).columns[1].cells)
+    with pytest.raises(FailedRunError, match=r"tried up to .* events crossed"):
+        simulate(block(), integrator="dormand-prince")
+    assert simulate(block(), integrator="dormand-prince", check=False).failure is not None
+
+
+def test_a_method_that_somebody_names_stays(tmp_path: Path) -> None:
+    model, out = tmp_path / "block.yaml", tmp_path / "run.csv"
+    model.write_text(BLOCK, encoding="utf-8")
+    for more, status in (((), 0), (("--method", "recursive"), 1), (("--integrator", "dormand-prince"), 1)):
+        done = CliRunner().invoke(main, ["simulate", str(model), "--out", str(out), *more])
+        assert done.exit_code == status, done.output
+        assert ("since dormand-prince stopped" in done.output) == (status == 0)
+        assert (tmp_path / "run.partial.csv").exists() == (status == 1)
+
+
+def test_nothing_is_tried_against_the_clock_and_in_batches() -> None:
+    times = run_in_real_time(block(), dt=0.01, parameters=STIFF, check=False)
+    model = read_model_text(BLOCK, "block.yaml")
+    batch = simulate_batch(compile_scene_batch(model, model.scenes["stop"]), [STIFF], dt=0.01, check=False)
+    for failure in (times.failure, batch.failures[0], simulate(block(), dt=0.01, parameters=STIFF, check=False).failure):
+        assert failure is not None
+        assert failure.advice == "not tried: a smaller dt"
+
+
+def test_a_trial_that_takes_too_long_is_ended() -> None:
+    plan = make_simulator_run(block(), Options(dt=1e-6, end=1e6, integrator="trapezoidal"), {})
+    with pytest.raises(SimulatorError):
+        start(plan, seconds=0.05)
+
+
+@pytest.mark.parametrize(
+    ("begin", "said"),
+    [
+        (Start(at_rest=False, closes_loops=True), "2, as small as the loops allow: one.angle_rate, other.angle_rate"),
+        (Start(at_rest=False, closes_loops=False), "2, zero: one.angle_rate, other.angle_rate"),
+        (Start(at_rest=True, closes_loops=True), ""),
+    ],
+)  # fmt: skip
+def test_speeds_that_the_run_has_chosen_are_named(begin: Start, said: str) -> None:
+    run = replace(simulate(block()), undetermined=("one.angle_rate", "other.angle_rate"))
+    table = run_facts(replace(block().compilation, start=begin), run)
+    rows = dict(zip(table.columns[0].cells, table.columns[1].cells, strict=True))
+    assert rows.get("speeds not given", "") == said
+
+
+@pytest.mark.parametrize(
+    ("model", "at_rest", "closes_loops"), [("pendulum", True, False), ("four_bar", False, True), ("press", False, True)]
+)
+def test_what_the_speeds_at_a_start_follow_from(model: str, at_rest: bool, closes_loops: bool) -> None:
+    checked = read_model(MODELS / f"{model}.yaml")
+    scene = find_scene(checked, None)
+    assert start_of(derive(checked, scene, scene.outputs)) == Start(at_rest=at_rest, closes_loops=closes_loops)

@@ -1,0 +1,183 @@
+"""The Python interface: what it exports, what it takes, what it shows, and that nothing half done passes for a result."""
+
+from __future__ import annotations
+
+import pickle
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import cutjoint
+from cutjoint.batch import BatchArtifact
+from cutjoint.cli import main
+from cutjoint.run.artifact import Artifact
+from cutjoint.twin.artifact import compile_generic_model
+from tests.conftest import MODELS, ROOT, needs_cpp
+from tests.fuzz.press import environment
+
+PRESS = MODELS / "press.yaml"
+#: So stiff a spring that no step of the scene's length converges.
+STIFF = {"stiffness": 1e9}
+#: Characters of a screen.
+SCREEN = 80 * 24
+
+
+@cache
+def press(method: str = "recursive") -> Artifact:
+    return cutjoint.compile_model(PRESS, method=method)
+
+
+@cache
+def batches() -> BatchArtifact:
+    return cutjoint.compile_batch(PRESS)
+
+
+@needs_cpp
+def test_the_page_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(ROOT)
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    parts = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    exec(compile("".join(parts), "python.md", "exec"), {})
+    assert "press.yaml" in capsys.readouterr().out
+
+
+def test_the_page_names_all_that_is_exported() -> None:
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    assert [name for name in cutjoint.__all__ if f"`{name}" not in page] == []
+
+
+def test_all_that_is_exported_is_there() -> None:
+    assert sorted(cutjoint.__all__) == cutjoint.__all__ == dir(cutjoint)
+    for name in cutjoint.__all__:
+        assert getattr(cutjoint, name).__name__ == name
+        assert getattr(cutjoint, name).__doc__
+
+
+def test_the_import_is_light() -> None:
+    script = "import sys, cutjoint; print([n for n in ('sympy', 'numpy', 'yaml', 'cutjoint.pipeline') if n in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment())
+    assert done.stdout == "[]\n"
+
+
+@needs_cpp
+def test_a_run_that_fails_raises_what_the_command_line_says(tmp_path: Path) -> None:
+    out = tmp_path / "run.csv"
+    with pytest.raises(cutjoint.FailedRunError) as error:
+        cutjoint.simulate(press(), parameters=STIFF, out=out)
+    run = error.value.trajectory
+    assert run.failure is not None
+    assert run.table == tmp_path / "run.partial.csv"
+    said = CliRunner().invoke(main, ["simulate", str(PRESS), "--set", "stiffness=1e9", "--out", str(out)])
+    assert said.exit_code == 1
+    assert str(error.value) in said.output
+    returned = cutjoint.simulate(press(), parameters=STIFF, check=False)
+    assert returned.failure is not None
+    assert returned.failure.what == run.failure.what
+    assert np.array_equal(returned["slider.x"], run["slider.x"])
+
+
+@needs_cpp
+def test_a_batch_with_a_run_that_fails_raises_after_all_have_ended() -> None:
+    cases = [{"stiffness": 2000.0}, STIFF]
+    with pytest.raises(cutjoint.FailedBatchError, match=r"run 2: (.|\n)*1 of 2 runs failed") as error:
+        cutjoint.simulate_batch(batches(), cases)
+    whole = cutjoint.simulate_batch(batches(), cases, check=False)
+    assert str(error.value.batch.failures[1]) == str(whole.failures[1])
+    assert whole.failures[0] is None
+    assert cutjoint.simulate_batch(batches(), cases[:1]).largest["slider.x"] == pytest.approx(whole.largest["slider.x"][:1])
+
+
+@needs_cpp
+def test_a_run_against_the_clock_that_fails_raises() -> None:
+    with pytest.raises(cutjoint.FailedRealTimeError) as error:
+        cutjoint.run_in_real_time(press(), parameters=STIFF)
+    assert error.value.times.failure is not None
+    assert str(error.value.times.failure) in str(error.value)
+    returned = cutjoint.run_in_real_time(press(), parameters=STIFF, check=False)
+    assert str(returned.failure) == str(error.value.times.failure)
+
+
+@needs_cpp
+def test_such_an_error_comes_back_from_another_process() -> None:
+    with pytest.raises(cutjoint.FailedRunError) as error:
+        cutjoint.simulate(press(), parameters=STIFF)
+    copy = pickle.loads(pickle.dumps(error.value))
+    assert str(copy) == str(error.value)
+    assert str(copy.trajectory.failure) == str(error.value.trajectory.failure)
+
+
+@needs_cpp
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda path, out: cutjoint.read_model(path),
+        lambda path, out: cutjoint.compile_model(path, out=out),
+        lambda path, out: cutjoint.simulate(press(), out=out, steps=f"{out}.steps", end=0.01),
+        lambda path, out: cutjoint.simulate(press(), tangents=out, integrator="trapezoidal", events="crossed", end=0.01),
+        lambda path, out: cutjoint.simulate_batch(cutjoint.compile_batch(path), [{"stiffness": 2000.0}], out=out),
+        lambda path, out: cutjoint.run_in_real_time(press(), end=0.01, out=out),
+        lambda path, out: cutjoint.find_equilibrium(path),
+        lambda path, out: cutjoint.find_initial_state(path),
+        lambda path, out: cutjoint.find_modes(path, at=0.0),
+        lambda path, out: compile_generic_model(path),
+    ],
+)  # fmt: skip
+def test_paths_are_texts_or_paths(call: Callable[[Any, Any], Any], tmp_path: Path) -> None:
+    for kind in (str, Path):
+        call(kind(PRESS), kind(tmp_path / "out"))
+
+
+@needs_cpp
+def test_a_scene_begins_where_its_run_does() -> None:
+    state, run = cutjoint.find_initial_state(PRESS), cutjoint.simulate(press(), end=0.01)
+    assert state["slider.x"] == pytest.approx(run["slider.x"][0], abs=1e-12)
+    assert state["slider.vx"] == pytest.approx(run["slider.vx"][0], abs=1e-9)
+    assert (state["pin.angle_rate"], state.units["pin.angle_rate"]) == (pytest.approx(10), "rad/s")
+    assert state.undetermined == ()
+
+
+@needs_cpp
+@pytest.mark.parametrize("at", [0.0, 0.1])
+def test_modes_of_a_file_are_those_of_its_scene(at: float) -> None:
+    modes = cutjoint.find_modes(PRESS, scene="turn", at=at)
+    assert (modes.time, modes.freedoms) == (pytest.approx(at), 1)
+
+
+@needs_cpp
+def test_a_column_that_is_not_there_is_an_error_that_suggests() -> None:
+    run, state = cutjoint.simulate(press(), end=0.01), cutjoint.find_initial_state(PRESS)
+    batch = cutjoint.simulate_batch(batches(), [{"stiffness": 2000.0}])
+    for values in (run, run.columns, run.units, run.error, run.error.largest, state, state.units, batch.end, batch.largest, batch.units):
+        with pytest.raises(KeyError, match=r"no column 'slidr\.x'; did you mean 'slider\.x'\?"):
+            values["slidr.x"]
+    with pytest.raises(KeyError, match=r"no column 'zzz'; there is: pin\.angle, slider\.vx, slider\.x, spring\.force"):
+        run["zzz"]
+
+
+def results() -> list[object]:
+    """What a user of Python comes upon, of a small model and of a large one that is not compiled."""
+    iltis = cutjoint.read_model(MODELS / "iltis.yaml")
+    found: list[object] = [iltis, *iltis.scenes.values(), cutjoint.build_topology(iltis), batches()]
+    for method in ("recursive", "augmented", "recursive-newton"):
+        artifact = press(method)
+        found += [artifact, *(value for value in vars(artifact).values()), artifact.mechanism, *artifact.equations.functions]
+        found += [artifact.topology, *artifact.program.functions]
+    run = cutjoint.simulate(press())
+    failed = cutjoint.simulate(press(), parameters=STIFF, check=False)
+    found += [run, run.error, failed, failed.failure, run.effort, cutjoint.run_in_real_time(press(), end=0.5)]
+    found += [cutjoint.simulate_batch(batches(), [{"stiffness": 2000.0 + k} for k in range(100)], end=0.1)]
+    return [*found, cutjoint.find_initial_state(PRESS), cutjoint.find_equilibrium(PRESS), cutjoint.find_modes(PRESS, at=0.1)]
+
+
+@needs_cpp
+def test_a_repr_fits_a_screen() -> None:
+    long = {type(found).__name__: len(repr(found)) for found in results() if len(repr(found)) > SCREEN}
+    assert not long
