@@ -71,14 +71,14 @@ def test_the_import_is_light() -> None:
 def test_a_run_that_fails_raises_what_the_command_line_says(tmp_path: Path) -> None:
     out = tmp_path / "run.csv"
     with pytest.raises(cutjoint.FailedRunError) as error:
-        cutjoint.simulate(press(), parameters=STIFF, out=out)
+        cutjoint.simulate(press(), parameters=STIFF, dt=1e-3, out=out)
     run = error.value.trajectory
     assert run.failure is not None
     assert run.table == tmp_path / "run.partial.csv"
     said = CliRunner().invoke(main, ["simulate", str(PRESS), "--set", "stiffness=1e9", "--out", str(out)])
     assert said.exit_code == 1
     assert str(error.value) in said.output
-    returned = cutjoint.simulate(press(), parameters=STIFF, check=False)
+    returned = cutjoint.simulate(press(), parameters=STIFF, dt=1e-3, check=False)
     assert returned.failure is not None
     assert returned.failure.what == run.failure.what
     assert np.array_equal(returned["slider.x"], run["slider.x"])
@@ -98,17 +98,17 @@ def test_a_batch_with_a_run_that_fails_raises_after_all_have_ended() -> None:
 @needs_cpp
 def test_a_run_against_the_clock_that_fails_raises() -> None:
     with pytest.raises(cutjoint.FailedRealTimeError) as error:
-        cutjoint.run_in_real_time(press(), parameters=STIFF)
+        cutjoint.run_in_real_time(press(), parameters=STIFF, dt=1e-3)
     assert error.value.times.failure is not None
     assert str(error.value.times.failure) in str(error.value)
-    returned = cutjoint.run_in_real_time(press(), parameters=STIFF, check=False)
+    returned = cutjoint.run_in_real_time(press(), parameters=STIFF, dt=1e-3, check=False)
     assert str(returned.failure) == str(error.value.times.failure)
 
 
 @needs_cpp
 def test_such_an_error_comes_back_from_another_process() -> None:
     with pytest.raises(cutjoint.FailedRunError) as error:
-        cutjoint.simulate(press(), parameters=STIFF)
+        cutjoint.simulate(press(), parameters=STIFF, dt=1e-3)
     copy = pickle.loads(pickle.dumps(error.value))
     assert str(copy) == str(error.value)
     assert str(copy.trajectory.failure) == str(error.value.trajectory.failure)
@@ -171,7 +171,7 @@ def results() -> list[object]:
         found += [artifact, *(value for value in vars(artifact).values()), artifact.mechanism, *artifact.equations.functions]
         found += [artifact.topology, *artifact.program.functions]
     run = cutjoint.simulate(press())
-    failed = cutjoint.simulate(press(), parameters=STIFF, check=False)
+    failed = cutjoint.simulate(press(), parameters=STIFF, dt=1e-3, check=False)
     found += [run, run.error, failed, failed.failure, run.effort, cutjoint.run_in_real_time(press(), end=0.5)]
     found += [cutjoint.simulate_batch(batches(), [{"stiffness": 2000.0 + k} for k in range(100)], end=0.1)]
     return [*found, cutjoint.find_initial_state(PRESS), cutjoint.find_equilibrium(PRESS), cutjoint.find_modes(PRESS, at=0.1)]

@@ -126,7 +126,7 @@ def _cures(plan: SimulatorRun) -> Iterator[Cure]:
         yield Cure(words=f"dt {dt / 10:g}", parts={"numerics": {**numerics, "dt": dt / 10}, "output_step": stride * dt})
     for factor in (0.1, 10.0):
         yield _with_tolerance(numerics, factor)
-    if plan.closes_loops and not CLOSURES[file["stabilisation"]["closure"]].finds_penalty and numerics["penalty"] is not None:
+    if plan.closes_loops and not CLOSURES[file["stabilisation"]["closure"]].penalty_of_each_cut and numerics["penalty"] is not None:
         for factor in (1e-2, 1e2):
             yield _with_penalty(file, factor * numerics["penalty"])
     if numerics["events"]:
