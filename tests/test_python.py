@@ -75,7 +75,7 @@ def test_a_run_that_fails_raises_what_the_command_line_says(tmp_path: Path) -> N
     run = error.value.trajectory
     assert run.failure is not None
     assert run.table == tmp_path / "run.partial.csv"
-    said = CliRunner().invoke(main, ["simulate", str(PRESS), "--set", "stiffness=1e9", "--out", str(out)])
+    said = CliRunner().invoke(main, ["simulate", str(PRESS), "--set", "stiffness=1e9", "--dt", "1e-3", "--out", str(out)])
     assert said.exit_code == 1
     assert str(error.value) in said.output
     returned = cutjoint.simulate(press(), parameters=STIFF, dt=1e-3, check=False)

@@ -119,9 +119,10 @@ def make_simulator_run(artifact: Artifact, options: Options, parameters: Mapping
 
 
 def _leaves_choice(artifact: Artifact, options: Options) -> bool:
-    """Whether neither scene nor caller name a method, or what steps do at events."""
-    scene = artifact.scene
-    return artifact.method == DEFAULT_METHOD and not scene.method and options.events is None and scene.numerics.events is None
+    """Whether neither scene nor caller name a method, an integrator, or what steps do at events."""
+    scene, own = artifact.scene, artifact.scene.numerics.of_method(artifact.method)
+    named = (scene.method or None, own.integrator, own.events, options.integrator, options.events)
+    return artifact.method == DEFAULT_METHOD and all(name is None for name in named)
 
 
 def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[dict[str, Any]]:
