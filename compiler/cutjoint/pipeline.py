@@ -22,9 +22,8 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.accuracy import run_accurately
-from cutjoint.run.artifact import Artifact, make_simulator_run, require_choice, require_tangents
+from cutjoint.run.artifact import Artifact, make_simulator_run, require_choice, require_end
 from cutjoint.run.compiled_files import require_no_model, write_compiled
-from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
@@ -61,8 +60,7 @@ def compile_scene(
     outputs = scene.outputs if outputs is None else outputs
     equations, program, source = generate(model, scene, outputs, method=method, lanes=lanes, precision=precision)
     generated = perf_counter()
-    folder = path_of(out)
-    if folder is not None:
+    if (folder := path_of(out)) is not None:
         require_no_model(source.files, folder, Path(model.span.file))
     # Source -> Binary
     binary = build(source, flags=(*flags, *PRECISIONS[precision].flags), kind=Kind(comparison=comparison, precision=precision))
@@ -106,26 +104,17 @@ def simulate(
     """Run a compiled model with ``parameters`` (SI units); settings from ``dt`` on are those of `Options`, by default the scene's.
 
     ``out`` receives the table, with its units beside it, ``steps`` a CSV file with iterations and residuals of each step, ``tangents`` a
-    line of JSON for each row, the Jacobians of the accelerations.  With ``error`` its `Trajectory.error` can be asked for; runs without
-    given steps keep a tolerance.  A run that fails is an error with ``check``, else it is returned as far as it came, with its
-    `Trajectory.failure`; its files are those of `partial_of`.
+    line of JSON for each row, the Jacobians of the accelerations.  With ``error`` the run keeps the scene's tolerance and has an ``error``.
+    Without ``check`` a run that fails is returned with its failure; its files are those of `partial_of`.
 
     Raises:
         RunError: a parameter that cannot be set, or settings that no run has or that do not go together.
         SimulatorError, OutputError: the simulator could not begin, or a file cannot be written.
-        Interrupted, Terminated: a signal has ended the run.
-        FailedRunError: the run failed; it has the trajectory up to then.
+        FailedRunError, Interrupted, Terminated: the run failed (the error has its trajectory), or a signal has ended it.
     """
     options = Options(
         dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events
     )  # fmt: skip
-    if tangents is not None:
-        require_tangents(artifact, options)
-    plan = make_simulator_run(artifact, options, parameters)
-    run = run_accurately(
-        plan, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress, estimate=error, advise=check
-    )
-    if check and run.failure is not None:
-        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact.file)
-        raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)
-    return run
+    plan = make_simulator_run(artifact, options, parameters, tangents=tangents is not None)
+    run = run_accurately(plan, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error, advise=check)
+    return require_end(run, artifact) if check else run

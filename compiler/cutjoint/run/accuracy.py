@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cutjoint.locations import AnyPath, path_of
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
 from cutjoint.run.cures import follow_up
@@ -43,7 +43,7 @@ _STRICTER = _Change(setting="tolerance", factor=0.1, left=0.1, levels=5, heals=F
 
 
 def run_accurately(
-    plan: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
+    plan: SimulatorRun, *, out: AnyPath | None = None, steps: AnyPath | None = None, tangents: AnyPath | None = None,
     progress: Progress | None = None, estimate: bool = True, go_over: bool = True, advise: bool = False,
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end, with steps that keep the run's ``goal`` if it has one; the run can say how wrong it is.
@@ -51,7 +51,7 @@ def run_accurately(
     Without ``estimate`` there is one run, and the goal is not looked at.  Where a run fails whose plan is free, another integrator takes
     over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and errors as of `simulator_run.start`.
     """
-    begin = partial(start, out=out, steps=steps, tangents=tangents, progress=progress)
+    begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
     play = partial(_play, begin=begin, estimate=estimate)
     return follow_up(plan, play(plan), play, go_over=go_over and plan.is_free, advise=advise)
 

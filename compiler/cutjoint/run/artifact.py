@@ -14,7 +14,9 @@ from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, I
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
+from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest
 from cutjoint.run.options import Options
+from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Settings, find_goal, find_settings, with_options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
@@ -99,12 +101,16 @@ def start_of(equations: RecursiveEquations) -> Start:
     return Start(at_rest=not (equations.scene.rates or guided), closes_loops=bool(equations.equation_names))
 
 
-def make_simulator_run(artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None) -> SimulatorRun:
-    """The run of a compiled model with options and ``parameters`` (SI units).
+def make_simulator_run(
+    artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *, tangents: bool = False
+) -> SimulatorRun:  # fmt: skip
+    """The run of a compiled model with options and ``parameters`` (SI units); one with ``tangents`` reports Jacobians.
 
     Raises:
         RunError: a parameter that cannot be set, options that do not go together, or that no run has.
     """
+    if tangents:
+        _require_tangents(artifact, options)
     run_file = make_run_file(
         artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
         implementation=artifact.implementation, options=options,
@@ -116,6 +122,18 @@ def make_simulator_run(artifact: Artifact, options: Options, parameters: Mapping
         others=tuple(_other_settings(artifact, options, run_file["integrator"])),
         is_free=goal is not None and _leaves_choice(artifact, options),
     )  # fmt: skip
+
+
+def require_end(run: Trajectory, artifact: Artifact) -> Trajectory:
+    """Check that a run came to its end.
+
+    Raises:
+        FailedRunError: it failed.
+    """
+    if run.failure is not None:
+        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact.file)
+        raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)
+    return run
 
 
 def _leaves_choice(artifact: Artifact, options: Options) -> bool:
@@ -132,7 +150,7 @@ def _other_settings(artifact: Artifact, options: Options, integrator: str) -> It
             yield artifact.settings(replace(options, integrator=name)).parts()
 
 
-def require_tangents(artifact: Artifact, options: Options) -> None:
+def _require_tangents(artifact: Artifact, options: Options) -> None:
     """Check that a run can report the Jacobians of its accelerations.
 
     Raises:
