@@ -77,12 +77,24 @@ def refine(
     only the right side.
     """
     b, vdot, errors, last = k.builder, solution.vdot, solution.errors, solution.errors
+    places = {name: span.place for name, span in topology.model.constraint_spans.items()}
     for n in range(times):
         response = respond(topology, masses, k, closing, numbers, last, "r" * (n + 1))
-        vdot = {name: b.add(block, response.vdot[name]) for name, block in vdot.items()}
-        errors = {name: b.add(block, response.errors[name]) for name, block in errors.items()}
+        vdot = _sums(b, "accelerations", "zdd <- zdd + dzdd", places, vdot, response.vdot)
+        errors = _sums(b, "multipliers", "A Zdd + s, again with the corrected multipliers", places, errors, response.errors)
         last = response.errors
     return Solution(vdot=vdot, errors=errors)
+
+
+def _sums(
+    b: Builder, stage: str, equation: str, places: Mapping[str, str], one: Mapping[str, Block], other: Mapping[str, Block]
+) -> dict[str, Block]:  # fmt: skip
+    """The sums of two blocks for each joint or gear."""
+    sums = {}
+    for name, block in one.items():
+        with b.section(stage, name, equation, places[name]):
+            sums[name] = b.add(block, other[name])
+    return sums
 
 
 def respond(

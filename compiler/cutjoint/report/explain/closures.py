@@ -8,7 +8,7 @@ import sympy
 
 from cutjoint.formulate.recursive import closures
 from cutjoint.formulate.recursive.closures import ClosureKernel, Matrix, derive_closure
-from cutjoint.methods import METHODS, START
+from cutjoint.methods import METHODS, START, Closure
 from cutjoint.model.records import Joint, Model, Numerics, Scalar
 from cutjoint.report.explain.gears import explain_gears
 from cutjoint.report.explain.groups import Counterparts, group
@@ -17,13 +17,15 @@ from cutjoint.report.explain.latex import number, parameter_symbols, place, with
 from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
 from cutjoint.topology.records import Topology
 
+_RATES = r"\dot \Phi = A Z, \quad Z = Z_f - Z_b, \quad \gamma = \dot A Z - A (Z_b \times Z), \quad \sigma = \gamma"
 _LAW = (
-    r"\dot \Phi = A Z, \quad Z = Z_f - Z_b, \quad \gamma = \dot A Z - A (Z_b \times Z), \quad"
-    r" \sigma = \gamma + 2 \xi w \dot \Phi + w^2 \Phi",
     r"M_f \leftarrow M_f + A^T \alpha A, \quad M_b \leftarrow M_b + A^T \alpha A, \quad C_{fb} \leftarrow C_{fb} - A^T \alpha A",
     r"Q_f \leftarrow Q_f - A^T (\lambda + \alpha \sigma), \quad Q_b \leftarrow Q_b + A^T (\lambda + \alpha \sigma), \quad"
     r" \lambda \leftarrow \lambda + \alpha (A \ddot Z + \sigma)",
 )
+
+#: Of a closure with stabilisation, and of one that projects each step instead.
+_STABILISED, _PROJECTED = rf"{_RATES} + 2 \xi w \dot \Phi + w^2 \Phi", _RATES
 
 _NOTES = (
     "$b$ and $f$ stand for base and follower. A residual is written over the follower's point $p$ and the base's point $p_0$, both from "
@@ -44,13 +46,21 @@ def explain_closures(topology: Topology, numerics: Numerics, counterparts: Seque
     formulas = {name: _formulas(kernel, topology.model) for name, kernel in kernels.items()}
     groups = group(list(cuts), counterparts, lambda name: cuts[name].kind, lambda name: formulas[name])
     entries = tuple(_entry([cuts[n] for n in names], kernels, formulas, topology.model) for names in groups)
-    return Chapter(title="Cut joints", notes=(*_NOTES, _numbers(numerics)), formulas=_LAW, entries=entries + gears)
+    rates = _PROJECTED if _closure(numerics).penalty_of_each_cut else _STABILISED
+    return Chapter(title="Cut joints", notes=(*_NOTES, _numbers(numerics)), formulas=(rates, *_LAW), entries=entries + gears)
+
+
+def _closure(numerics: Numerics) -> Closure:
+    return METHODS[START].closure(numerics.closure)
 
 
 def _numbers(numerics: Numerics) -> str:
-    closure = METHODS[START].closure(numerics.closure)
+    closure = _closure(numerics)
     if closure.penalty_of_each_cut:
-        return f"In this scene the closure is {closure.name}: a run finds the penalty of each cut joint from the mass that it feels."
+        return (
+            f"In this scene the closure is {closure.name}: a run finds the penalty of each cut joint from the mass that it feels, an "
+            "evaluation solves a second time for what the corrected multipliers change, and each step ends with a projection."
+        )
     ratio, frequency = (number(x, times="e{}") for x in (numerics.damping_ratio, numerics.frequency))
     penalty = "follows from the masses" if numerics.penalty is None else f"is {number(numerics.penalty, times='e{}')}"
     return rf"In this scene the penalty $\alpha$ {penalty}, the damping ratio $\xi$ is {ratio} and the frequency $w$ is {frequency} 1/s."
