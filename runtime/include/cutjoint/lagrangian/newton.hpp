@@ -78,7 +78,7 @@ class Newton : public Workspace<S> {
       : Workspace<S>(system, solver), settings_(settings), length_(settings.dt), dt_(length_),
         share_(Real(1 - settings.rule.alpha_f) / Real(1 - settings.rule.alpha_m)), speed_(dt_ * Real(settings.rule.gamma) * share_),
         k_(dt_ * dt_ * Real(settings.rule.beta) * share_), turns_(unit_turns<Real>(d_.charts)), lambda_before_(m_), vdot_before_(n_),
-        before_(d_.coordinates.size(), n_, m_), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
+        predicted_(n_), before_(d_.coordinates.size(), n_, m_), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
 
   /// Accelerations and multipliers of the state's coordinates and rates.  Throws Failure.
   void begin(State<Real>& state, Real motion) {
@@ -348,8 +348,8 @@ class Newton : public Workspace<S> {
     predicted_ = state.vdot;
   }
 
-  /// The change of the accelerations that may end an iteration: the tolerance; with tangents that are reused, a hundredth of it or of what the step's
-  /// own error can see, whichever is less.
+  /// The change of the accelerations that may end an iteration: the tolerance, or with tangents that are reused what the step's own error can see, if
+  /// that is less.
   ///
   /// What an old tangent leaves has the same direction in all steps, and adds up.  The accelerations come to lie as far from their extrapolation as a
   /// second difference, of which the rule's error is a twelfth.  Less than the rounding of the speeds is not asked for.
@@ -360,7 +360,7 @@ class Newton : public Workspace<S> {
     Real apart(0);
     for (std::size_t i = 0; i < n_; ++i) apart = std::max(apart, abs(state.vdot[i] - predicted_[i]));
     const Real rounding = 64 * std::numeric_limits<Real>::epsilon() * (Real(1) + largest(state.v)) / speed_;
-    return std::max(std::min(tolerated, apart) / Real(100), rounding);
+    return std::min(tolerated, std::max(apart / Real(100), rounding));
   }
 
   static void extrapolate(std::vector<Real>& values, std::vector<Real>& before, bool extrapolated) {
