@@ -70,7 +70,7 @@ def test_dormand_prince_loses_its_branch_at_a_coarse_tolerance(tolerance: float,
 
 @pytest.mark.parametrize("dt", [0.01, 0.004, 0.001, FIRST / 71])
 def test_fourth_order_implicit_steps_stop_at_a_singular_pose(dt: float) -> None:
-    """No step of sdirk4-fixed goes over the first pose, nor comes within one of it; up to there the motion is right."""
+    """No step of sdirk4-fixed goes over the first pose; up to it the motion is right."""
     run = simulate(two_windows("recursive-newton"), integrator="sdirk4-fixed", dt=dt, check=False)
     assert run.failure is not None
     assert FIRST - 3 * dt < run.failure.time < FIRST
