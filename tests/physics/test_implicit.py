@@ -71,7 +71,9 @@ def test_what_an_iteration_leaves_falls_with_its_tolerance(tolerance: float, hig
     assert np.abs(run["slider.x"] - tight["slider.x"]).max() < highest
 
 
-@pytest.mark.parametrize(("integrator", "order", "steps"), [("trapezoidal", 2, (2e-3, 1e-3, 5e-4)), ("sdirk4-fixed", 4, (2e-2, 1e-2, 5e-3))])
+@pytest.mark.parametrize(
+    ("integrator", "order", "steps"), [("trapezoidal", 2, (2e-3, 1e-3, 5e-4)), ("sdirk4-fixed", 4, (2e-2, 1e-2, 5e-3))]
+)  # fmt: skip
 def test_no_order_is_lost_to_the_default_tolerance(integrator: str, order: int, steps: tuple[float, ...]) -> None:
     """A02 before its singular poses."""
     errors = [error_of("A02", integrator=integrator, dt=dt, end=0.6) for dt in steps]

@@ -129,7 +129,7 @@ def test_nothing_is_tried_against_the_clock_and_in_batches() -> None:
 
 
 def test_a_trial_that_takes_too_long_is_ended() -> None:
-    plan = make_simulator_run(block(), Options(dt=1e-6, end=1e6, integrator="trapezoidal"), {})
+    plan = make_simulator_run(block(), Options(dt=1e-6, end=1e6, integrator="trapezoidal"), {"friction": 0.0})
     with pytest.raises(SimulatorError):
         start(plan, seconds=0.05)
 
