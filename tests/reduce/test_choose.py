@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from cutjoint import prepared
 from cutjoint.cli import main
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce import choose as choose_module
 from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_model
@@ -92,9 +92,9 @@ def calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[li
     prepared.code_digest.cache_clear()
 
 
-def choose_again() -> Choice:
+def choose_again(**changes: object) -> Choice:
     model = read_model_text(PENDULUM, "pendulum.yaml")
-    return choose(model, model.scenes["swing"])
+    return choose(model, replace(model.scenes["swing"], **changes))  # type: ignore[arg-type]
 
 
 def test_a_choice_is_kept(calibrations: list[str]) -> None:
@@ -144,6 +144,13 @@ def test_what_has_changed_is_calibrated_anew(
     choose_again()
     change(tmp_path, monkeypatch)
     choose_again()
+    assert len(calibrations) == 2
+
+
+@pytest.mark.parametrize("change", [{"tolerance": 1e-4}, {"budget": 2.0}, {"numerics": Numerics(frequency=20.0)}, {"road": Road(contact="disc")}])
+def test_another_scene_is_calibrated_anew(change: Mapping[str, object], calibrations: list[str]) -> None:
+    choose_again()
+    choose_again(**change)
     assert len(calibrations) == 2
 
 

@@ -98,8 +98,8 @@ def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
 
 
 def _place(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
-    """Where a choice is cached: the model, what compiles it, and the machine that times it."""
-    about = (model.text, repr(scene), sorted(parameters.items()), made_with(), machine())
+    """Where a choice is cached: the model, all that the scene says, what compiles it, and the machine that times it."""
+    about = (model.text, asdict(scene), sorted(parameters.items()), made_with(), machine())
     return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 
 
