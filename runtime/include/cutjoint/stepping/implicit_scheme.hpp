@@ -47,14 +47,12 @@ class ImplicitScheme {
 
   Attempt attempt(Real h, bool whole, long number) {
     Attempt attempt{Real(0), stages_.attempt(h, whole, number)};
+    if constexpr (Stages::estimates) {
+      if (!attempt.found && share_ < Real(1)) attempt.found = attempt_by_tolerance(h, whole, number);
+      if (attempt.found && adaptive_) attempt.size = stages_.error(h);
+      if (attempt.found && !adaptive_) follow_error(stages_.error(h));
+    }
     if (!attempt.found) attempt.size = std::numeric_limits<Real>::infinity();
-    if constexpr (Stages::estimates)
-      if (attempt.found) {
-        if (adaptive_)
-          attempt.size = stages_.error(h);
-        else
-          follow_error(stages_.error(h));
-      }
     return attempt;
   }
 
@@ -122,9 +120,21 @@ class ImplicitScheme {
 
   /// Of equal steps: iterations of the next one end where they leave a small share of the error of a step, which may be far below the tolerance.
   void follow_error(Real size) {
-    if (!std::isfinite(static_cast<double>(size))) return;
-    share_ = std::clamp(share_ * size, Real(1e-10), Real(1));
+    if (std::isfinite(static_cast<double>(size))) take_share(std::clamp(share_ * size, Real(1e-10), Real(1)));
+  }
+
+  void take_share(Real share) {
+    share_ = share;
     stages_.set_tolerances({share_ * tolerances_.relative, share_ * tolerances_.absolute});
+  }
+
+  /// Whether the stages of a step are found by the tolerance itself, as near a singular pose, where iterations come no closer.
+  bool attempt_by_tolerance(Real h, bool whole, long number) {
+    const Real share = share_;
+    take_share(Real(1));
+    const bool found = stages_.attempt(h, whole, number);
+    if (!found) take_share(share);
+    return found;
   }
 
   /// Coordinates and speeds at the share s of the last step.
