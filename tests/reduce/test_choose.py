@@ -147,7 +147,9 @@ def test_what_has_changed_is_calibrated_anew(
     assert len(calibrations) == 2
 
 
-@pytest.mark.parametrize("change", [{"tolerance": 1e-4}, {"budget": 2.0}, {"numerics": Numerics(frequency=20.0)}, {"road": Road(contact="disc")}])
+@pytest.mark.parametrize(
+    "change", [{"tolerance": 1e-4}, {"budget": 2.0}, {"numerics": Numerics(frequency=20.0)}, {"road": Road(contact="disc")}]
+)
 def test_another_scene_is_calibrated_anew(change: Mapping[str, object], calibrations: list[str]) -> None:
     choose_again()
     choose_again(**change)
