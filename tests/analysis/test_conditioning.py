@@ -17,7 +17,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
-from cutjoint.topology.spanning_tree import joints_around
+from cutjoint.topology.cuts import joints_around
 from tests.analysis.formulated import formulated
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text

@@ -25,7 +25,9 @@ from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
+from tests.formulate.test_cut_coordinates import cut_at
 from tests.mechanisms import random_models
+from tests.mechanisms.cut_coordinates import outputs_of_cuts, with_forces_on_cuts
 from tests.mechanisms.joint_examples import EXAMPLES
 from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE
 from tests.runtime.points import NUMERICS
@@ -279,11 +281,12 @@ def all_outputs(model: Model) -> tuple[Output, ...]:
     topology = build_topology(model)
     tree = [t.joint for t in topology.tree]
     elements = (*model.bodies, *tree, *model.gears, *model.forces, *model.reactions, *model.markers)
-    return tuple(Output(element=e.name, quantity=q, span=e.span) for e in elements for q in quantities(e))
+    of_elements = tuple(Output(element=e.name, quantity=q, span=e.span) for e in elements for q in quantities(e))
+    return of_elements + outputs_of_cuts(topology)
 
 
 def check_small(generic: Path, folder: Path, **parts: Any) -> None:
-    model = small_model(**parts)
+    model = with_forces_on_cuts(small_model(**parts))
     case = make_case(model, "run", outputs=all_outputs(model))
     check_agreement(generic, case, folder, spread=0.3)
 
@@ -310,6 +313,14 @@ CUTS = [("right", "tip"), ("tip", "right"), ("left", "tip"), ("ground", "tip"), 
 def test_cut_joint(kind: str, bodies: tuple[str, str], generic: Path, tmp_path: Path) -> None:
     reaction = {"joint": "closure", "body": "tip", "direction": [1, 1, 0]}
     check_small(generic, tmp_path, joints={"closure": joint_of(kind, *bodies, cut=True)}, reactions={"pull": reaction})
+
+
+@pytest.mark.parametrize("joint", ["elbow", "rail"])
+def test_planar_loop_with_a_force_at_each_joint(joint: str, generic: Path, tmp_path: Path) -> None:
+    """The angle of a cut joint as the sum of the turns around its loop."""
+    heavy = cut_at(joint).replace("0.001", "1").replace("0.0005", "1").replace("0.008", "1")
+    model = read_model_text(heavy, "sprung.yaml")
+    check_agreement(generic, make_case(model, "turn", outputs=all_outputs(model)), tmp_path, spread=0.3)
 
 
 @pytest.mark.parametrize("bodies", [("ground", "tip"), ("left", "tip"), ("tip", "left")], ids="-".join)

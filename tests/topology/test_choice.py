@@ -11,7 +11,8 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import SPEEDS, JointKind
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
-from cutjoint.topology.spanning_tree import cost_of, tree_only
+from cutjoint.topology.cuts import reasons_to_stay
+from cutjoint.topology.spanning_tree import cost_of
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.random_models import CUT_KINDS, chosen_loops, random_loops, workshop
@@ -42,9 +43,9 @@ def test_an_alternative_is_what_the_model_would_get_by_asking_for_it(seed: int) 
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_joints_whose_coordinates_are_used_are_no_alternatives(seed: int) -> None:
+def test_joints_that_must_not_be_cut_are_no_alternatives(seed: int) -> None:
     model = random_loops(seed)
-    assert all(o.joint.name not in tree_only(model) for choice in rank_cuts(build_topology(model)) for o in choice.alternatives)
+    assert all(o.joint.name not in reasons_to_stay(model) for choice in rank_cuts(build_topology(model)) for o in choice.alternatives)
 
 
 def test_joints_of_the_suspension_that_could_be_cut() -> None:

@@ -12,9 +12,9 @@ from cutjoint.analysis.geometry import JointGeometry
 from cutjoint.analysis.poses import TOLERANCE
 from cutjoint.model.records import Joint
 from cutjoint.topology.choice import Choice, Option
+from cutjoint.topology.cuts import joints_around
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.records import Topology, TreeJoint
-from cutjoint.topology.spanning_tree import joints_around
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -286,6 +286,13 @@ class JointElement:
         """The coordinates that are angles."""
         return tuple(name for name in self.coordinates if self.units[name] == "rad")
 
+    @cached_property
+    def measurable(self) -> tuple[str, ...]:
+        """The coordinates that the motions of both bodies show, so that a cut joint has them too: displacements and turns about an axis."""
+        if self.from_inner:
+            return ()
+        return tuple(name for name in self.coordinates if self.units[name] == "m" or self.measures.get(name) == ABOUT_AXIS)
+
     @property
     def is_measured(self) -> bool:
         """Whether natural coordinates can have all of its angles."""

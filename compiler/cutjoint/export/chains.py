@@ -102,9 +102,15 @@ def _shared(joint: PeerJoint) -> Problem:
 
 def joint_force_problems(mechanism: Mechanism) -> list[Problem]:
     """Forces on coordinates that belong to no part of a chain."""
-    kinds = {joint.name: joint.kind for joint in mechanism.tree if joint.element.from_inner}
-    forces = [force for force in mechanism.forces if isinstance(force, JointForce) and force.joint in kinds]
-    return [_no_part(force, kinds[force.joint]) for force in forces]
+    kinds, cuts = {j.name: j.kind for j in mechanism.tree if j.element.from_inner}, {cut.name for cut in mechanism.cuts}
+    forces = [force for force in mechanism.forces if isinstance(force, JointForce)]
+    no_parts = [_no_part(force, kinds[force.joint]) for force in forces if force.joint in kinds]
+    return [*no_parts, *(_of_cut(force) for force in forces if force.joint in cuts)]
+
+
+def _of_cut(force: JointForce) -> Problem:
+    message = f"a force on a coordinate of the cut joint '{force.joint}' is not exported"
+    return Problem(span=force.span, element=f"force '{force.name}'", message=message, hint="write cut: true at another joint of its loop")
 
 
 def _no_part(force: JointForce, kind: JointKind) -> Problem:

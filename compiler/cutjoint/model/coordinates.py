@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cutjoint.elements.joints import JOINTS
 from cutjoint.model import joint_parts
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import COORDINATES, JointKind
@@ -13,20 +14,24 @@ from cutjoint.model.source import Path
 
 @dataclass(frozen=True)
 class Naming:
-    """How an element names a coordinate: why it needs one, the field and what stands before a name in it, and where joint and coordinate
-    stand."""
+    """How an element names a coordinate: why it needs one, the field and what stands before a name in it, where joint and coordinate
+    stand, and whether it must be a tree joint's."""
 
     need: str
     field: str
     before: str
     joint: Path
     coordinate: Path
+    of_tree: bool = False
 
 
 def read_coordinate(element: Element, name: str, joint: joint_parts.Joint, coordinate: str | None, naming: Naming) -> str:
     """The coordinate of a joint that an element names, its only one if it names none; empty when there is none."""
-    known = () if joint.cut else COORDINATES[JointKind(joint.kind)]
-    what = f"the {'cut' if joint.cut else joint.kind} joint '{name}'"
+    known, what = COORDINATES[JointKind(joint.kind)], f"the {joint.kind} joint '{name}'"
+    if joint.cut and naming.of_tree:
+        known, what = (), f"the cut joint '{name}'"
+    elif joint.cut:
+        known, what = JOINTS[JointKind(joint.kind)].measurable, f"the cut {joint.kind} joint '{name}'"
     if not known:
         element.fail(f"{what} has no coordinates", naming.need, naming.joint)
     elif coordinate is None and len(known) > 1:

@@ -36,7 +36,7 @@ def _end(element: Element, index: int, text: str) -> tuple[JointCoordinate, join
     name, joint = element.joint(local, keys)
     if joint is None:
         return JointCoordinate(joint=name, name="", unit=""), None
-    naming = Naming("a gear couples the coordinates of two joints in the tree", "", f"{local}.", keys, keys)
+    naming = Naming("a gear couples the coordinates of two joints in the tree", "", f"{local}.", keys, keys, of_tree=True)
     found = read_coordinate(element, name, joint, coordinate, naming)
     return JointCoordinate(joint=name, name=found, unit=JOINTS[JointKind(joint.kind)].units.get(found, "")), joint
 

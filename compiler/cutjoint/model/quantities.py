@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TypeAlias
 
 from cutjoint.elements.gear import FORCE_UNITS
+from cutjoint.elements.joint import rate_name
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
@@ -75,10 +76,11 @@ JOINT_QUANTITIES: Mapping[JointKind, Mapping[str, str]] = {kind: joint.units for
 
 
 def quantities(element: Element) -> Mapping[str, str]:
-    """The quantities of an element and their units, none for a cut joint."""
+    """The quantities of an element and their units; a cut joint has those that can be measured."""
     match element:
         case Joint(cut=True):
-            return {}
+            shown = {name for c in element.element.measurable for name in (c, rate_name(c))}
+            return {name: unit for name, unit in JOINT_QUANTITIES[element.kind].items() if name in shown}
         case Joint():
             return JOINT_QUANTITIES[element.kind]
         case Gear():

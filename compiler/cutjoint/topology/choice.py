@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cutjoint.model.records import Joint
+from cutjoint.topology.cuts import find_rules, joints_around
 from cutjoint.topology.records import Topology, TreeJoint
-from cutjoint.topology.spanning_tree import Cost, cost_of, joints_around, split, tree_only
+from cutjoint.topology.spanning_tree import Cost, cost_of, split
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,15 +29,16 @@ class Choice:
 
 
 def rank_cuts(topology: Topology) -> tuple[Choice, ...]:
-    """The choice of each loop, in the order of the cut joints; a joint whose coordinate is used is no alternative."""
+    """The choice of each loop, in the order of the cut joints; a joint that must not be cut is no alternative."""
     model = topology.model
-    bound, place = tree_only(model), {j.name: i for i, j in enumerate(model.joints)}
+    rules, place = find_rules(model), {j.name: i for i, j in enumerate(model.joints)}
     kept = {t.joint.name for t in topology.tree}
     cost = cost_of(model, topology.tree, topology.cuts)
     choices = []
     for cut in topology.cuts:
-        free = [t.joint for t in joints_around(topology.tree, cut) if t.joint.name not in bound]
+        free = [t.joint for t in joints_around(topology.tree, cut) if t.joint.name not in rules.stay]
         options = [_exchange(topology, kept, cut, joint) for joint in sorted(free, key=lambda j: place[j.name])]
+        options = [o for o in options if not rules.faults(o.tree, o.cuts) and rules.forces_on(o.cuts) <= rules.forces_on(topology.cuts)]
         used = Option(joint=cut, tree=topology.tree, cuts=topology.cuts, cost=cost)
         choices.append(Choice(used=used, alternatives=tuple(sorted(options, key=lambda o: o.cost))))
     return tuple(choices)

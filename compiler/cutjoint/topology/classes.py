@@ -58,14 +58,14 @@ def _elements(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], cu
     """The elements of a subtree: bodies innermost first, their joints, then cut joints, gears and forces sorted as in the signature."""
     place = {b: i for i, b in enumerate(bodies)}
     joint_of = {t.child: t.joint.name for t in tree}
-    child_of = {t.joint.name: t.child for t in tree}
+    child_of, ends = {t.joint.name: t.child for t in tree}, joint_ends(tree, cuts)
 
     def where(body: str) -> int:
         return place.get(body, -2 if body == GROUND else -1)
 
     closures = sorted((c for c in cuts if c.base in place or c.follower in place), key=lambda c: (c.kind, where(c.base), where(c.follower)))
     forces = sorted(
-        (f for f in model.forces if any(b in place for b in force_bodies(f, child_of))), key=lambda f: _force(f, where, child_of)
+        (f for f in model.forces if any(b in place for b in force_bodies(f, ends))), key=lambda f: _force(f, where, ends)
     )
     gears = sorted((g for g in model.gears if {child_of[j] for j in g.joints} & place.keys()), key=lambda g: _gear(g, where, child_of))
     return (*bodies, *(joint_of[b] for b in bodies), *(c.name for c in closures), *(g.name for g in gears), *(f.name for f in forces))
@@ -91,8 +91,8 @@ def _signature(
         (t.joint.kind, where(t.parent), place[t.child], t.reversed, t.joint.guide is not None) for t in tree if t.child in place
     )
     closures = sorted((c.kind, where(c.base), where(c.follower)) for c in cuts if c.base in place or c.follower in place)
-    child_of = {t.joint.name: t.child for t in tree}
-    forces = sorted(_force(f, where, child_of) for f in model.forces if any(b in place for b in force_bodies(f, child_of)))
+    child_of, ends = {t.joint.name: t.child for t in tree}, joint_ends(tree, cuts)
+    forces = sorted(_force(f, where, ends) for f in model.forces if any(b in place for b in force_bodies(f, ends)))
     gears = sorted(_gear(g, where, child_of) for g in model.gears if {child_of[j] for j in g.joints} & place.keys())
     return tuple(massless[b] for b in bodies), joints, tuple(closures), tuple(gears), tuple(forces)
 
@@ -101,16 +101,21 @@ def _gear(gear: Gear, where: Any, child_of: Mapping[str, str]) -> Signature:
     return tuple((where(child_of[c.joint]), c.name) for c in (gear.first, gear.second))
 
 
-def force_bodies(force: Force, child_of: Mapping[str, str]) -> tuple[str, ...]:
-    """The bodies that a force acts on; ``child_of`` has the one that each tree joint carries."""
+def force_bodies(force: Force, ends: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """The bodies that a force acts on; ``ends`` are those of `joint_ends`."""
     if isinstance(force, PointSpring | AxialForce | Bushing):
         return force.base, force.follower
     if isinstance(force, JointForce):
-        return (child_of[force.joint],)
+        return ends[force.joint]
     return (force.body,)
 
 
-def _force(force: Force, where: Any, child_of: Mapping[str, str]) -> tuple[str, tuple[int, ...], str]:
+def joint_ends(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, tuple[str, ...]]:
+    """The bodies that a force on a joint's coordinate acts on: the one that a tree joint carries, base and follower of a cut joint."""
+    return {**{t.joint.name: (t.child,) for t in tree}, **{cut.name: (cut.base, cut.follower) for cut in cuts}}
+
+
+def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]]) -> tuple[str, tuple[int, ...], str]:
     shape = ""
     if isinstance(force, PointSpring | AxialForce | JointForce):
         shape = _shape(force.law) + (force.coordinate if isinstance(force, JointForce) else "")
@@ -120,7 +125,7 @@ def _force(force: Force, where: Any, child_of: Mapping[str, str]) -> tuple[str, 
         shape = ";".join(_shape(c) for c in force.components)
     else:
         assert isinstance(force, Tyre)
-    return type(force).__name__, tuple(where(b) for b in force_bodies(force, child_of)), shape
+    return type(force).__name__, tuple(where(b) for b in force_bodies(force, ends)), shape
 
 
 def _shape(law: Scalar) -> str:

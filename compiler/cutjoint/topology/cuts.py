@@ -4,21 +4,48 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
-from cutjoint.model.records import GROUND, Body, Joint, JointForce, Model
+from cutjoint.model.records import GROUND, Body, Joint, Model
+from cutjoint.topology.measured import Use, reason_not_to_measure, uses_of_coordinates
+from cutjoint.topology.records import TreeJoint
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutRules:
+    """Which joints may be cut: those without a reason to ``stay`` whose coordinates, where they have ``uses``, can be measured."""
+
+    stay: Mapping[str, str]
+    uses: Mapping[str, tuple[Use, ...]]
+
+    def reason(self, cut: Joint, tree: Sequence[TreeJoint]) -> str:
+        """Why a joint must not be cut beside a tree; "" if it may."""
+        if cut.name in self.stay and cut.cut is not True:
+            return self.stay[cut.name]
+        uses = self.uses.get(cut.name, ())
+        return reason_not_to_measure(cut, uses, joints_around(tree, cut)) if uses else ""
+
+    def faults(self, tree: Sequence[TreeJoint], cuts: Iterable[Joint]) -> int:
+        """How many cut joints must not be cut."""
+        return sum(bool(self.reason(cut, tree)) for cut in cuts)
+
+    def forces_on(self, cuts: Iterable[Joint]) -> int:
+        """How many forces act on coordinates of cut joints."""
+        return sum(use.is_force for cut in cuts for use in self.uses.get(cut.name, ()))
+
+
+def find_rules(model: Model) -> CutRules:
+    """The rules of a model."""
+    return CutRules(stay=reasons_to_stay(model), uses=uses_of_coordinates(model))
 
 
 def reasons_to_stay(model: Model) -> Mapping[str, str]:
-    """Why joints stay in the tree, by their names: free joints, which close nothing, and those whose coordinates are used."""
+    """Why joints stay in the tree, by their names: free joints, which close nothing, and those whose coordinates are given or coupled."""
     reasons: dict[str, str] = {}
     for scene in model.scenes.values():
-        for output in scene.outputs:
-            reasons[output.element] = f"scene '{scene.name}' has its coordinate among the outputs"
         for key in (*scene.positions, *scene.rates):
             reasons[key.rpartition(".")[0]] = f"scene '{scene.name}' gives its coordinate or speed"
     reasons |= {name: f"gear '{gear.name}' couples its coordinate" for gear in model.gears for name in gear.joints}
-    acting = [force for force in model.force_elements if isinstance(force, JointForce)]
-    reasons |= {force.joint: f"force '{force.name}' acts on its coordinate" for force in acting}
     names = {joint.name for joint in model.joints}
     for joint in model.joints:
         if not joint.element.closes:
@@ -48,20 +75,42 @@ def shortest_paths(joints: Sequence[Joint], bound: Iterable[str]) -> set[str]:
     return chosen
 
 
-def problems_of_cuts(
-    bodies: Iterable[Body], joints: Sequence[Joint], chosen: set[str], reasons: Mapping[str, str]
-) -> Iterator[str]:  # fmt: skip
-    """What is wrong where ``chosen`` joints, of those that are not cut, are to be the tree."""
+def torn_bodies(bodies: Iterable[Body], joints: Sequence[Joint], chosen: set[str]) -> Iterator[str]:
+    """What is wrong where the ``chosen`` joints do not reach all bodies."""
     reached = {GROUND} | {b for j in joints if j.name in chosen for b in (j.base, j.follower)}
     for body in bodies:
         if body.name not in reached:
             yield f"{body.span}: body '{body.name}': the cut joints tear it off the ground; leave one of its joints uncut"
-    for joint in joints:
-        if joint.name not in chosen and joint.name in reasons:
+
+
+def wrong_cuts(rules: CutRules, tree: Sequence[TreeJoint], cuts: Iterable[Joint]) -> Iterator[str]:
+    """What is wrong where joints are cut that must not be."""
+    for cut in cuts:
+        reason, what = rules.reason(cut, tree), f"{cut.span}: joint '{cut.name}'"
+        if reason and cut.cut is True:
+            yield f"{what}: it must not be cut, since {reason}; cut another joint of its loop"
+        elif reason:
             yield (
-                f"{joint.span}: joint '{joint.name}': it closes a loop but must not be cut, since {reasons[joint.name]}, "
-                "and no other joint of the loop may be; leave one of them free to be cut"
+                f"{what}: it closes a loop but must not be cut, since {reason}, and no other joint of the loop may be; "
+                "leave one of them free to be cut"
             )
+
+
+def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
+    """The tree joints of a cut joint's loop, from its follower round to its base."""
+    above = {t.child: t for t in tree}
+    from_follower, from_base = _way_in(above, cut.follower), _way_in(above, cut.base)
+    while from_follower and from_base and from_follower[-1] is from_base[-1]:
+        del from_follower[-1], from_base[-1]
+    return from_follower + from_base[::-1]
+
+
+def _way_in(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
+    way: list[TreeJoint] = []
+    while body != GROUND:
+        way.append(above[body])
+        body = above[body].parent
+    return way
 
 
 def _reach(body: str, held: Sequence[Joint], known: set[str], chosen: set[str]) -> list[str]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.cuts import problems_of_cuts, reasons_to_stay, shortest_paths
+from cutjoint.topology.cuts import CutRules, find_rules, joints_around, shortest_paths, torn_bodies, wrong_cuts
 from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.operations import predict_operations
 from cutjoint.topology.records import TreeJoint
@@ -25,18 +25,14 @@ def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
     Raises:
         TopologyError: the given cuts tear a body off, or joints that must not be cut close a loop.
     """
-    joints = [j for j in model.joints if j.cut is not True]
-    bound = tree_only(model)
-    chosen = shortest_paths(joints, bound)
-    if problems := list(problems_of_cuts(model.bodies, joints, chosen, bound)):
+    joints, rules = [j for j in model.joints if j.cut is not True], find_rules(model)
+    chosen = shortest_paths(joints, [*rules.stay, *rules.uses])
+    if problems := list(torn_bodies(model.bodies, joints, chosen)):
         raise TopologyError("\n".join(problems))
-    chosen = _improve(model, joints, chosen, bound)
-    return split(model, chosen)
-
-
-def tree_only(model: Model) -> Mapping[str, str]:
-    """The joints that must not be cut, and why."""
-    return reasons_to_stay(model)
+    tree, cuts = split(model, _improve(model, joints, chosen, rules))
+    if problems := list(wrong_cuts(rules, tree, cuts)):
+        raise TopologyError("\n".join(problems))
+    return tree, cuts
 
 
 @dataclass(frozen=True, kw_only=True, order=True)
@@ -66,43 +62,32 @@ def split(model: Model, chosen: set[str]) -> tuple[tuple[TreeJoint, ...], tuple[
     return _orient([j for j in model.joints if j.name in chosen]), tuple(j for j in model.joints if j.name not in chosen)
 
 
-def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], bound: Container[str]) -> set[str]:
-    best, cost = chosen, cost_of(model, *split(model, chosen))
+def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], rules: CutRules) -> set[str]:
+    best, price = chosen, _judge(model, chosen, rules)
     improved = True
     while improved:
         improved = False
-        for candidate in _exchanges(model, joints, best, bound):
-            price = cost_of(model, *split(model, candidate))
-            if price < cost:
-                best, cost, improved = candidate, price, True
+        for candidate in _exchanges(model, joints, best, rules.stay):
+            judged = _judge(model, candidate, rules)
+            if judged < price:
+                best, price, improved = candidate, judged, True
                 break
     return best
 
 
-def _exchanges(model: Model, joints: Sequence[Joint], chosen: set[str], bound: Container[str]) -> Iterable[set[str]]:
+def _judge(model: Model, chosen: set[str], rules: CutRules) -> tuple[int, int, Cost]:
+    """Wrong cuts, then forces on the coordinates of cut joints, which cost nothing in the tree, then the cost."""
+    tree, cuts = split(model, chosen)
+    return rules.faults(tree, cuts), rules.forces_on(cuts), cost_of(model, tree, cuts)
+
+
+def _exchanges(model: Model, joints: Sequence[Joint], chosen: set[str], stay: Container[str]) -> Iterable[set[str]]:
     """Every tree that differs from the chosen one by one exchange of a compiler's cut joint for a joint of its loop."""
     tree, _ = split(model, chosen)
     for cut in (j for j in joints if j.name not in chosen):
         for t in joints_around(tree, cut):
-            if t.joint.name not in bound:
+            if t.joint.name not in stay:
                 yield (chosen - {t.joint.name}) | {cut.name}
-
-
-def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
-    """The tree joints of a cut joint's loop, from its follower round to its base."""
-    above = {t.child: t for t in tree}
-    from_follower, from_base = _way_in(above, cut.follower), _way_in(above, cut.base)
-    while from_follower and from_base and from_follower[-1] is from_base[-1]:
-        del from_follower[-1], from_base[-1]
-    return from_follower + from_base[::-1]
-
-
-def _way_in(above: dict[str, TreeJoint], body: str) -> list[TreeJoint]:
-    way: list[TreeJoint] = []
-    while body != GROUND:
-        way.append(above[body])
-        body = above[body].parent
-    return way
 
 
 def _orient(joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:

@@ -22,6 +22,7 @@ from cutjoint.elements.joint import (
     Slide,
     Turn,
     Way,
+    rate_name,
 )
 from cutjoint.elements.joint import Motion as ChainMotion
 from cutjoint.formulate.forces import is_active
@@ -49,6 +50,7 @@ from cutjoint.model.records import (
     Tyre,
 )
 from cutjoint.topology.records import Topology, TreeJoint
+from cutjoint.twin.cut_coordinates import describe_cut_coordinate
 from cutjoint.twin.trees import Json, Trees, quantity_names
 
 
@@ -181,13 +183,20 @@ def _force(trees: Trees, force: Force, topology: Topology, tyres: Sequence[str])
         case BodyLoad():
             details = _load(trees, force)
         case JointForce():
-            body, joint = next((t.child, t.joint) for t in topology.tree if t.joint.name == force.joint)
-            index = COORDINATES[joint.kind].index(force.coordinate)
-            details = {"body": body, "coordinate": index, "law": trees.law(force.law, "position")}
+            details = {**_acted_on(trees, force, topology), "law": trees.law(force.law, "position")}
         case Tyre():
             geometry = {"centre": trees.all(force.centre), "axis": trees.all(force.axis)}
             details = {"body": force.body, **geometry, "road": tyres.index(force.name), "constants": trees.constants(force)}
     return {"name": force.name, "kind": _KINDS[type(force)], "quantities": quantity_names(force), **details}
+
+
+def _acted_on(trees: Trees, force: JointForce, topology: Topology) -> Json:
+    """The coordinate that a force acts on."""
+    cut = next((cut for cut in topology.cuts if cut.name == force.joint), None)
+    if cut is not None:
+        return {"cut": describe_cut_coordinate(trees, topology, cut, force.coordinate)}
+    body, joint = next((t.child, t.joint) for t in topology.tree if t.joint.name == force.joint)
+    return {"body": body, "coordinate": COORDINATES[joint.kind].index(force.coordinate)}
 
 
 _KINDS: Mapping[type, str] = {
@@ -234,7 +243,7 @@ def _source(trees: Trees, output: Output, element: Any, topology: Topology, scen
         case Reaction():
             return _reaction(trees, element, output.quantity)
         case Joint():
-            return _joint_value(output, element, topology)
+            return _joint_value(trees, output, element, topology)
         case Gear():
             return {"kind": "gear", "gear": element.name}
     return {"kind": "force", "quantity": output.column} if is_active(element, scene) else {"kind": "zero"}
@@ -254,7 +263,11 @@ def _reaction(trees: Trees, reaction: Reaction, quantity: str) -> Json:
     }  # fmt: skip
 
 
-def _joint_value(output: Output, joint: Joint, topology: Topology) -> Json:
+def _joint_value(trees: Trees, output: Output, joint: Joint, topology: Topology) -> Json:
+    if joint in topology.cuts:
+        rates = {rate_name(coordinate): coordinate for coordinate in COORDINATES[joint.kind]}
+        cut = describe_cut_coordinate(trees, topology, joint, rates.get(output.quantity, output.quantity))
+        return {"kind": "cut_rate" if output.quantity in rates else "cut_position", "cut": cut}
     body = next(t.child for t in topology.tree if t.joint.name == joint.name)
     coordinates = COORDINATES[joint.kind]
     if output.quantity in coordinates:

@@ -65,7 +65,9 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         gears=gears, pushes=tuple(weighted_push(k, gear, penalty) for gear in gears),
         Zdd=given_accelerations(k), M=masses, Q=weights_of_masses,
     )  # fmt: skip
-    reactions = Reactions(kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=system_of.Zdd)
+    reactions = Reactions(
+        kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=system_of.Zdd, acting=system.cut_joint_wrenches
+    )  # fmt: skip
     reporter = Reporter(
         model=model, kinematics=k, forces=forces, loops=loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
     )  # fmt: skip

@@ -66,7 +66,9 @@ def formulate_recursive(
     gaps = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, gaps, "p").vdot
     Zdd = given_accelerations(k)
-    reactions = Reactions(kinematics=k, loops=closing.loops, M=masses, Q=pushed, Zdd=Zdd)
+    reactions = Reactions(
+        kinematics=k, loops=closing.loops, M=masses, Q=pushed, Zdd=Zdd, acting=system.cut_joint_wrenches
+    )  # fmt: skip
     reporter = Reporter(
         model=model, kinematics=k, forces=forces, loops=closing.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions
     )  # fmt: skip

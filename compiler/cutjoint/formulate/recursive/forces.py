@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import sympy
 
+from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
@@ -25,8 +26,9 @@ from cutjoint.formulate.forces import (
     spring_pull,
     stretch,
 )  # fmt: skip
-from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
-from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
+from cutjoint.formulate.recursive.kinematics import Kinematics, halves
+from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
 from cutjoint.model.records import (
     COORDINATES,
@@ -35,6 +37,7 @@ from cutjoint.model.records import (
     BodyLoad,
     Bushing,
     GuardedForce,
+    Joint,
     JointForce,
     LawForce,
     Model,
@@ -128,7 +131,7 @@ def _law_values(k: Kinematics, force: GuardedForce) -> dict[Scalar, Block]:
         case AxialForce():
             return _along_axis(k, force)[2]
         case JointForce():
-            return _of_coordinate(k, force)[2]
+            return _of_coordinate(k, force)
         case BodyLoad():
             return _load_values(k, force)[1]
         case Tyre():
@@ -154,20 +157,26 @@ def push(system: BodySystem, k: Kinematics, body: str, point: Block, force: Bloc
 
 
 def _push_pair(
-    system: BodySystem, k: Kinematics, force: PointSpring | AxialForce | Bushing, point: Block, pull: Block,
-    torque: Block | None = None,
-) -> None:  # fmt: skip
-    """A force (and a torque) on the follower at a point, its reaction on the base on the same line."""
+    system: BodySystem, k: Kinematics, pair: PointSpring | AxialForce | Bushing | Joint, point: Block, pull: Block
+) -> Block:  # fmt: skip
+    """A force on the follower at a point, whose wrench is returned, and its reaction on the base on the same line."""
     b = k.builder
-    wrench = push(system, k, force.follower, point, pull)
-    step = k.pole_step(force.base, force.follower)
-    if k.frames[force.base].root == k.frames[force.follower].root:
-        system.add_force(force.base, b.neg(wrench))
+    wrench = push(system, k, pair.follower, point, pull)
+    step = k.pole_step(pair.base, pair.follower)
+    if k.frames[pair.base].root == k.frames[pair.follower].root:
+        system.add_force(pair.base, b.neg(wrench))
     else:
-        push(system, k, force.base, b.add(point, step), b.neg(pull))
-    if torque is not None:
-        system.add_force(force.follower, b.stack([[b.zero(3)], [torque]]))
-        system.add_force(force.base, b.stack([[b.zero(3)], [b.neg(torque)]]))
+        push(system, k, pair.base, b.add(point, step), b.neg(pull))
+    return wrench
+
+
+def _twist_pair(system: BodySystem, k: Kinematics, pair: Bushing | Joint, torque: Block) -> Block:
+    """A torque on the follower, whose wrench is returned, and its reaction on the base."""
+    b = k.builder
+    wrench = b.stack([[b.zero(3)], [torque]])
+    system.add_force(pair.follower, wrench)
+    system.add_force(pair.base, b.stack([[b.zero(3)], [b.neg(torque)]]))
+    return wrench
 
 
 def _between_ends(k: Kinematics, force: PointSpring) -> tuple[Block, Block, Block]:
@@ -186,13 +195,9 @@ def _point_spring(system: BodySystem, k: Kinematics, force: PointSpring) -> dict
 
 def _along_axis(k: Kinematics, force: AxialForce) -> tuple[Block, Block, dict[Scalar, Block]]:
     """The axis, the follower's point, and the variables of the law."""
-    b = k.builder
-    axis, point = k.direction(force.base, force.axis), k.point(force.follower, force.point)
-    way = k.between(force.follower, point, force.base, k.point(force.base, force.origin))
-    travel = b.dot(axis, way)
-    on_base = b.add(point, k.pole_step(force.base, force.follower))
-    rate = b.dot(axis, b.sub(k.velocity(force.follower, point), k.velocity(force.base, on_base)))
-    return axis, point, {TRAVEL: travel, RATE: rate}
+    axis, point, measured = travel(k, (force.base, force.follower), (force.origin, force.point), force.axis)
+    assert measured.position is not None
+    return axis, point, {TRAVEL: measured.position, RATE: measured.rate}
 
 
 def _axial_force(system: BodySystem, k: Kinematics, force: AxialForce) -> dict[str, Block]:
@@ -215,7 +220,8 @@ def _bushing(system: BodySystem, k: Kinematics, force: Bushing) -> dict[str, Blo
     places = (b.mul(to_base, way), rotation)
     rates = (b.mul(to_base, speed), b.mul(by_turn, b.mul(to_base, spin)))
     pull, torque, quantities = bushing_laws(b, k.translator, force, places, rates, by_turn)
-    _push_pair(system, k, force, point, b.mul(E, pull), b.mul(E, torque))
+    _push_pair(system, k, force, point, b.mul(E, pull))
+    _twist_pair(system, k, force, b.mul(E, torque))
     return quantities
 
 
@@ -255,22 +261,33 @@ def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block
     return {name: b.element(components, i) for i, name in enumerate(names)}
 
 
-def _of_coordinate(k: Kinematics, force: JointForce) -> tuple[JointMotion, int, dict[Scalar, Block]]:
-    """The joint, the coordinate's place in it, and the variables of the law."""
-    motion = next(m for m in k.motions.values() if m.tree_joint.joint.name == force.joint)
-    index = COORDINATES[motion.tree_joint.joint.kind].index(force.coordinate)
-    return motion, index, {POSITION: motion.position[index], RATE: motion.rate[index]}
+def _of_coordinate(k: Kinematics, force: JointForce) -> dict[Scalar, Block]:
+    """The variables of the law."""
+    measured = measure(k, force.joint, force.coordinate)
+    return {RATE: measured.rate} if measured.position is None else {POSITION: measured.position, RATE: measured.rate}
 
 
 def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[str, Block]:
-    motion, index, values = _of_coordinate(k, force)
-    body, law = motion.tree_joint.child, law_of(k.translator, force.law, values, POSITION)
-    if motion.chart is not None:  # a force does not move a guided joint
-        b, before = k.builder, system.joint_forces.get(body)
+    law = law_of(k.translator, force.law, _of_coordinate(k, force), POSITION)
+    motion = tree_motion(k, force.joint)
+    if motion is None:
+        wrench = _push_cut_joint(system, k, force, law["force"])
+        add_to(k.builder, system.cut_joint_wrenches, force.joint, wrench)
+    elif motion.chart is not None:  # a force does not move a guided joint
+        index = COORDINATES[motion.tree_joint.joint.kind].index(force.coordinate)
         speeds = range(len(motion.chart.speed_names))
-        column = b.column([law["force"] if i == index else b.zero(1) for i in speeds])
-        system.joint_forces[body] = column if before is None else b.add(before, column)
+        column = k.builder.column([law["force"] if i == index else k.builder.zero(1) for i in speeds])
+        add_to(k.builder, system.joint_forces, motion.tree_joint.child, column)
     return law
+
+
+def _push_cut_joint(system: BodySystem, k: Kinematics, force: JointForce, value: Block) -> Block:
+    """A force along the coordinate of a cut joint, or a torque about its axis, on both of its bodies: the wrench on the follower."""
+    b, cut = k.builder, next(c for c in k.topology.cuts if c.name == force.joint)
+    if force.coordinate in cut.element.angles:
+        return _twist_pair(system, k, cut, b.scale(value, k.direction(cut.base, cut.axes[0])))
+    axis = k.direction(cut.base, slide_axis(cut, force.coordinate))
+    return _push_pair(system, k, cut, k.point(cut.follower, cut.at), b.scale(value, axis))
 
 
 def _contact(k: Kinematics, force: Tyre) -> tuple[Block, Contact]:

@@ -68,6 +68,7 @@ class Kinematics:
 
     builder: Builder
     translator: Translator
+    topology: Topology
     frames: dict[str, Frame] = field(default_factory=dict)
     motions: dict[str, JointMotion] = field(default_factory=dict)
 
@@ -130,7 +131,7 @@ def derive_kinematics(
 ) -> Kinematics:
     """The frames and motions of all bodies."""
     b = builder
-    k = Kinematics(builder=b, translator=translator)
+    k = Kinematics(builder=b, translator=translator, topology=topology)
     zero, still = b.zero(3), b.zero(6)
     origin = (sympy.Integer(0),) * 3
     k.frames[GROUND] = Frame(R=b.identity(3), r=zero, origin=origin, Z=still, pole=zero, root=GROUND)

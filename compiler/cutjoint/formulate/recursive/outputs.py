@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from cutjoint.elements.joint import rate_name
 from cutjoint.formulate.attitude import ATTITUDE, attitude
+from cutjoint.formulate.recursive.coordinates import measure, tree_motion
 from cutjoint.formulate.recursive.forces import Forces
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.loops import LoopClosure
 from cutjoint.formulate.recursive.reactions import Reactions
-from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, RodForce, Vector
+from cutjoint.model.records import SPEEDS, Model, Output, RodForce, Vector
 from cutjoint.program.blocks import BindingTime, Block
 
 
@@ -72,13 +74,16 @@ class Reporter:
         return b.neg(b.total([b.scale(k.translator.scalar(weight), loops[rod].multipliers) for rod, weight in sensor.pushes]))
 
     def _joint(self, output: Output) -> Block:
-        k = self.kinematics
-        motion = next(m for m in k.motions.values() if m.tree_joint.joint.name == output.element)
-        kind = motion.tree_joint.joint.kind
-        for known, blocks in ((COORDINATES[kind], motion.position), (SPEEDS[kind], motion.rate)):
-            if output.quantity in known:
-                return blocks[known.index(output.quantity)]
-        raise ValueError(f"joint '{output.element}' has no quantity '{output.quantity}'")
+        motion = tree_motion(self.kinematics, output.element)
+        if motion is not None and output.quantity in (speeds := SPEEDS[motion.tree_joint.joint.kind]):
+            return motion.rate[speeds.index(output.quantity)]
+        joint = next(joint for joint in self.model.joints if joint.name == output.element)
+        rates = {rate_name(coordinate): coordinate for coordinate in joint.element.coordinates}
+        measured = measure(self.kinematics, joint.name, rates.get(output.quantity, output.quantity))
+        block = measured.rate if output.quantity in rates else measured.position
+        if block is None:
+            raise ValueError(f"joint '{output.element}' has no quantity '{output.quantity}'")
+        return block
 
 
 def given_accelerations(k: Kinematics) -> dict[str, Block]:

@@ -3,10 +3,10 @@
 A cut joint has its multipliers.  A tree joint carries the bodies of its subtree, whose Newton-Euler equations give its wrench on the
 outer body; a cut joint within the subtree adds nothing to the sum, one that leaves it what it does to the end inside::
 
-    cut joint:   W = -A^T lambda
+    cut joint:   W = -A^T lambda + what acts on its coordinates
     tree joint:  W_i = M Zdd - Q + sum of A^T lambda + sum of W_j        over the cut joints at body i and the bodies j that it carries
 
-Forces on the joint's own coordinates and the teeth of its gears are parts of W: b^T W is their sum.
+Forces on a tree joint's own coordinates and the teeth of its gears are parts of W: b^T W is their sum.
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ from cutjoint.program.blocks import Block
 
 @dataclass(frozen=True, kw_only=True)
 class Reactions:
-    """Knows the reactions of all joints; ``M``, ``Q`` and ``Zdd`` by body, without what cut joints add to M and Q."""
+    """Knows the reactions of all joints; ``M``, ``Q`` and ``Zdd`` by body, without what cut joints add to M and Q; ``acting`` are the
+    wrenches on the followers of cut joints by forces on their coordinates."""
 
     kinematics: Kinematics
     loops: tuple[LoopClosure, ...]
     M: Mapping[str, Block]
     Q: Mapping[str, Block]
     Zdd: Mapping[str, Block]
+    acting: Mapping[str, Block]
 
     def component(self, reaction: Reaction, quantity: str) -> Block:
         """The block of one quantity of a reaction."""
@@ -43,7 +45,9 @@ class Reactions:
         """Force and moment about the follower's point by joint, (3, 1) each."""
         b, found = self.kinematics.builder, {}
         for loop, wrenches in zip(self.loops, self._pulls, strict=True):
-            found[loop.joint.name] = self._at_point(loop.joint, loop.joint.follower, wrenches[loop.joint.follower])
+            name, wrench = loop.joint.name, wrenches[loop.joint.follower]
+            wrench = b.add(wrench, self.acting[name]) if name in self.acting else wrench
+            found[name] = self._at_point(loop.joint, loop.joint.follower, wrench)
         for body, motion in self.kinematics.motions.items():
             joint, wrench = motion.tree_joint.joint, self._carried[body]
             found[joint.name] = self._at_point(joint, body, wrench if body == joint.follower else b.neg(wrench))

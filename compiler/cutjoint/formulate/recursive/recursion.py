@@ -48,7 +48,8 @@ class Pivot:
 class BodySystem:
     """The block system in body space while joints are eliminated; all 6x6 and 6x1 blocks at the bodies' poles.
 
-    ``source`` names the element whose shares are being added.
+    ``joint_forces`` act on the coordinates of tree joints, by the bodies that these carry; ``cut_joint_wrenches`` have what forces on the
+    coordinates of cut joints do to their followers.  ``source`` names the element whose shares are being added.
     """
 
     builder: Builder
@@ -56,6 +57,7 @@ class BodySystem:
     Q: dict[str, Block] = field(default_factory=dict)
     C: dict[tuple[str, str], Block] = field(default_factory=dict)
     joint_forces: dict[str, Block] = field(default_factory=dict)
+    cut_joint_wrenches: dict[str, Block] = field(default_factory=dict)
     source: str = ""
     _shares: Counter[tuple[str, ...]] = field(default_factory=Counter)
 
@@ -102,6 +104,11 @@ class BodySystem:
         key = (symbol, self.source, *targets)
         self._shares[key] += 1
         self.builder.name(block, f"{symbol}{self._shares[key]}", self.source, *targets)
+
+
+def add_to(b: Builder, sums: dict[str, Block], name: str, block: Block) -> None:
+    """sums[name] += block."""
+    sums[name] = b.add(sums[name], block) if name in sums else block
 
 
 class Branched(Protocol):

@@ -84,7 +84,7 @@ def _joint(force: JointForce, model: Model) -> ForceDescription:
     return ForceDescription(
         title="Joint force",
         notes=("$F$ joins the generalised force of the coordinate $z$ where the joint is eliminated; a guided joint follows its "
-               "guide.",),
+               "guide. Where the joint is cut, $z$ is measured, and $F$ acts along its direction, or about its axis, on both bodies.",),
         actions=(r"D e = b^T (Q_i - M_i d) + F",), laws=explain_law("F", force.law, "position", "z", model),
         places=(("joint", code(force.joint)), ("coordinate $z$", code(force.coordinate))), constants=(),
     )  # fmt: skip

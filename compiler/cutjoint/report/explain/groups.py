@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TypeAlias
 
 from cutjoint.model.records import GROUND
-from cutjoint.topology.classes import force_bodies
+from cutjoint.topology.classes import force_bodies, joint_ends
 from cutjoint.topology.records import SubtreeClass, Topology
 
 #: Names of elements that play the same part, one for each member of a class.
@@ -46,10 +46,10 @@ def _elements(topology: Topology, root: str) -> list[str]:
     def where(body: str) -> int:
         return place.get(body, -2 if body == GROUND else -1)
 
-    child_of = {t.joint.name: t.child for t in topology.tree}
+    ends = joint_ends(topology.tree, topology.cuts)
     cuts = sorted(((c.kind, where(c.base), where(c.follower)), i) for i, c in enumerate(topology.cuts))
     forces = sorted(
-        ((type(f).__name__, tuple(where(b) for b in force_bodies(f, child_of))), i) for i, f in enumerate(topology.model.forces)
+        ((type(f).__name__, tuple(where(b) for b in force_bodies(f, ends))), i) for i, f in enumerate(topology.model.forces)
     )
     inside = [topology.cuts[i].name for key, i in cuts if max(key[1:]) >= 0]
     return [*bodies, *joints, *inside, *(topology.model.forces[i].name for key, i in forces if max(key[1]) >= 0)]

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cutjoint/generic/body_system.hpp"
+#include "cutjoint/generic/cut_coordinate.hpp"
 #include "cutjoint/generic/tyre.hpp"
 
 namespace cutjoint::generic {
@@ -13,7 +14,8 @@ template <class Real>
 class Forces {
  public:
   Forces(Model<Real>& model, const Kinematics<Real>& kinematics)
-      : model_(model), e_(model.expressions), k_(kinematics), quantities_(static_cast<std::size_t>(model.quantities)) {}
+      : model_(model), e_(model.expressions), k_(kinematics), cuts_(model, kinematics), quantities_(static_cast<std::size_t>(model.quantities)),
+        on_cut_joints_(model.cuts.size()) {}
 
   void load(const Road<Real>* roads) {
     roads_ = roads;
@@ -22,6 +24,7 @@ class Forces {
   }
 
   void add(BodySystem<Real>& system, const Real* q, const Real* v) {
+    for (Vector6<Real>& wrench : on_cut_joints_) wrench.setZero();
     for (const PointSpring& force : model_.point_springs) add(system, force);
     for (const AxialForce& force : model_.axial_forces) add(system, force);
     for (const Bushing& force : model_.bushings) add(system, force);
@@ -36,6 +39,9 @@ class Forces {
     for (const AxialForce& force : model_.axial_forces) add_tangents(force.law, force.quantity);
     for (const JointForce& force : model_.joint_forces) add_tangents(force.law, force.quantity);
   }
+
+  /// What forces on the coordinates of a cut joint do to its follower.
+  const Vector6<Real>& on_cut_joint(std::size_t cut) const { return on_cut_joints_[cut]; }
 
   Real quantity(int i) const { return quantities_[static_cast<std::size_t>(i)]; }
 
@@ -144,8 +150,26 @@ class Forces {
   }
 
   void add(BodySystem<Real>& system, const JointForce& force, const Real* q, const Real* v) {
+    if (force.body < 0) return add_to_cut_joint(system, force, q, v);
     const Real position = k_.position(force.body, force.coordinate, q), rate = k_.rate(force.body, force.coordinate, v);
     system.joint_force(force.body)[force.coordinate] += evaluate(force.law, force.quantity, position, rate);
+  }
+
+  /// A force along the coordinate, or a torque about its axis, on both bodies.
+  void add_to_cut_joint(BodySystem<Real>& system, const JointForce& force, const Real* q, const Real* v) {
+    const CutCoordinate& c = cuts_.of(force.coordinate);
+    const Real position = cuts_.position(force.coordinate, q), rate = cuts_.rate(force.coordinate, v);
+    const Vector3<Real> push = evaluate(force.law, force.quantity, position, rate) * cuts_.axis(force.coordinate);
+    Vector6<Real>& wrench = on_cut_joints_[static_cast<std::size_t>(c.cut)];
+    if (c.is_angle) {
+      system.Q(c.point.body).template tail<3>() += push;
+      system.Q(c.origin.body).template tail<3>() -= push;
+      wrench.template tail<3>() += push;
+    } else {
+      const Vector3<Real> point = cuts_.point(force.coordinate);
+      push_pair(system, c.origin.body, c.point.body, point, push);
+      wrench += wrench_of<Real>(point, push);
+    }
   }
 
   void add(BodySystem<Real>& system, const Tyre& tyre, const TyreValues<Real>& values) {
@@ -159,9 +183,11 @@ class Forces {
   const Model<Real>& model_;
   Expressions<Real>& e_;
   const Kinematics<Real>& k_;
+  CutCoordinates<Real> cuts_;
   const Road<Real>* roads_ = nullptr;
   std::vector<TyreValues<Real>> tyres_;
   std::vector<Real> quantities_;
+  std::vector<Vector6<Real>> on_cut_joints_;
 };
 
 }  // namespace cutjoint::generic

@@ -160,6 +160,22 @@ struct BodyLoad {
   int quantity;
 };
 
+/// A tree joint's angle that joins another with a sign.
+struct SignedTurn {
+  int body, coordinate, sign;
+};
+
+/// A coordinate of a cut joint: the sum of turns around a planar loop, or the way from `origin` to `point` along an axis of the base, an
+/// angle by the register of a screw's `pitch`.  Without these an angle has a rate only.
+struct CutCoordinate {
+  int cut;
+  Fixed origin, point, axis;
+  std::vector<SignedTurn> turns;
+  bool is_angle = false, counts_turns = false;
+  int pitch = -1;
+};
+
+/// A force on a coordinate of the tree joint of a body, or on a coordinate of a cut joint if `body` is negative.
 struct JointForce {
   int body, coordinate;
   Law law;
@@ -179,11 +195,12 @@ struct Tyre {
 
 /// What a column reports, its meaning in `Output`.
 enum class Quantity {
-  zero, position, velocity, angular_velocity, acceleration, roll, pitch, yaw, reaction, gear_force, force, joint_position, joint_rate
+  zero, position, velocity, angular_velocity, acceleration, roll, pitch, yaw, reaction, gear_force, force, joint_position, joint_rate,
+  cut_position, cut_rate
 };
 
 /// A column: `at` is a body's point, or a reaction's direction; `index` the component of a vector, the coordinate or speed of a
-/// joint, a force's quantity, a gear's equation, or a reaction.
+/// joint, a force's quantity, a gear's equation, a reaction, or a coordinate of a cut joint.
 struct Output {
   Quantity quantity = Quantity::zero;
   Fixed at;
@@ -267,6 +284,7 @@ struct Model {
   std::vector<Bushing> bushings;
   std::vector<BodyLoad> loads;
   std::vector<JointForce> joint_forces;
+  std::vector<CutCoordinate> cut_coordinates;
   std::vector<Tyre> tyres;
   std::vector<Output> outputs;
   std::vector<Reaction> reactions;

@@ -1,11 +1,12 @@
 // Reactions of joints: what a joint does to its follower.
 //
-//     cut joint:   W = -A^T lambda
+//     cut joint:   W = -A^T lambda + what acts on its coordinates
 //     tree joint:  W_i = M Zdd - Q + sum of A^T lambda + sum of W_j        over the cut joints at body i and the bodies j that it carries
 #pragma once
 
 #include <vector>
 
+#include "cutjoint/generic/force.hpp"
 #include "cutjoint/generic/loops.hpp"
 
 namespace cutjoint::generic {
@@ -13,8 +14,8 @@ namespace cutjoint::generic {
 template <class Real>
 class Reactions {
  public:
-  Reactions(const Model<Real>& model, const Kinematics<Real>& kinematics, const Closures<Real>& closures)
-      : model_(model), k_(kinematics), closures_(closures), pulls_(model.cuts.size()), carried_(model.bodies.size()) {}
+  Reactions(const Model<Real>& model, const Kinematics<Real>& kinematics, const Forces<Real>& forces, const Closures<Real>& closures)
+      : model_(model), k_(kinematics), forces_(forces), closures_(closures), pulls_(model.cuts.size()), carried_(model.bodies.size()) {}
 
   /// `system` must have the bodies and the applied forces alone.
   void update(BodySystem<Real>& system, const std::vector<Vector6<Real>>& Zdd, const Real* lambda) {
@@ -47,10 +48,12 @@ class Reactions {
     for (int n = 0; n < cut.size; ++n) pulls_[i] -= lambda[cut.first + n] * closures_[i].equations.At.col(n);
     carried(cut.follower.body) -= pulls_[i];
     carried(cut.base.body) += transport<Real>(closures_[i].step).transpose() * pulls_[i];
+    pulls_[i] += forces_.on_cut_joint(i);
   }
 
   const Model<Real>& model_;
   const Kinematics<Real>& k_;
+  const Forces<Real>& forces_;
   const Closures<Real>& closures_;
   std::vector<Vector6<Real>> pulls_, carried_;
 };

@@ -268,7 +268,20 @@ class ModelReader {
 
   void read_joint_force(const Json& json, int quantity) {
     const Law law = read_law(model_.expressions, json.at("law"), "position");
-    model_.joint_forces.push_back({body(json.at("body")), json.at("coordinate"), law, quantity});
+    if (json.contains("cut")) model_.joint_forces.push_back({-1, read_cut_coordinate(json.at("cut")), law, quantity});
+    else model_.joint_forces.push_back({body(json.at("body")), json.at("coordinate"), law, quantity});
+  }
+
+  int read_cut_coordinate(const Json& json) {
+    const int base = body(json.at("base")), follower = body(json.at("follower"));
+    CutCoordinate c{cuts_.at(json.at("joint")), point(base, json.at("point")), point(follower, json.at("point")), direction(base, json.at("axis")), {}};
+    c.is_angle = json.at("angle");
+    c.counts_turns = !json.at("turns").is_null();
+    if (c.counts_turns)
+      for (const Json& turn : json.at("turns")) c.turns.push_back({body(turn.at("body")), turn.at("coordinate"), turn.at("sign")});
+    if (!json.at("pitch").is_null()) c.pitch = number(json.at("pitch"));
+    model_.cut_coordinates.push_back(c);
+    return static_cast<int>(model_.cut_coordinates.size()) - 1;
   }
 
   void read_tyre(const Json& json, int quantity) {
@@ -292,6 +305,8 @@ class ModelReader {
     else if (kind == "force") output = {Quantity::force, {}, quantities_.at(json.at("quantity"))};
     else if (kind == "joint_position") output = {Quantity::joint_position, {body(json.at("body")), -1}, json.at("index")};
     else if (kind == "joint_rate") output = {Quantity::joint_rate, {body(json.at("body")), -1}, json.at("index")};
+    else if (kind == "cut_position") output = {Quantity::cut_position, {}, read_cut_coordinate(json.at("cut"))};
+    else if (kind == "cut_rate") output = {Quantity::cut_rate, {}, read_cut_coordinate(json.at("cut"))};
     else if (kind != "zero") throw std::runtime_error("unknown kind of output '" + kind + "'");
     model_.outputs.push_back(output);
   }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cutjoint/generic/closure.hpp"
+#include "cutjoint/generic/cut_coordinate.hpp"
 #include "cutjoint/generic/force.hpp"
 #include "cutjoint/generic/reactions.hpp"
 
@@ -20,7 +21,7 @@ template <class Real>
 class Reporter {
  public:
   Reporter(const Model<Real>& model, const Kinematics<Real>& kinematics, const Forces<Real>& forces, const Closures<Real>& closures)
-      : model_(model), k_(kinematics), forces_(forces), reactions_(model, kinematics, closures),
+      : model_(model), k_(kinematics), forces_(forces), reactions_(model, kinematics, forces, closures), cuts_(model, kinematics),
         Zdd_(model.bodies.size(), Vector6<Real>::Zero()) {}
 
   /// Kinematics, forces and closures must belong to the instant; `system` has its bodies and applied forces alone.
@@ -61,6 +62,8 @@ class Reporter {
       case Quantity::gear_force: return -instant.lambda[output.index];
       case Quantity::force: return forces_.quantity(output.index);
       case Quantity::joint_position: return k_.position(output.at.body, output.index, instant.q);
+      case Quantity::cut_position: return cuts_.position(output.index, instant.q);
+      case Quantity::cut_rate: return cuts_.rate(output.index, instant.v);
       case Quantity::joint_rate: return k_.rate(output.at.body, output.index, instant.v);
       default: return motion(output);
     }
@@ -93,6 +96,7 @@ class Reporter {
   const Kinematics<Real>& k_;
   const Forces<Real>& forces_;
   Reactions<Real> reactions_;
+  CutCoordinates<Real> cuts_;
   std::vector<Vector6<Real>> Zdd_;
 };
 

@@ -1,0 +1,103 @@
+"""Which coordinates of a cut joint can be measured from the pose of its bodies.
+
+A displacement is a distance.  An angle counts turns, which no pose shows: it is the sum of the turns around its loop where all of them are
+about one direction, as in a planar loop.  A screw's angle is its advance.  A rate needs the velocities only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import sympy
+
+from cutjoint.elements.joint import ABOUT_AXIS, rate_name
+from cutjoint.model.records import Joint, JointForce, Model, Scalar
+from cutjoint.topology.records import TreeJoint
+
+_POSITION = sympy.Symbol("position", real=True)
+
+#: Unit vectors count as parallel where their components differ by less.
+_PARALLEL = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Use:
+    """What uses a coordinate of a joint, or its rate alone, as a reason: "force 'x' acts on its coordinate"."""
+
+    coordinate: str
+    rate_alone: bool
+    is_force: bool
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignedTurn:
+    """A tree joint whose ``coordinate`` joins an angle with a ``sign``."""
+
+    joint: Joint
+    coordinate: str
+    sign: int
+
+
+def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
+    """What measures the coordinates of joints, by the joints' names: forces and outputs."""
+    joints = {joint.name: joint for joint in model.joints}
+    uses: dict[str, list[Use]] = {}
+    for force in model.force_elements:
+        if isinstance(force, JointForce):
+            uses.setdefault(force.joint, []).append(Use(
+                coordinate=force.coordinate, rate_alone=_POSITION not in force.law.free_symbols, is_force=True,
+                reason=f"force '{force.name}' acts on its coordinate",
+            ))  # fmt: skip
+    for scene in model.scenes.values():
+        for output in scene.outputs:
+            if output.element in joints:
+                rates = {rate_name(c): c for c in joints[output.element].element.coordinates}
+                uses.setdefault(output.element, []).append(Use(
+                    coordinate=rates.get(output.quantity, output.quantity), rate_alone=output.quantity in rates, is_force=False,
+                    reason=f"scene '{scene.name}' has its coordinate among the outputs",
+                ))  # fmt: skip
+    return {name: tuple(of_joint) for name, of_joint in uses.items()}
+
+
+def reason_not_to_measure(cut: Joint, uses: Iterable[Use], around: Sequence[TreeJoint]) -> str:
+    """Why what is used of a joint cannot be measured where it is cut, with the tree joints ``around`` its loop; "" if it can."""
+    for use in uses:
+        if use.coordinate not in cut.element.measurable:
+            return f"{use.reason}, which a cut {cut.kind} joint does not have"
+        if not use.rate_alone and use.coordinate in cut.element.angles and not cut.element.advances and turns_around(cut, around) is None:
+            return f"{use.reason}, an angle whose turns no pose shows in a loop that is not planar"
+    return ""
+
+
+def turns_around(cut: Joint, around: Sequence[TreeJoint]) -> tuple[SignedTurn, ...] | None:
+    """The turns whose sum is the angle of a cut joint; None if one of them is about another direction."""
+    turns, body = list[SignedTurn](), cut.follower
+    for t in around:
+        is_inwards = body == t.child  # still on the follower's side
+        body = t.parent if is_inwards else t.child
+        if t.joint.element.keeps_attitude:
+            continue
+        sign = _sign(cut, t.joint)
+        if sign == 0:
+            return None
+        turned = sign * (1 if is_inwards else -1) * (-1 if t.reversed else 1)
+        turns.append(SignedTurn(joint=t.joint, coordinate=t.joint.element.angles[0], sign=turned))
+    return tuple(turns)
+
+
+def _sign(cut: Joint, other: Joint) -> int:
+    """1 or -1 where another joint turns about the cut joint's axis or against it, and about nothing else; 0 otherwise."""
+    element = other.element
+    if tuple(element.measures.values()) != (ABOUT_AXIS,) or element.has_ball:
+        return 0
+    mine, its = cut.axes[0], other.axes[0]
+    for sign in (1, -1):
+        if all(_vanishes(x - sign * y) for x, y in zip(mine, its, strict=True)):
+            return sign
+    return 0
+
+
+def _vanishes(x: Scalar) -> bool:
+    return abs(float(x)) < _PARALLEL if x.is_number else bool(x == 0)

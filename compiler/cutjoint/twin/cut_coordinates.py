@@ -1,0 +1,33 @@
+"""Coordinates of cut joints in the description of a generic twin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cutjoint.elements.joint import Direction
+from cutjoint.formulate.directions import direction_of, slide_axis
+from cutjoint.model.records import COORDINATES, Joint
+from cutjoint.topology.cuts import joints_around
+from cutjoint.topology.measured import turns_around
+from cutjoint.topology.records import Topology
+from cutjoint.twin.trees import Trees
+
+
+def describe_cut_coordinate(trees: Trees, topology: Topology, cut: Joint, coordinate: str) -> dict[str, Any]:
+    """How a coordinate is measured, see runtime/include/cutjoint/generic/cut_coordinate.hpp."""
+    is_angle = coordinate in cut.element.angles
+    axis = direction_of(cut, Direction.AXIS) if is_angle else slide_axis(cut, coordinate)
+    return {
+        "joint": cut.name, "base": cut.base, "follower": cut.follower, "point": trees.all(cut.at), "axis": trees.all(axis),
+        "angle": is_angle,
+        "turns": _turns(topology, cut) if is_angle and not cut.element.advances else None,
+        "pitch": None if cut.pitch is None else trees.one(cut.pitch),
+    }  # fmt: skip
+
+
+def _turns(topology: Topology, cut: Joint) -> list[dict[str, Any]] | None:
+    """The turns that add up to an angle; None where they do not."""
+    turns, body_of = turns_around(cut, joints_around(topology.tree, cut)), {t.joint.name: t.child for t in topology.tree}
+    return None if turns is None else [
+        {"body": body_of[t.joint.name], "coordinate": COORDINATES[t.joint.kind].index(t.coordinate), "sign": t.sign} for t in turns
+    ]  # fmt: skip
