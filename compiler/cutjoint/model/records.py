@@ -439,7 +439,8 @@ class Scene:
     """What is done with the model.
 
     ``pose`` is "design" or "equilibrium".  ``positions`` and ``rates`` give initial joint coordinates and
-    speeds by ``joint.coordinate``; ``inputs`` gives inputs as expressions of ``t`` (one that is not given
+    speeds by ``joint.coordinate``, an attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to
+    those of the base, of length one but for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given
     keeps its parameter's value); ``switches`` turns forces on and off by their full names.  ``method`` is the
     formulation that the scene wants ("" for the default) or "auto", which picks model, formulation and step so
     that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as real time.

@@ -99,6 +99,12 @@ def _six(value: Any) -> Any:
     raise shape_error("needs six values", "write [along x, y, z, about x, y, z]")
 
 
+def _four(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) == 4:
+        return value
+    raise shape_error("needs four numbers", "write [w, x, y, z], the scalar first")
+
+
 def _checked_name(name: str) -> str:
     problem = name_problem(name)
     if problem:
@@ -121,6 +127,7 @@ Unit = Annotated[str, PlainValidator(_unit), WithJsonSchema({"type": ["string", 
 Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), BeforeValidator(_three)]
 Pair = Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=2), BeforeValidator(_two)]
 Six = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
+Four = Annotated[tuple[Number, ...], Field(min_length=4, max_length=4), BeforeValidator(_four)]
 Coefficients = Annotated[tuple[Number, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
 
 
@@ -147,6 +154,40 @@ Point: TypeAlias = Annotated[
 Direction: TypeAlias = Annotated[
     Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")],
     told_by({tuple: "<list>", "from": "<from>", "to": "<from>"}, "needs three numbers or {from: P, to: Q}"),
+]
+
+
+#: The axes of Euler angles, in turn.
+Order = Literal["xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"]
+
+
+class Attitude(Part):
+    """The attitude of a joint's follower beside its base, in one of three forms; ``order`` names the axes of the Euler angles in turn."""
+
+    rotation_vector: Triple | None = None
+    euler: Triple | None = None
+    order: Order | None = None
+    quaternion: Four | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Attitude:
+        given = [name for name in ("rotation_vector", "euler", "quaternion") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise shape_error(f"has {' and '.join(given) or 'no attitude'}", "write one of rotation_vector, euler and quaternion")
+        if (self.euler is None) != (self.order is None):
+            raise shape_error("'euler' and 'order' belong together", "write for example {euler: [yaw, pitch, roll], order: zyx}")
+        return self
+
+
+State: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[Attitude, Tag("<attitude>")],
+    told_by(
+        {
+            **dict.fromkeys((int, float, str), "<number>"),
+            **dict.fromkeys(("rotation_vector", "euler", "order", "quaternion"), "<attitude>"),
+        },
+        "needs a number, or of an attitude {rotation_vector: ...}, {euler: ..., order: ...} or {quaternion: ...}",
+    ),
 ]
 
 

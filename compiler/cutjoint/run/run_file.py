@@ -9,8 +9,10 @@ from typing import Any
 
 import sympy
 
+from cutjoint.elements.joint import ATTITUDE
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Implementation
+from cutjoint.model.attitudes import fault_of_quaternion, normalised
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import fault_of, fault_of_state
@@ -96,7 +98,7 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
     value, sources = Evaluator(model, parameters), _sources(model, scene)
     made: dict[str, Any] = {part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts}
     for part in made.keys() & {"positions", "rates"}:
-        _require_states(model, scene, part, made[part])
+        made[part] = _checked_states(model, scene, part, made[part])
     if "roads" in made:
         roads = {radius: _road(scene, radius) for radius in made["roads"].values()}
         made["roads"] = {tyre: roads[radius] for tyre, radius in made["roads"].items()}
@@ -109,13 +111,24 @@ def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
     return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
 
 
-def _require_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> None:
-    """Check coordinates or speeds of a start."""
-    kinds = {joint.name: joint.kind for joint in model.joints}
+def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Coordinates or speeds of a start, quaternions at length one.
+
+    Raises:
+        RunError: one is too large, or a quaternion's length is not one.
+    """
+    kinds, turned = {joint.name: joint.kind for joint in model.joints}, []
     for name, value in values.items():
         joint, _, component = name.rpartition(".")
-        if fault := fault_of_state(value, is_angle=JOINT_QUANTITIES[kinds[joint]][component] == "rad"):
+        if component == ATTITUDE[0]:
+            turned.append(joint)
+            fault = fault_of_quaternion([values[f"{joint}.{e}"] for e in ATTITUDE])
+            name = f"{joint}.attitude"
+        else:
+            fault = "" if component in ATTITUDE else fault_of_state(value, is_angle=JOINT_QUANTITIES[kinds[joint]][component] == "rad")
+        if fault:
             raise RunError(f"{_place(model, scene, part, name)}: {fault}")
+    return normalised(values, turned)
 
 
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:
