@@ -129,9 +129,9 @@ VALUES = [
         "@: joint 'hinge': axis has no direction: its length is zero",
     ),
     (
-        "value: 2, unit: kg",
+        "value: 2, unit: kg, binding: param",
         "value: §arm_length, unit: kg",
-        "@: parameter 'arm_mass': value: unknown symbol 'arm_length'; write a number",
+        "@: parameter 'arm_mass': value needs kg, got m",
     ),
     (
         "value: 2, unit: kg",

@@ -57,6 +57,7 @@ def read_model_text(text: str, file: str) -> Model:
         name=document.name,
         gravity=gravity,
         parameters=expansion.parameters,
+        derived=expansion.derived,
         bodies=elements.bodies,
         joints=elements.joints,
         gears=elements.gears,

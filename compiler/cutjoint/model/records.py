@@ -69,6 +69,15 @@ class Parameter:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DerivedParameter:
+    """A parameter that follows from others: ``value`` is an expression of their symbols, which stands wherever the parameter is used."""
+
+    name: str
+    value: Scalar
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Body:
     """A rigid body; a massless one has ``mass`` zero and no inertia, its centre is the origin unless given.
 
@@ -474,7 +483,8 @@ class Model:
     """A validated model: what the file says, flat and in SI units.
 
     Element names are unique over bodies, joints, gears, forces, reactions and markers.  An element of a submodel's
-    instance is called ``instance.element``.  ``guards`` stand for forces that a pass took out: a run stops where one of them would act.
+    instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
+    for forces that a pass took out: a run stops where one of them would act.
     """
 
     name: str
@@ -490,6 +500,7 @@ class Model:
     text: str = field(repr=False)
     guards: tuple[Guard, ...] = ()
     gears: tuple[Gear, ...] = ()
+    derived: tuple[DerivedParameter, ...] = ()
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}

@@ -46,6 +46,10 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
     for p in model.parameters:
         if p.name == name:
             return f"{p.span}: parameter '{name}' has binding {p.binding}; write 'binding: param' to change it without recompiling"
+    for derived in (d for d in model.derived if d.name == name):
+        open_ones = [p.name for p in model.parameters if p.symbol in derived.value.free_symbols and p.name in known]
+        advice = f"set {' or '.join(open_ones)}" if open_ones else "give one of them binding: param and set that"
+        return f"{derived.span}: parameter '{name}' follows from other parameters; {advice}"
     return f"model '{model.name}' has no parameter '{name}'; it has {', '.join(known) or 'none'}"
 
 
