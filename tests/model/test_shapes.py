@@ -90,12 +90,12 @@ SHAPES = [
     (
         'law: "-0.1*rate"',
         "law: §[1]",
-        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
+        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),
     (
         'law: "-0.1*rate"',
         "law: §{of: rate}",
-        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
+        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),
     (
         'law: "-0.1*rate"',

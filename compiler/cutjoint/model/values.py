@@ -261,6 +261,17 @@ class Sum(Part):
     sum: Annotated[tuple[Law, ...], Field(min_length=1, max_length=MAX_PIECES)]
 
 
+#: Names for parts of expressions, each over those above it.
+Names = Annotated[dict[ParameterName, Number], Field(max_length=MAX_PIECES)]
+
+
+class Let(Part):
+    """A law with names for parts of its expressions."""
+
+    let: Names
+    law: Law
+
+
 class Table(Part):
     """A monotone cubic curve through points; the keys are ``value`` and the variable's name."""
 
@@ -296,17 +307,19 @@ Law: TypeAlias = Annotated[
     | Annotated[Polynomial, Tag("<polynomial>")]
     | Annotated[Piecewise, Tag("<piecewise>")]
     | Annotated[Sum, Tag("<sum>")]
+    | Annotated[Let, Tag("<let>")]
     | Annotated[Table, Tag("<table>")]
     | Annotated[SpringDamper, Tag("<spring>")]
     | Annotated[Stop, Tag("<stop>")],
     told_by(
         {
             **dict.fromkeys((int, float, str), "<number>"),
-            **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "table", "stop")},
+            **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "let", "table", "stop")},
             **dict.fromkeys(("stiffness", "damping"), "<spring>"),
         },
-        "needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
+        "needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),
 ]
 Laws = Annotated[tuple[Law, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
 Sum.model_rebuild()
+Let.model_rebuild()
