@@ -46,7 +46,7 @@ SHAPES = [
     (
         "centre_of_mass: [1, 0, 0]",
         "centre_of_mass: §1",
-        "@: body 'arm': centre_of_mass needs three numbers, a point's name or {midpoint: [P, Q]}",
+        "@: body 'arm': centre_of_mass needs three numbers, a point's name, {midpoint: [P, Q]} or {sum: [point, vector, ...]}",
     ),
     (
         "centre_of_mass: [1, 0, 0]",

@@ -144,16 +144,56 @@ class FromTo(Part):
     to: StrictStr
 
 
-Point: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")] | Annotated[StrictStr, Tag("<text>")] | Annotated[Midpoint, Tag("<midpoint>")],
-    told_by(
-        {tuple: "<list>", str: "<text>", "midpoint": "<midpoint>"},
-        "needs three numbers, a point's name or {midpoint: [P, Q]}",
-    ),
-]
 Direction: TypeAlias = Annotated[
     Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")],
     told_by({tuple: "<list>", "from": "<from>", "to": "<from>"}, "needs three numbers or {from: P, to: Q}"),
+]
+
+
+class Way(FromTo):
+    """The vector from one point to another, or a multiple of it."""
+
+    times: Number = 1
+
+
+class Along(Part):
+    """A vector of a length along a direction; backwards if it is negative."""
+
+    along: Direction
+    by: Number
+
+
+Addend: TypeAlias = Annotated[
+    Annotated[Triple, Tag("<list>")]
+    | Annotated[StrictStr, Tag("<text>")]
+    | Annotated[Midpoint, Tag("<midpoint>")]
+    | Annotated[Way, Tag("<from>")]
+    | Annotated[Along, Tag("<along>")],
+    told_by(
+        {
+            tuple: "<list>", str: "<text>", "midpoint": "<midpoint>",
+            **dict.fromkeys(("from", "to", "times"), "<from>"), **dict.fromkeys(("along", "by"), "<along>"),
+        },
+        "needs a point or a vector: three numbers, a point's name, {from: P, to: Q} or {along: direction, by: length}",
+    ),
+]  # fmt: skip
+
+
+class PointSum(Part):
+    """A point, and vectors that lead on from it."""
+
+    sum: Annotated[tuple[Addend, ...], Field(min_length=2, max_length=MAX_PIECES)]
+
+
+Point: TypeAlias = Annotated[
+    Annotated[Triple, Tag("<list>")]
+    | Annotated[StrictStr, Tag("<text>")]
+    | Annotated[Midpoint, Tag("<midpoint>")]
+    | Annotated[PointSum, Tag("<sum>")],
+    told_by(
+        {tuple: "<list>", str: "<text>", "midpoint": "<midpoint>", "sum": "<sum>"},
+        "needs three numbers, a point's name, {midpoint: [P, Q]} or {sum: [point, vector, ...]}",
+    ),
 ]
 
 
@@ -191,13 +231,22 @@ State: TypeAlias = Annotated[
 ]
 
 
+#: Stands for one of the directions across the axis of an axisymmetric body.
+ANY = "any"
+
+PrincipalDirection: TypeAlias = Annotated[
+    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[Literal["any"], Tag("<any>")],
+    told_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<any>"}, "needs three numbers, {from: P, to: Q} or any"),
+]
+
+
 class Principal(Part):
-    """Principal moments of inertia and two of the three principal directions."""
+    """Principal moments of inertia and two of the three principal directions, one of which may be any where the body is axisymmetric."""
 
     principal: Triple
-    x: Direction | None = None
-    y: Direction | None = None
-    z: Direction | None = None
+    x: PrincipalDirection | None = None
+    y: PrincipalDirection | None = None
+    z: PrincipalDirection | None = None
 
 
 def _three_or_six(value: Any) -> Any:
