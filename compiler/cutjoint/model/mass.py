@@ -43,8 +43,11 @@ def read_mass(element: Element, body: body_parts.Body) -> tuple[Scalar, Vector, 
     return lump.mass, lump.centre, (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
 
 
-def moments_problem(inertia: Sequence[float]) -> str:
-    """Why no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; empty when one can or when it is not finite."""
+def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
+    """Why no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; empty when one can or when it is not finite.
+
+    Without mass it stands for parts whose mass is counted elsewhere, and one moment may be larger than the sum of the others.
+    """
     xx, yy, zz, xy, xz, yz = inertia
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if not np.isfinite(matrix).all():
@@ -54,7 +57,7 @@ def moments_problem(inertia: Sequence[float]) -> str:
     shown = ", ".join(f"{moment:g}" for moment in moments)
     if min(moments) < -bound:
         return f"a principal moment of inertia is negative: {shown} kg m2"
-    if any(a > b + c + bound for a, b, c in permutations(moments)):
+    if has_mass and any(a > b + c + bound for a, b, c in permutations(moments)):
         return f"a principal moment of inertia is larger than the sum of the other two: {shown} kg m2"
     return ""
 
@@ -107,6 +110,10 @@ def _inertia(element: Element, inertia: Any) -> Matrix:
     if isinstance(inertia, values.FramedMatrix):
         matrix = _symmetric(element, inertia.matrix, ("inertia", "matrix"))
         return _turned(read_axes(element, inertia, ("inertia",)), matrix)
+    if isinstance(inertia, values.AxialInertia):
+        moment = element.scalar(inertia.axial, INERTIA, ("inertia", "axial"))
+        d = sympy.Matrix(read_direction(element, inertia.axis, ("inertia", "axis")))
+        return _scaled(moment, d * d.T)
     return _symmetric(element, inertia, ("inertia",))
 
 

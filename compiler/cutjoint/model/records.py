@@ -79,7 +79,7 @@ class DerivedParameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A rigid body; a massless one has ``mass`` zero and no inertia, its centre is the origin unless given.
+    """A rigid body; one without mass may have inertia, as a shaft's about its axis, and its centre is the origin unless given.
 
     ``inertia`` is (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) about the body's own centre of mass in global design axes,
     kg m2; the last three are elements of the inertia matrix (products of inertia with their sign reversed).
@@ -90,6 +90,11 @@ class Body:
     centre_of_mass: Vector
     inertia: tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
     span: Span
+
+    @property
+    def is_massless(self) -> bool:
+        """Whether it has neither mass nor inertia, whatever parameters are."""
+        return self.mass == 0 and all(entry == 0 for entry in self.inertia)
 
 
 #: The scalar coordinates of each joint kind, in order.

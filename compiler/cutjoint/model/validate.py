@@ -163,8 +163,6 @@ def _mass_problems(scope: Scope, body: Body) -> Iterator[str]:
     if any(abs(x) > LARGEST for x in (mass, *inertia)):
         yield f"its mass or inertia is larger than {LARGEST:g} in SI units"
         return
-    problem = moments_problem(inertia)
+    problem = moments_problem(inertia, has_mass=mass != 0)
     if problem:
         yield problem
-    if mass == 0 and max(inertia[:3]) > 0:
-        yield "it has inertia but no mass"

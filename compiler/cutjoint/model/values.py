@@ -249,6 +249,13 @@ class Principal(Part):
     z: PrincipalDirection | None = None
 
 
+class AxialInertia(Part):
+    """The inertia of a shaft about its axis and none across it."""
+
+    axial: Number
+    axis: Direction
+
+
 def _three_or_six(value: Any) -> Any:
     if isinstance(value, tuple) and len(value) in (3, 6):
         return value
@@ -268,10 +275,13 @@ class FramedMatrix(Part):
 
 
 Inertia: TypeAlias = Annotated[
-    Annotated[_Matrix, Tag("<list>")] | Annotated[Principal, Tag("<principal>")] | Annotated[FramedMatrix, Tag("<matrix>")],
+    Annotated[_Matrix, Tag("<list>")]
+    | Annotated[Principal, Tag("<principal>")]
+    | Annotated[FramedMatrix, Tag("<matrix>")]
+    | Annotated[AxialInertia, Tag("<axial>")],
     told_by(
-        {tuple: "<list>", "principal": "<principal>", "matrix": "<matrix>"},
-        "needs three or six numbers or {principal: [a, b, c], x: direction, y: direction}",
+        {tuple: "<list>", "principal": "<principal>", "matrix": "<matrix>", "axial": "<axial>", "axis": "<axial>"},
+        "needs three or six numbers, {principal: [a, b, c], x: direction, y: direction} or {axial: J, axis: direction}",
     ),
 ]
 
