@@ -69,7 +69,7 @@ def make_run_file(
         RunError: a change names no open parameter, has no finite value, or leaves the start or a road without a finite value; settings
             do not go together, or one is out of its range; the run has no steps, or too many.
     """
-    scene = with_options(scene, method, options)
+    scene = with_options(scene, method, options, has_rows=task != "realtime")
     settings = find_settings(scene, METHODS[method], implementation, options)
     parameters = parameter_values(model, changes)
     if task in ("simulate", "realtime", "batch"):
