@@ -51,7 +51,7 @@ def compile_for_drift(case: Case) -> Mapping[str, Artifact]:
     """Simulators by method, with what the momentum needs; none of a mechanism that keeps neither energy nor momentum."""
     if not conserves_energy(case.model) and vertical_axis(case.model) is None:
         return {}
-    spans = [Output(element=b.name, quantity=q, span=b.span) for b in case.model.bodies if b.mass != 0 for q in _ROTATION]
+    spans = [Output(element=b.name, quantity=q, span=b.span) for b in case.model.bodies if not b.is_massless for q in _ROTATION]
     return {m: compile_scene(case.model, case.scene, method=m, outputs=(*case.outputs, *spans)) for m in METHODS}
 
 
@@ -100,7 +100,7 @@ def _momentum(case: Case, columns: Mapping[str, Array], axis: Array) -> Array:
 
 
 def _heavy(case: Case) -> list[Body]:
-    return [b for b in case.model.bodies if b.mass != 0]
+    return [b for b in case.model.bodies if not b.is_massless]
 
 
 def _spin(case: Case, body: Body, columns: Mapping[str, Array]) -> tuple[Array, Array]:

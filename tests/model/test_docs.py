@@ -44,7 +44,7 @@ def test_the_submodel_example_makes_two_wheels() -> None:
 def test_the_parameter_and_point_examples_load() -> None:
     old = "  arm_mass: {value: 2, unit: kg, binding: param}\n"
     lines = example("parameters:").splitlines()[1:]
-    assert len(read(old, old + "\n".join(line for line in lines if "arm_length" not in line) + "\n").parameters) == 6
+    assert len(read(old, old + "\n".join(line for line in lines if "arm_length:" not in line) + "\n").parameters) == 6
     lines = example("points:").splitlines()[1:]
     assert read("  tip: [arm_length, 0, 0]", "  tip: [0, 0, 0]\n" + "\n".join(lines)).bodies
 

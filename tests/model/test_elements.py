@@ -26,7 +26,7 @@ from cutjoint.model.records import (
 )
 from tests.mechanisms.joint_examples import EXAMPLES
 
-from .pendulum import PENDULUM, read
+from .pendulum import PENDULUM, check, read
 
 MASS = "mass: arm_mass, centre_of_mass: [1, 0, 0], inertia: [0.1, 0.2, 0.2]"
 HINGE = "hinge: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 1, 0]}"
@@ -79,6 +79,64 @@ def test_unit_axes_stay_exact() -> None:
 def test_points_build_on_each_other() -> None:
     model = read("  tip: [arm_length, 0, 0]", "  foot: [1, 0, 0]\n  tip: {midpoint: [foot, foot]}")
     assert model.markers[0].point == (1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("written", "expected"),
+    [
+        ("{sum: [A, [0, 0, 1]]}", (1, 0, 1)),
+        ("{sum: [A, {from: A, to: B}]}", (0, 2, 0)),
+        ("{sum: [{midpoint: [A, B]}, {from: A, to: B, times: 1/2}, [0, 0, 50 cm]]}", (0, 2, 0.5)),
+        ("{sum: [[1, 2, 3], {along: [0, 3, -4], by: -10 m}]}", (1, -4, 11)),
+        ("{sum: [B, {along: {from: A, to: B}, by: sqrt(5)}]}", (-1, 4, 0)),
+    ],
+)
+def test_points_are_sums_of_a_point_and_vectors(written: str, expected: tuple[float, ...]) -> None:
+    model = read("  tip: [arm_length, 0, 0]", f"  A: [1, 0, 0]\n  B: [0, 2, 0]\n  tip: {written}")
+    assert floats(model.markers[0].point) == pytest.approx(expected, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("written", "expected"),
+    [
+        ("{sum: §[A]}", "sum needs at least 2 items, got 1"),
+        ("{sum: [A, §B]}", "sum: only the first can be a point; write {from: P, to: Q} for the way to another"),
+        ("{sum: [§{from: A, to: B}, A]}", "sum begins with a vector; begin with a point"),
+        ("{sum: [A, {from: A, to: §C}]}", "unknown point 'C'; points here: A, B"),
+        ("{sum: [A, {along: §[0, 0, 0], by: 3}]}", "sum.along has no direction: its length is zero"),
+        ("{sum: [A, {along: [0, 0, 1], by: §3 kg}]}", "sum.by needs m, got kg"),
+        ("{sum: [A, §3]}", "sum needs a point or a vector: three numbers, a point's name, {from: P, to: Q} or "
+                           "{along: direction, by: length}"),
+    ],
+)
+def test_what_is_wrong_with_sums(written: str, expected: str) -> None:
+    check("  tip: [arm_length, 0, 0]", f"  A: [1, 0, 0]\n  B: [0, 2, 0]\n  tip: {written}", f"@: point 'tip': {expected}")
+
+
+def test_any_direction_across_the_axis_of_an_axisymmetric_body() -> None:
+    for other in ("y: [0, 1, 0]", "z: [0, 0, 1]", "y: any", "z: any"):
+        inertia = read("[0.1, 0.2, 0.2]", f"{{principal: [0.1, 0.2, 0.2], x: [1, 0, 0], {other}}}").bodies[0].inertia
+        assert floats(inertia) == pytest.approx([0.1, 0.2, 0.2, 0, 0, 0])
+    moments = "[arm_mass*arm_length**2, arm_length**2*arm_mass, 0.1*arm_mass*arm_length**2]"
+    turned = read("[0.1, 0.2, 0.2]", f"{{principal: {moments}, y: any, z: [1, 1, 0]}}").bodies[0].inertia
+    values = {sympy.Symbol("p_arm_mass", real=True): 2.0, sympy.Symbol("p_arm_length", real=True): 1.0}
+    assert [evaluate(entry, values) for entry in turned] == pytest.approx([1.1, 1.1, 2, -0.9, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("written", "expected"),
+    [
+        ("{principal: §[0.1, 0.2, 0.2], y: [1, 1, 0], x: any}",
+         "inertia: any needs moments about x and z that are always equal, not 0.1 and 0.2; give two directions"),
+        ("{principal: §[0.1*arm_mass*arm_length/1.5, 0.2, 0.3], z: [1, 1, 0], x: any}",
+         "inertia: any needs moments about x and y that are always equal, not 0.2 and 0.2; give two directions"),
+        ("§{principal: [0.1, 0.2, 0.2], x: any}",
+         "inertia: any belongs to one direction beside it; write for example x: direction, y: any"),
+        ("{principal: [0.1, 0.2, 0.2], x: §some, y: [0, 1, 0]}", "inertia.x: must be 'any', not 'some'"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_any_direction(written: str, expected: str) -> None:
+    check("[0.1, 0.2, 0.2]", written, f"@: body 'arm': {expected}")
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)

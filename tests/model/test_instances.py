@@ -204,6 +204,10 @@ PROBLEMS = [
     ("parameters: [length_1]", "parameters: [length_1, §x]",
      "@: submodel 'wing': parameters: the name 'x' has a meaning of its own in expressions; "
      "write for example 'x_0'"),
+    ("parameters: [length_1]", "parameters: [length_1, §length_2]",
+     ["@: submodel 'wing': nothing in it uses the parameter 'length_2'; remove it here and in its instances, or use it",
+      f"42:3: instance 'left': with lacks length_2; {ALL} parameters",
+      f"43:3: instance 'right': with lacks length_2; {ALL} parameters"]),
     ("hand: {massless: true}", "hand: {massless: true, §mas: 1}",
      "@: body 'hand' of submodel 'wing': unknown field 'mas'; did you mean 'mass'?"),
     ("hand: {massless: true}", "hand: {massless: §1}",
@@ -216,7 +220,7 @@ PROBLEMS = [
 
 
 @pytest.mark.parametrize(("old", "new", "expected"), PROBLEMS)
-def test_problems_come_once_and_name_an_instance(old: str, new: str, expected: str) -> None:
+def test_problems_come_once_and_name_an_instance(old: str, new: str, expected: str | list[str]) -> None:
     check(old, new, expected, WING)
 
 

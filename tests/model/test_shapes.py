@@ -25,7 +25,7 @@ SHAPES = [
     (
         "mass: arm_mass",
         "massless: true, mass: 1",
-        "11:3: body 'arm': a massless body has no mass and no inertia; remove them, or 'massless'",
+        "11:3: body 'arm': a massless body has no mass; remove it, or 'massless'",
     ),
     ("mass: arm_mass", "mass: 1, massless: §yes", "@: body 'arm': massless needs true or false"),
     (
@@ -36,7 +36,8 @@ SHAPES = [
     (
         "[0.1, 0.2, 0.2]",
         "§0.1",
-        "@: body 'arm': inertia needs three or six numbers or {principal: [a, b, c], x: direction, y: direction}",
+        "@: body 'arm': inertia needs three or six numbers, {principal: [a, b, c], x: direction, y: direction} or "
+        "{axial: J, axis: direction}",
     ),
     (
         "centre_of_mass: [1, 0, 0]",
@@ -46,7 +47,7 @@ SHAPES = [
     (
         "centre_of_mass: [1, 0, 0]",
         "centre_of_mass: §1",
-        "@: body 'arm': centre_of_mass needs three numbers, a point's name or {midpoint: [P, Q]}",
+        "@: body 'arm': centre_of_mass needs three numbers, a point's name, {midpoint: [P, Q]} or {sum: [point, vector, ...]}",
     ),
     (
         "centre_of_mass: [1, 0, 0]",
@@ -90,12 +91,12 @@ SHAPES = [
     (
         'law: "-0.1*rate"',
         "law: §[1]",
-        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
+        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),
     (
         'law: "-0.1*rate"',
         "law: §{of: rate}",
-        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
+        "@: force 'drag': law needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),
     (
         'law: "-0.1*rate"',

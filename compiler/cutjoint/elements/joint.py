@@ -234,6 +234,9 @@ class Operations:
 #: The speeds of a ball.
 SPIN = ("wx", "wy", "wz")
 
+#: The unit quaternion of a ball's attitude, scalar first.
+ATTITUDE = ("e0", "e1", "e2", "e3")
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointElement:
@@ -312,6 +315,11 @@ class JointElement:
     def shares_coordinates(self) -> bool:
         """Whether several motions of its chain have a coordinate in common."""
         return len(self.coordinates) < len(list(self.scalar_motions))
+
+    @property
+    def has_attitude(self) -> bool:
+        """Whether its ball is all that turns its follower beside its base."""
+        return self.has_ball and not any(isinstance(m, Turn) for m in self.chain)
 
     @property
     def is_free(self) -> bool:

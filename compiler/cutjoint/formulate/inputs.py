@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import sympy
 
+from cutjoint.elements.joint import ATTITUDE
 from cutjoint.formulate.records import Chart, Slot
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import CLOSURES
@@ -84,8 +85,8 @@ def make_charts(topology: Topology) -> tuple[Chart, ...]:
         scalars, ball = len(element.coordinates), element.has_ball
         charts.append(
             Chart(
-                joint=t.joint.name, q=q, v=v, scalars=scalars, ball=ball,
-                coordinate_names=element.coordinates + (("e0", "e1", "e2", "e3") if ball else ()), speed_names=element.speeds,
+                joint=t.joint.name, q=q, v=v, scalars=scalars, ball=ball, reversed=t.reversed,
+                coordinate_names=element.coordinates + (ATTITUDE if ball else ()), speed_names=element.speeds,
             )
         )  # fmt: skip
         q, v = q + scalars + 4 * ball, v + len(element.speeds)

@@ -16,7 +16,8 @@ class Chart:
     """How one joint's coordinates follow its speeds.
 
     ``scalars`` coordinates start at ``q``, their rates at ``v``; a ball adds a quaternion (scalar first) after them whose
-    angular velocity, in the inner body's axes, follows the rates.
+    angular velocity, in the inner body's axes, follows the rates.  The quaternion is that of the outer body beside the inner one, which
+    is the follower of a ``reversed`` joint.
     """
 
     joint: str
@@ -24,6 +25,7 @@ class Chart:
     v: int
     scalars: int
     ball: bool
+    reversed: bool
     coordinate_names: tuple[str, ...]
     speed_names: tuple[str, ...]
 

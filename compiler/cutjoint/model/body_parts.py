@@ -104,8 +104,8 @@ class Body(Part):
         given = {name for name in ("mass", "centre_of_mass", "inertia", "about") if getattr(self, name) is not None}
         if self.shapes is not None and (given or self.massless):
             raise shape_error("its shapes give mass, centre and inertia", f"remove {', '.join(sorted(given)) or 'massless'}")
-        if self.massless and given & {"mass", "inertia", "about"}:
-            raise shape_error("a massless body has no mass and no inertia", "remove them, or 'massless'")
+        if self.massless and given & {"mass", "about"}:
+            raise shape_error("a massless body has no mass", "remove it, or 'massless'")
         if self.shapes is None and not self.massless and not {"mass", "centre_of_mass"} <= given:
             raise shape_error("needs mass and centre_of_mass, or shapes", "add them, or write massless: true")
         if "about" in given and "inertia" not in given:

@@ -25,6 +25,7 @@ from cutjoint.model.values import (
     ParameterName,
     Part,
     Point,
+    State,
     Triple,
     Unit,
     shape_error,
@@ -197,7 +198,7 @@ class Scene(Part):
     end: Number
     output_step: Number | None = None
     pose: Literal["design", "equilibrium"] = "design"
-    positions: dict[StrictStr, Number] = Field(default={})
+    positions: dict[StrictStr, State] = Field(default={})
     rates: dict[StrictStr, Number] = Field(default={})
     inputs: dict[StrictStr, Law] = Field(default={})
     switches: dict[StrictStr, StrictBool] = Field(default={})

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass, replace
 
-import sympy
-
 from cutjoint.model import document
 from cutjoint.model.elements import Elements, read_elements
-from cutjoint.model.errors import Problems, nearest, worded
-from cutjoint.model.expressions import parameter_symbol, read_term
+from cutjoint.model.errors import Problems, nearest
 from cutjoint.model.mirror import mirror_elements
-from cutjoint.model.operations import ExpressionError, Term
-from cutjoint.model.records import Binding, Parameter, Scalar
+from cutjoint.model.operations import Term
+from cutjoint.model.parameters import read_parameters
+from cutjoint.model.records import DerivedParameter, Parameter, Scalar
 from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope, element
 from cutjoint.model.shape import Shaped
 from cutjoint.model.source import Source
-from cutjoint.model.units import NONE, Dimension, Measure, UnitError, measure, read_measure
 
 #: Elements of the model with all its instances.
 MAX_ELEMENTS = 20_000
@@ -26,9 +22,10 @@ MAX_ELEMENTS = 20_000
 
 @dataclass(frozen=True)
 class Expansion:
-    """The parameters, the model's own scope, and the flat elements."""
+    """The parameters with numbers and those that follow from them, the model's own scope, and the flat elements."""
 
     parameters: tuple[Parameter, ...]
+    derived: tuple[DerivedParameter, ...]
     scope: Scope
     elements: Elements
 
@@ -36,18 +33,11 @@ class Expansion:
 def expand(source: Source, problems: Problems, shaped: Shaped) -> Expansion:
     """Read all elements of the model and of its instances."""
     model, directory = shaped.document, _directory(shaped)
-    parameters, dimensions = _read_parameters(Scope(source, problems, directory, {}, {}), model)
-    scope = Scope(
-        source=source,
-        problems=problems,
-        directory=directory,
-        names={p.name: _parameter_term(p, dimensions[p.name]) for p in parameters},
-        values={p.symbol: p.value for p in parameters},
-        settled={p.symbol: sympy.Float(p.value) for p in parameters if p.binding is Binding.CONST},
-        inputs=frozenset(p.name for p in parameters if p.binding is Binding.INPUT),
-    )
+    scope = Scope(source, problems, directory, {}, {})
+    parameters = read_parameters(scope, model)
+    scope = parameters.extend(scope)
     groups = [read_elements(scope, model), *_instances(scope, model)]
-    return Expansion(parameters, scope, _joined(groups))
+    return Expansion(parameters.own, parameters.derived, scope, _joined(groups))
 
 
 def _joined(groups: list[Elements]) -> Elements:
@@ -76,55 +66,6 @@ def _directory(shaped: Shaped) -> Directory:
         joints |= {f"{name}.{joint}": part for joint, part in submodel.joints.items()}
     broken = {name for name, instance in model.instances.items() if instance.use not in model.submodels}
     return Directory(frozenset(bodies), joints, shaped.removed | broken)
-
-
-def _read_parameters(scope: Scope, model: document.Document) -> tuple[tuple[Parameter, ...], Mapping[str, Dimension | None]]:
-    """The parameters, and their dimensions where a unit is given."""
-    parameters, dimensions = [], {}
-    for name, entry in model.parameters.items():
-        where = element(scope, "parameter", "parameters", name)
-        part = entry if isinstance(entry, document.Parameter) else document.Parameter(value=entry)
-        found, dimensions[name] = _parameter_value(where, part)
-        parameters.append(
-            Parameter(
-                name=name,
-                symbol=parameter_symbol(name),
-                value=found.value,
-                unit=found.unit,
-                binding=Binding(part.binding),
-                span=where.span,
-            )
-        )
-    return tuple(parameters), dimensions
-
-
-def _parameter_value(where: Element, part: document.Parameter) -> tuple[Measure, Dimension | None]:
-    """The value in SI; the dimension is None when no unit is given."""
-    try:
-        written = read_measure(part.value) if isinstance(part.value, str) else None
-        if written is not None and part.unit is not None:
-            where.fail("has two units", "write the unit once", ("unit",))
-        if written is None and part.unit is not None:
-            written = measure(_plain_number(part.value), part.unit)
-        if written is not None:
-            return written, written.dimension
-        return Measure(_plain_number(part.value), NONE, ""), None
-    except ExpressionError as error:
-        hint = "write a number" if error.message.startswith("unknown symbol") else error.hint
-        where.fail(worded("value", error.message), hint, ("value",))
-    except UnitError as error:
-        where.fail(str(error), "write for example N*s/m", ("unit",) if part.unit is not None else ("value",))
-    return Measure(math.nan, NONE, ""), None
-
-
-def _parameter_term(parameter: Parameter, dimension: Dimension | None) -> Term:
-    return FAILED_TERM if math.isnan(parameter.value) else Term(parameter.symbol, dimension)
-
-
-def _plain_number(value: int | float | str) -> float:
-    number = read_term(value, {}).number
-    assert number is not None  # an expression without names is a number
-    return number
 
 
 def _instances(scope: Scope, model: document.Document) -> Iterator[Elements]:

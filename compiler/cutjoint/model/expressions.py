@@ -76,6 +76,18 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     return term
 
 
+def symbols_of(value: int | float | str) -> frozenset[str]:
+    """The names in an expression that stand for numbers; none of a number, of a measure or of what is no expression."""
+    try:
+        if not isinstance(value, str) or read_measure(value) is not None:
+            return frozenset()
+        tree = _syntax_tree(_one_line(value))
+        called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+        return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called) - {"pi"}
+    except (UnitError, ExpressionError, RecursionError):
+        return frozenset()
+
+
 def has_finite_numbers(expression: Scalar) -> bool:
     """Whether all numbers in an expression fit floats."""
     return all(_is_finite(number) for number in expression.atoms(sympy.Number))

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
-from cutjoint.model.values import Direction, Law, Laws, Number, Pair, Part, Point, Six, Triple, shape_error
+from cutjoint.model.values import Direction, Law, Laws, Names, Number, Pair, Part, Point, Six, Triple, shape_error
 
 
 class ForcePart(Part):
@@ -64,6 +64,7 @@ class Load(ForcePart):
     at: Point | None = None
     force: Triple | None = None
     torque: Triple | None = None
+    let: Names = Field(default={})
     axes: Literal["global", "body"] = "global"
     moving_only: StrictBool = False
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from cutjoint.model import force_parts, joint_parts
 from cutjoint.model.coordinates import Naming, read_coordinate
 from cutjoint.model.expressions import variable
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
-from cutjoint.model.laws import LawKind, read_law, soft_stops
+from cutjoint.model.laws import LawKind, read_law, read_names, soft_stops
 from cutjoint.model.names import name_problem
+from cutjoint.model.operations import Term
 from cutjoint.model.records import (
     AxialForce,
     BodyLoad,
@@ -115,10 +116,10 @@ def _bushing_law(element: Element, force: force_parts.Bushing, law: Any, index: 
 
 def _read_load(element: Element, load: force_parts.Load) -> BodyLoad:
     if load.force is not None:
-        components = element.triple(load.force, FORCE, ("force",), element.with_variables(*_LOAD))
+        components = element.triple(load.force, FORCE, ("force",), _load_names(element, load, _LOAD))
     else:
         assert load.torque is not None
-        components = element.triple(load.torque, TORQUE, ("torque",), element.with_variables(*_TORQUE))
+        components = element.triple(load.torque, TORQUE, ("torque",), _load_names(element, load, _TORQUE))
     return BodyLoad(
         name=element.name,
         body=element.body(load.body, ("body",)),
@@ -129,6 +130,11 @@ def _read_load(element: Element, load: force_parts.Load) -> BodyLoad:
         active=load.active,
         span=element.span,
     )
+
+
+def _load_names(element: Element, load: force_parts.Load, variables: tuple[str, ...]) -> Mapping[str, Term]:
+    """The symbols of a load's components."""
+    return read_names(element, load.let, ("let",), element.with_variables(*variables))
 
 
 def _read_joint_force(element: Element, force: force_parts.JointForce) -> JointForce:

@@ -8,12 +8,12 @@ from typing import Any
 import sympy
 
 from cutjoint.model import values
-from cutjoint.model.errors import nearest
+from cutjoint.model.errors import nearest, worded
 from cutjoint.model.ranges import fault_of_state
 from cutjoint.model.records import Scalar, Vector
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path, field_name
-from cutjoint.model.units import LENGTH
+from cutjoint.model.units import LENGTH, NONE
 
 #: Cosine of the angle between directions that must be perpendicular.
 PERPENDICULAR = 1e-9
@@ -28,18 +28,53 @@ SHORTEST = 1e-12
 
 
 def read_point(element: Element, point: Any, keys: Path) -> Vector:
-    """A point: three numbers in m, a point's name, or half way between two."""
+    """A point: three numbers in m, a point's name, half way between two, or the sum of a point and vectors."""
     if isinstance(point, values.Midpoint):
         p, q = (_named_point(element, name, (*keys, "midpoint", i)) for i, name in enumerate(point.midpoint))
         return _vector((a + b) / 2 for a, b in zip(p, q, strict=True))
     if isinstance(point, str):
         return _named_point(element, point, keys)
-    vector = element.triple(point, LENGTH, keys)
-    for i, component in enumerate(vector):
+    is_sum = isinstance(point, values.PointSum)
+    found = _sum(element, point.sum, (*keys, "sum")) if is_sum else element.triple(point, LENGTH, keys)
+    for i, component in enumerate(found):
         if fault := fault_of_state(element.value(component), is_angle=False):
-            element.fail(f"{field_name(keys)}: {fault}", "", (*keys, i))
+            element.fail(worded(field_name(keys), fault), "", keys if is_sum else (*keys, i))
             return (FAILED, FAILED, FAILED)
-    return vector
+    return found
+
+
+def _sum(element: Element, addends: tuple[Any, ...], keys: Path) -> Vector:
+    """A point, and vectors that lead on from it."""
+    if isinstance(addends[0], values.Way | values.Along):
+        element.fail(f"{field_name(keys)} begins with a vector", "begin with a point", (*keys, 0))
+        return (FAILED, FAILED, FAILED)
+    total = read_point(element, addends[0], (*keys, 0))
+    for i, addend in enumerate(addends[1:], 1):
+        way = _read_vector(element, addend, (*keys, i))
+        total = _vector(a + b for a, b in zip(total, way, strict=True))
+    return total
+
+
+def _read_vector(element: Element, vector: Any, keys: Path) -> Vector:
+    """A vector in m: three numbers, from one point to another, or along a direction."""
+    match vector:
+        case values.Way():
+            times = element.scalar(vector.times, NONE, (*keys, "times"))
+            return _vector(times * c for c in _between(element, vector, keys))
+        case values.Along():
+            direction, by = read_direction(element, vector.along, (*keys, "along")), element.scalar(vector.by, LENGTH, (*keys, "by"))
+            return _vector(by * c for c in direction)
+        case str() | values.Midpoint():
+            element.fail(f"{field_name(keys)}: only the first can be a point", "write {from: P, to: Q} for the way to another", keys)
+            return (FAILED, FAILED, FAILED)
+    return element.triple(vector, LENGTH, keys)
+
+
+def _between(element: Element, ends: values.FromTo, keys: Path) -> Vector:
+    """The vector from one point to another."""
+    start = _named_point(element, ends.from_, (*keys, "from"))
+    end = _named_point(element, ends.to, (*keys, "to"))
+    return _vector(b - a for a, b in zip(start, end, strict=True))
 
 
 def _named_point(element: Element, name: str, keys: Path) -> Vector:
@@ -52,15 +87,10 @@ def _named_point(element: Element, name: str, keys: Path) -> Vector:
 
 def read_direction(element: Element, direction: Any, keys: Path) -> Vector:
     """A unit vector: three numbers of any length, or from one point to another."""
-    if isinstance(direction, values.FromTo):
-        start = _named_point(element, direction.from_, (*keys, "from"))
-        end = _named_point(element, direction.to, (*keys, "to"))
-        vector = _vector(b - a for a, b in zip(start, end, strict=True))
-    else:
-        vector = element.triple(direction, None, keys)
+    vector = _between(element, direction, keys) if isinstance(direction, values.FromTo) else element.triple(direction, None, keys)
     vector = element.settle(vector)
     if math.hypot(*map(element.value, vector)) < SHORTEST:
-        element.fail(f"{keys[0]} has no direction: its length is zero", "", keys)
+        element.fail(f"{field_name(keys)} has no direction: its length is zero", "", keys)
     return unit(vector)
 
 

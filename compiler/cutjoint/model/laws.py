@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -42,6 +42,18 @@ def read_law(element: Element, law: Any, kind: LawKind, keys: Path, names: Mappi
     return FAILED
 
 
+def read_names(element: Element, let: Mapping[str, int | float | str], keys: Path, names: Mapping[str, Term]) -> dict[str, Term]:
+    """``names`` with those of a ``let``, each an expression over the ones before it; none may hide another name."""
+    known = dict(names)
+    for name, value in let.items():
+        if name in known:
+            what = "parameter" if name in element.scope.names else "name above"
+            element.fail(f"{field_name(keys)}: '{name}' is a {what} already", "choose another name", (*keys, name), at_key=True)
+        else:
+            known[name] = element.term(value, (*keys, name), known)
+    return known
+
+
 @dataclass(frozen=True)
 class _Law:
     element: Element
@@ -57,6 +69,9 @@ class _Law:
             case values.Sum():
                 parts = [self.read(part, (*keys, "sum", index)) for index, part in enumerate(law.sum)]
                 return sympy.Add(*parts)
+            case values.Let():
+                names = read_names(self.element, law.let, (*keys, "let"), self.names)
+                return replace(self, names=names).read(law.law, (*keys, "law"))
             case values.Table():
                 return self.table(law, keys)
             case values.SpringDamper():

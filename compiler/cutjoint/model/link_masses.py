@@ -27,7 +27,7 @@ def with_link_masses(model: Model, masses: Mapping[str, float]) -> Model:
     Raises:
         ModelError: a name matches no massless body, a mass is not positive, or a body has joints at one point only.
     """
-    links = [body for body in model.bodies if body.mass == 0]
+    links = [body for body in model.bodies if body.is_massless]
     problems = [p for pattern, mass in masses.items() for p in _problems(model, links, pattern, mass)]
     chosen = {body.name: mass for pattern, mass in masses.items() for body in links if fnmatchcase(body.name, pattern)}
     spans = {name: _span(model, name) for name in chosen}

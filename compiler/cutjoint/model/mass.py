@@ -43,8 +43,11 @@ def read_mass(element: Element, body: body_parts.Body) -> tuple[Scalar, Vector, 
     return lump.mass, lump.centre, (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
 
 
-def moments_problem(inertia: Sequence[float]) -> str:
-    """Why no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; empty when one can or when it is not finite."""
+def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
+    """Why no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; empty when one can or when it is not finite.
+
+    Without mass it stands for parts whose mass is counted elsewhere, and one moment may be larger than the sum of the others.
+    """
     xx, yy, zz, xy, xz, yz = inertia
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if not np.isfinite(matrix).all():
@@ -54,7 +57,7 @@ def moments_problem(inertia: Sequence[float]) -> str:
     shown = ", ".join(f"{moment:g}" for moment in moments)
     if min(moments) < -bound:
         return f"a principal moment of inertia is negative: {shown} kg m2"
-    if any(a > b + c + bound for a, b, c in permutations(moments)):
+    if has_mass and any(a > b + c + bound for a, b, c in permutations(moments)):
         return f"a principal moment of inertia is larger than the sum of the other two: {shown} kg m2"
     return ""
 
@@ -101,11 +104,45 @@ def _inertia(element: Element, inertia: Any) -> Matrix:
         return sympy.zeros(3, 3)
     if isinstance(inertia, values.Principal):
         moments = element.triple(inertia.principal, INERTIA, ("inertia", "principal"))
+        if values.ANY in (inertia.x, inertia.y, inertia.z):
+            return _axisymmetric(element, inertia, moments)
         return _turned(read_axes(element, inertia, ("inertia",)), sympy.diag(*moments))
     if isinstance(inertia, values.FramedMatrix):
         matrix = _symmetric(element, inertia.matrix, ("inertia", "matrix"))
         return _turned(read_axes(element, inertia, ("inertia",)), matrix)
+    if isinstance(inertia, values.AxialInertia):
+        moment = element.scalar(inertia.axial, INERTIA, ("inertia", "axial"))
+        d = sympy.Matrix(read_direction(element, inertia.axis, ("inertia", "axis")))
+        return _scaled(moment, d * d.T)
     return _symmetric(element, inertia, ("inertia",))
+
+
+def _axisymmetric(element: Element, inertia: values.Principal, moments: Vector) -> Matrix:
+    """Of equal moments b across an axis d with the moment a about it: b 1 + (a - b) d d^T, whichever directions across are meant."""
+    given = {key: direction for key in "xyz" if (direction := getattr(inertia, key)) is not None}
+    axes = [key for key, direction in given.items() if direction != values.ANY]
+    failed = _scaled(FAILED, sympy.ones(3, 3))
+    if len(axes) != 1 or len(given) != 2:
+        element.fail("inertia: any belongs to one direction beside it", "write for example x: direction, y: any", ("inertia",))
+        return failed
+    axis = axes[0]
+    first, second = (key for key in "xyz" if key != axis)
+    about, (a, b) = moments["xyz".index(axis)], (moments["xyz".index(key)] for key in (first, second))
+    d = sympy.Matrix(read_direction(element, given[axis], ("inertia", axis)))
+    if not _equal(element, a, b):
+        found = f"{element.value(a):g} and {element.value(b):g}"
+        message = f"inertia: any needs moments about {first} and {second} that are always equal, not {found}"
+        element.fail(message, "give two directions", ("inertia", "principal"))
+        return failed
+    return _scaled(a, sympy.eye(3)) + _scaled(about - a, d * d.T)
+
+
+def _equal(element: Element, a: Scalar, b: Scalar) -> bool:
+    """Whether two moments are equal, whatever open parameters are set to; True where one is wrong and has been noted."""
+    difference = sympy.expand((a - b).xreplace(element.scope.settled))
+    if difference.has(FAILED):
+        return True
+    return not difference.free_symbols and abs(float(difference)) <= TOLERANCE * abs(element.value(a))
 
 
 def _symmetric(element: Element, numbers: tuple[Any, ...], keys: Path) -> Matrix:

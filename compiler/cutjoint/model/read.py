@@ -17,7 +17,7 @@ from cutjoint.model.scope import Element
 from cutjoint.model.shape import check_shape
 from cutjoint.model.source import parse_yaml, read_text
 from cutjoint.model.units import ACCELERATION
-from cutjoint.model.validate import check_elements, check_names
+from cutjoint.model.validate import check_elements, check_names, check_submodels
 
 
 def read_model(path: AnyPath) -> Model:
@@ -42,6 +42,7 @@ def read_model_text(text: str, file: str) -> Model:
         raise problems.error()
     document = shaped.document
     check_names(source, problems, document)
+    check_submodels(source, problems, document)
     # document -> flat elements with expressions
     expansion = expand(source, problems, shaped)
     # elements -> scenes that refer to them
@@ -57,6 +58,7 @@ def read_model_text(text: str, file: str) -> Model:
         name=document.name,
         gravity=gravity,
         parameters=expansion.parameters,
+        derived=expansion.derived,
         bodies=elements.bodies,
         joints=elements.joints,
         gears=elements.gears,

@@ -69,8 +69,17 @@ class Parameter:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DerivedParameter:
+    """A parameter that follows from others: ``value`` is an expression of their symbols, which stands wherever the parameter is used."""
+
+    name: str
+    value: Scalar
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Body:
-    """A rigid body; a massless one has ``mass`` zero and no inertia, its centre is the origin unless given.
+    """A rigid body; one without mass may have inertia, as a shaft's about its axis, and its centre is the origin unless given.
 
     ``inertia`` is (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) about the body's own centre of mass in global design axes,
     kg m2; the last three are elements of the inertia matrix (products of inertia with their sign reversed).
@@ -81,6 +90,11 @@ class Body:
     centre_of_mass: Vector
     inertia: tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
     span: Span
+
+    @property
+    def is_massless(self) -> bool:
+        """Whether it has neither mass nor inertia, whatever parameters are."""
+        return self.mass == 0 and all(entry == 0 for entry in self.inertia)
 
 
 #: The scalar coordinates of each joint kind, in order.
@@ -439,7 +453,8 @@ class Scene:
     """What is done with the model.
 
     ``pose`` is "design" or "equilibrium".  ``positions`` and ``rates`` give initial joint coordinates and
-    speeds by ``joint.coordinate``; ``inputs`` gives inputs as expressions of ``t`` (one that is not given
+    speeds by ``joint.coordinate``, an attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to
+    those of the base, of length one but for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given
     keeps its parameter's value); ``switches`` turns forces on and off by their full names.  ``method`` is the
     formulation that the scene wants ("" for the default) or "auto", which picks model, formulation and step so
     that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as real time.
@@ -473,7 +488,8 @@ class Model:
     """A validated model: what the file says, flat and in SI units.
 
     Element names are unique over bodies, joints, gears, forces, reactions and markers.  An element of a submodel's
-    instance is called ``instance.element``.  ``guards`` stand for forces that a pass took out: a run stops where one of them would act.
+    instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
+    for forces that a pass took out: a run stops where one of them would act.
     """
 
     name: str
@@ -489,6 +505,7 @@ class Model:
     text: str = field(repr=False)
     guards: tuple[Guard, ...] = ()
     gears: tuple[Gear, ...] = ()
+    derived: tuple[DerivedParameter, ...] = ()
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}

@@ -17,16 +17,13 @@ from cutjoint.model.expand import Expansion, used_submodels
 from cutjoint.model.expressions import variable
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.operations import ExpressionError, Term, check_extent
-from cutjoint.model.quantities import JOINT_QUANTITIES, quantities
 from cutjoint.model.quantities import Element as Quantified
-from cutjoint.model.ranges import RANGES, fault_of_state
+from cutjoint.model.quantities import quantities
+from cutjoint.model.ranges import RANGES
 from cutjoint.model.records import (
-    COORDINATES,
-    SPEEDS,
     STEP,
     Binding,
     Joint,
-    JointKind,
     Numerics,
     Output,
     Road,
@@ -38,13 +35,12 @@ from cutjoint.model.records import (
 )
 from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
+from cutjoint.model.starts import read_states
 from cutjoint.model.steps import StepsError, count_steps
-from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, TIME, Dimension
+from cutjoint.model.units import LENGTH, NONE, TIME, Dimension
 
 #: What penalty and frequency may follow.
 _STEP = variable("dt")
-
-_DIMENSIONS: Mapping[str, Dimension] = {"m": LENGTH, "m/s": SPEED, "rad": NONE, "rad/s": ANGULAR_SPEED}
 
 
 @dataclass(frozen=True)
@@ -82,8 +78,8 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         end=end,
         output_step=step,
         pose=scene.pose,
-        positions=_states(where, scene.positions, "positions", COORDINATES, stage),
-        rates=_states(where, scene.rates, "rates", SPEEDS, stage),
+        positions=read_states(where, scene.positions, "positions", stage.joints),
+        rates=read_states(where, scene.rates, "rates", stage.joints),
         inputs=_inputs(where, scene.inputs, stage),
         switches=_switches(where, scene.switches, stage),
         road=_road(where, scene.road),
@@ -194,54 +190,6 @@ def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
         where.fail(f"{key} must not be negative", "", keys)
     else:
         _at_most(where, value, RANGES[key].get("most", inf), keys)
-
-
-def _states(
-    where: Element,
-    values: Mapping[str, Any],
-    section: str,
-    components: Mapping[JointKind, tuple[str, ...]],
-    stage: _Stage,
-) -> dict[str, Scalar]:
-    """Initial coordinates or speeds by "joint.component"."""
-    states = {}
-    for key, value in values.items():
-        name, _, component = key.rpartition(".")
-        joint = stage.joints.get(name)
-        if not name:
-            where.fail(f"{section}: '{key}' names no component", "write joint.component", (section, key), at_key=True)
-        elif joint is None:
-            if not where.scope.directory.misses(name):
-                options = [joint.name for joint in stage.joints.values() if not joint.cut]
-                hint = nearest(name, options, "joints")
-                where.fail(f"{section}: unknown joint '{name}'", hint, (section, key), at_key=True)
-        elif _has_state(where, joint, component, section, components):
-            expected = _DIMENSIONS[JOINT_QUANTITIES[joint.kind][component]]
-            states[key] = where.scalar(value, expected, (section, key))
-            if fault := fault_of_state(where.value(states[key]), is_angle=expected == NONE):
-                where.fail(f"{section}: '{key}': {fault}", "", (section, key))
-    return states
-
-
-def _has_state(
-    where: Element,
-    joint: Joint,
-    component: str,
-    section: str,
-    components: Mapping[JointKind, tuple[str, ...]],
-) -> bool:
-    """Whether a joint's initial state has a component that the scene may give."""
-    keys = (section, f"{joint.name}.{component}")
-    kind = "cut" if joint.cut else joint.kind
-    allowed = () if joint.cut else components[joint.kind]
-    if joint.guide is not None:
-        message = f"{section}: the joint '{joint.name}' is guided"
-        where.fail(message, "its guide gives its motion", keys, at_key=True)
-    elif component not in allowed:
-        hint = nearest(component, allowed, section) or f"a {kind} joint has no {section}"
-        message = f"{section}: the {kind} joint '{joint.name}' has no '{component}'"
-        where.fail(message, hint, keys, at_key=True)
-    return joint.guide is None and component in allowed
 
 
 def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str, Scalar]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from cutjoint.model import document
 from cutjoint.model.errors import Problems
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion
+from cutjoint.model.expressions import symbols_of
 from cutjoint.model.forces import JOINT_FORCES
 from cutjoint.model.mass import moments_problem
 from cutjoint.model.records import GROUND, Body, Joint, Span
@@ -34,6 +36,27 @@ def check_names(source: Source, problems: Problems, model: document.Document) ->
             for index, parameter in enumerate(submodel.parameters)
         ]
         _check_unique(problems, arguments)
+
+
+def check_submodels(source: Source, problems: Problems, model: document.Document) -> None:
+    """Note parameters of submodels that no expression of theirs uses."""
+    for name, submodel in model.submodels.items():
+        sections = {key: part for key, part in source.data["submodels"][name].items() if key not in ("connectors", "parameters", "outputs")}
+        used = frozenset().union(*map(symbols_of, _texts(sections)))
+        for index, parameter in enumerate(submodel.parameters):
+            if parameter not in used:
+                span = source.value_span(("submodels", name, "parameters", index))
+                message = f"nothing in it uses the parameter '{parameter}'"
+                problems.add(span, f"submodel '{name}'", message, "remove it here and in its instances, or use it")
+
+
+def _texts(data: Any) -> Iterator[str]:
+    """All texts in plain data but for keys."""
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, dict | tuple):
+        for part in data.values() if isinstance(data, dict) else data:
+            yield from _texts(part)
 
 
 def _named(source: Source, part: document.Elements, path: Path) -> list[tuple[str, str, Span]]:
@@ -140,8 +163,6 @@ def _mass_problems(scope: Scope, body: Body) -> Iterator[str]:
     if any(abs(x) > LARGEST for x in (mass, *inertia)):
         yield f"its mass or inertia is larger than {LARGEST:g} in SI units"
         return
-    problem = moments_problem(inertia)
+    problem = moments_problem(inertia, has_mass=mass != 0)
     if problem:
         yield problem
-    if mass == 0 and max(inertia[:3]) > 0:
-        yield "it has inertia but no mass"

@@ -99,6 +99,12 @@ def _six(value: Any) -> Any:
     raise shape_error("needs six values", "write [along x, y, z, about x, y, z]")
 
 
+def _four(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) == 4:
+        return value
+    raise shape_error("needs four numbers", "write [w, x, y, z], the scalar first")
+
+
 def _checked_name(name: str) -> str:
     problem = name_problem(name)
     if problem:
@@ -121,6 +127,7 @@ Unit = Annotated[str, PlainValidator(_unit), WithJsonSchema({"type": ["string", 
 Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), BeforeValidator(_three)]
 Pair = Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=2), BeforeValidator(_two)]
 Six = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
+Four = Annotated[tuple[Number, ...], Field(min_length=4, max_length=4), BeforeValidator(_four)]
 Coefficients = Annotated[tuple[Number, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
 
 
@@ -137,26 +144,116 @@ class FromTo(Part):
     to: StrictStr
 
 
-Point: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")] | Annotated[StrictStr, Tag("<text>")] | Annotated[Midpoint, Tag("<midpoint>")],
-    told_by(
-        {tuple: "<list>", str: "<text>", "midpoint": "<midpoint>"},
-        "needs three numbers, a point's name or {midpoint: [P, Q]}",
-    ),
-]
 Direction: TypeAlias = Annotated[
     Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")],
     told_by({tuple: "<list>", "from": "<from>", "to": "<from>"}, "needs three numbers or {from: P, to: Q}"),
 ]
 
 
+class Way(FromTo):
+    """The vector from one point to another, or a multiple of it."""
+
+    times: Number = 1
+
+
+class Along(Part):
+    """A vector of a length along a direction; backwards if it is negative."""
+
+    along: Direction
+    by: Number
+
+
+Addend: TypeAlias = Annotated[
+    Annotated[Triple, Tag("<list>")]
+    | Annotated[StrictStr, Tag("<text>")]
+    | Annotated[Midpoint, Tag("<midpoint>")]
+    | Annotated[Way, Tag("<from>")]
+    | Annotated[Along, Tag("<along>")],
+    told_by(
+        {
+            tuple: "<list>", str: "<text>", "midpoint": "<midpoint>",
+            **dict.fromkeys(("from", "to", "times"), "<from>"), **dict.fromkeys(("along", "by"), "<along>"),
+        },
+        "needs a point or a vector: three numbers, a point's name, {from: P, to: Q} or {along: direction, by: length}",
+    ),
+]  # fmt: skip
+
+
+class PointSum(Part):
+    """A point, and vectors that lead on from it."""
+
+    sum: Annotated[tuple[Addend, ...], Field(min_length=2, max_length=MAX_PIECES)]
+
+
+Point: TypeAlias = Annotated[
+    Annotated[Triple, Tag("<list>")]
+    | Annotated[StrictStr, Tag("<text>")]
+    | Annotated[Midpoint, Tag("<midpoint>")]
+    | Annotated[PointSum, Tag("<sum>")],
+    told_by(
+        {tuple: "<list>", str: "<text>", "midpoint": "<midpoint>", "sum": "<sum>"},
+        "needs three numbers, a point's name, {midpoint: [P, Q]} or {sum: [point, vector, ...]}",
+    ),
+]
+
+
+#: The axes of Euler angles, in turn.
+Order = Literal["xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"]
+
+
+class Attitude(Part):
+    """The attitude of a joint's follower beside its base, in one of three forms; ``order`` names the axes of the Euler angles in turn."""
+
+    rotation_vector: Triple | None = None
+    euler: Triple | None = None
+    order: Order | None = None
+    quaternion: Four | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Attitude:
+        given = [name for name in ("rotation_vector", "euler", "quaternion") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise shape_error(f"has {' and '.join(given) or 'no attitude'}", "write one of rotation_vector, euler and quaternion")
+        if (self.euler is None) != (self.order is None):
+            raise shape_error("'euler' and 'order' belong together", "write for example {euler: [yaw, pitch, roll], order: zyx}")
+        return self
+
+
+State: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[Attitude, Tag("<attitude>")],
+    told_by(
+        {
+            **dict.fromkeys((int, float, str), "<number>"),
+            **dict.fromkeys(("rotation_vector", "euler", "order", "quaternion"), "<attitude>"),
+        },
+        "needs a number, or of an attitude {rotation_vector: ...}, {euler: ..., order: ...} or {quaternion: ...}",
+    ),
+]
+
+
+#: Stands for one of the directions across the axis of an axisymmetric body.
+ANY = "any"
+
+PrincipalDirection: TypeAlias = Annotated[
+    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[Literal["any"], Tag("<any>")],
+    told_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<any>"}, "needs three numbers, {from: P, to: Q} or any"),
+]
+
+
 class Principal(Part):
-    """Principal moments of inertia and two of the three principal directions."""
+    """Principal moments of inertia and two of the three principal directions, one of which may be any where the body is axisymmetric."""
 
     principal: Triple
-    x: Direction | None = None
-    y: Direction | None = None
-    z: Direction | None = None
+    x: PrincipalDirection | None = None
+    y: PrincipalDirection | None = None
+    z: PrincipalDirection | None = None
+
+
+class AxialInertia(Part):
+    """The inertia of a shaft about its axis and none across it."""
+
+    axial: Number
+    axis: Direction
 
 
 def _three_or_six(value: Any) -> Any:
@@ -178,10 +275,13 @@ class FramedMatrix(Part):
 
 
 Inertia: TypeAlias = Annotated[
-    Annotated[_Matrix, Tag("<list>")] | Annotated[Principal, Tag("<principal>")] | Annotated[FramedMatrix, Tag("<matrix>")],
+    Annotated[_Matrix, Tag("<list>")]
+    | Annotated[Principal, Tag("<principal>")]
+    | Annotated[FramedMatrix, Tag("<matrix>")]
+    | Annotated[AxialInertia, Tag("<axial>")],
     told_by(
-        {tuple: "<list>", "principal": "<principal>", "matrix": "<matrix>"},
-        "needs three or six numbers or {principal: [a, b, c], x: direction, y: direction}",
+        {tuple: "<list>", "principal": "<principal>", "matrix": "<matrix>", "axial": "<axial>", "axis": "<axial>"},
+        "needs three or six numbers, {principal: [a, b, c], x: direction, y: direction} or {axial: J, axis: direction}",
     ),
 ]
 
@@ -220,6 +320,17 @@ class Sum(Part):
     sum: Annotated[tuple[Law, ...], Field(min_length=1, max_length=MAX_PIECES)]
 
 
+#: Names for parts of expressions, each over those above it.
+Names = Annotated[dict[ParameterName, Number], Field(max_length=MAX_PIECES)]
+
+
+class Let(Part):
+    """A law with names for parts of its expressions."""
+
+    let: Names
+    law: Law
+
+
 class Table(Part):
     """A monotone cubic curve through points; the keys are ``value`` and the variable's name."""
 
@@ -255,17 +366,19 @@ Law: TypeAlias = Annotated[
     | Annotated[Polynomial, Tag("<polynomial>")]
     | Annotated[Piecewise, Tag("<piecewise>")]
     | Annotated[Sum, Tag("<sum>")]
+    | Annotated[Let, Tag("<let>")]
     | Annotated[Table, Tag("<table>")]
     | Annotated[SpringDamper, Tag("<spring>")]
     | Annotated[Stop, Tag("<stop>")],
     told_by(
         {
             **dict.fromkeys((int, float, str), "<number>"),
-            **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "table", "stop")},
+            **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "let", "table", "stop")},
             **dict.fromkeys(("stiffness", "damping"), "<spring>"),
         },
-        "needs a number, an expression, or a mapping with polynomial, piecewise, sum, table, stop or stiffness",
+        "needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),
 ]
 Laws = Annotated[tuple[Law, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
 Sum.model_rebuild()
+Let.model_rebuild()

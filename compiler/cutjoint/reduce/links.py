@@ -43,7 +43,7 @@ def shorten_links(model: Model, scene: Scene) -> Outcome:
     cuts = {joint.name for joint in build_topology(model).cuts}
     for body in model.bodies:
         joints = [j for j in model.joints if body.name in (j.base, j.follower)]
-        if body.mass == 0 and len(joints) == 2 and any(j.name in cuts for j in joints):
+        if body.is_massless and len(joints) == 2 and any(j.name in cuts for j in joints):
             cut, kept = sorted(joints, key=lambda j: j.name not in cuts)
             outcome = _shorten(outcome, _Link(body=body, cut=cut, tree=kept))
     return outcome

@@ -84,12 +84,14 @@ def _at_marker(output: Output, marker: str) -> Output:
 
 def merged(a: Body, b: Body) -> Body:
     """Both masses, the common centre, and the inertia about it (Steiner)."""
-    if b.mass == 0:
+    if b.is_massless:
         return a
-    if a.mass == 0:
+    if a.is_massless:
         return replace(b, name=a.name, span=a.span)
     mass = a.mass + b.mass
-    centre = tuple((a.mass * p + b.mass * q) / mass for p, q in zip(a.centre_of_mass, b.centre_of_mass, strict=True))
+    centre = a.centre_of_mass
+    if b.mass != 0:
+        centre = tuple((a.mass * p + b.mass * q) / mass for p, q in zip(a.centre_of_mass, b.centre_of_mass, strict=True))
     J = sympy.zeros(3, 3)
     for body in (a, b):
         xx, yy, zz, xy, xz, yz = body.inertia

@@ -31,7 +31,7 @@ def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
 def topology_facts(topology: Topology, mobility: Mobility) -> tuple[tuple[str, str], ...]:
     """The counts of a model by name."""
     model = topology.model
-    massless = sum(1 for b in model.bodies if b.mass == 0)
+    massless = sum(1 for b in model.bodies if b.is_massless)
     guided = sum(1 for t in topology.tree if t.joint.guide is not None)
     classes = [f"{len(c.roots)} x {c.size} bodies ({', '.join(c.roots)})" for c in topology.classes]
     return (

@@ -9,8 +9,10 @@ from typing import Any
 
 import sympy
 
+from cutjoint.elements.joint import ATTITUDE
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Implementation
+from cutjoint.model.attitudes import fault_of_quaternion, normalised
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import fault_of, fault_of_state
@@ -44,6 +46,10 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
     for p in model.parameters:
         if p.name == name:
             return f"{p.span}: parameter '{name}' has binding {p.binding}; write 'binding: param' to change it without recompiling"
+    for derived in (d for d in model.derived if d.name == name):
+        open_ones = [p.name for p in model.parameters if p.symbol in derived.value.free_symbols and p.name in known]
+        advice = f"set {' or '.join(open_ones)}" if open_ones else "give one of them binding: param and set that"
+        return f"{derived.span}: parameter '{name}' follows from other parameters; {advice}"
     return f"model '{model.name}' has no parameter '{name}'; it has {', '.join(known) or 'none'}"
 
 
@@ -63,7 +69,7 @@ def make_run_file(
         RunError: a change names no open parameter, has no finite value, or leaves the start or a road without a finite value; settings
             do not go together, or one is out of its range; the run has no steps, or too many.
     """
-    scene = with_options(scene, method, options)
+    scene = with_options(scene, method, options, has_rows=task != "realtime")
     settings = find_settings(scene, METHODS[method], implementation, options)
     parameters = parameter_values(model, changes)
     if task in ("simulate", "realtime", "batch"):
@@ -96,7 +102,7 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
     value, sources = Evaluator(model, parameters), _sources(model, scene)
     made: dict[str, Any] = {part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts}
     for part in made.keys() & {"positions", "rates"}:
-        _require_states(model, scene, part, made[part])
+        made[part] = _checked_states(model, scene, part, made[part])
     if "roads" in made:
         roads = {radius: _road(scene, radius) for radius in made["roads"].values()}
         made["roads"] = {tyre: roads[radius] for tyre, radius in made["roads"].items()}
@@ -109,13 +115,24 @@ def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
     return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
 
 
-def _require_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> None:
-    """Check coordinates or speeds of a start."""
-    kinds = {joint.name: joint.kind for joint in model.joints}
+def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Coordinates or speeds of a start, quaternions at length one.
+
+    Raises:
+        RunError: one is too large, or a quaternion's length is not one.
+    """
+    kinds, turned = {joint.name: joint.kind for joint in model.joints}, []
     for name, value in values.items():
         joint, _, component = name.rpartition(".")
-        if fault := fault_of_state(value, is_angle=JOINT_QUANTITIES[kinds[joint]][component] == "rad"):
+        if component == ATTITUDE[0]:
+            turned.append(joint)
+            fault = fault_of_quaternion([values[f"{joint}.{e}"] for e in ATTITUDE])
+            name = f"{joint}.attitude"
+        else:
+            fault = "" if component in ATTITUDE else fault_of_state(value, is_angle=JOINT_QUANTITIES[kinds[joint]][component] == "rad")
+        if fault:
             raise RunError(f"{_place(model, scene, part, name)}: {fault}")
+    return normalised(values, turned)
 
 
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:

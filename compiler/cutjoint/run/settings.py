@@ -24,12 +24,16 @@ from cutjoint.methods import (
 )
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.records import STEP, Numerics, Scene
+from cutjoint.model.steps import MOST_STEPS
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.scenes import with_settings
 
 #: The largest error of places and angles (m, rad) of a run whose steps follow from it, where its scene gives none.
 GOAL = 1e-4
+
+#: How far the number of steps of a row may be from a whole one by rounding of the two times.
+_WHOLE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,16 +85,28 @@ def require_settings(**asked: float | None) -> None:
             raise RunError(f"{name}: {fault}")
 
 
-def with_options(scene: Scene, method: str, options: Options) -> Scene:
+def with_options(scene: Scene, method: str, options: Options, *, has_rows: bool = True) -> Scene:
     """The scene with the times, the penalty and the tolerance that a caller gives for a method.
+
+    Of a run that ``has_rows`` the scene's own steps fit into these; a ``dt`` of the caller stays.
 
     Raises:
         RunError: no run has one of them.
     """
     given = {"dt": options.dt, "penalty": options.penalty, "tolerance": options.tolerance}
     require_settings(**given, end=options.end, iterations=options.iterations)
+    if has_rows and options.dt is None:
+        given["dt"] = _fitting(scene, scene.numerics.of_method(method).dt)
     changed = with_settings(scene, method, {name: value for name, value in given.items() if value is not None})
     return changed if options.end is None else replace(changed, end=options.end)
+
+
+def _fitting(scene: Scene, dt: float | None) -> float | None:
+    """Equal steps of at most ``dt`` (s) of which whole numbers fit into a row; None where those of ``dt`` do, or are longer than a row."""
+    row = min(scene.output_step, scene.end or scene.output_step)
+    if dt is None or not 1 < row / dt < MOST_STEPS or abs(row / dt - round(row / dt)) <= _WHOLE:
+        return None
+    return row / ceil(row / dt)
 
 
 def find_settings(scene: Scene, method: Method, implementation: Implementation, options: Options) -> Settings:

@@ -38,7 +38,7 @@ def find_classes(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint])
         children.setdefault(t.parent, []).append(t.child)
     members = {t.child: _subtree(t.child, children) for t in tree}
     sizes = Counter(map(len, members.values()))
-    massless = {b.name: b.mass == 0 for b in model.bodies}
+    massless = {b.name: b.is_massless for b in model.bodies}
     groups: dict[Signature, list[str]] = {}
     for t in tree:
         if sizes[len(members[t.child])] > 1:  # a subtree of a size of its own has no match

@@ -27,11 +27,11 @@ def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[J
     within = {body for branch in branches for body in branch.bodies}
     closing = [cut for cut in cuts if not any(cut.name in branch.cuts for branch in branches)]
     return (
-        BODY * len({b.name for b in model.bodies if b.mass != 0} & turning)
+        BODY * len({b.name for b in model.bodies if not b.is_massless} & turning)
         + sum(t.joint.element.operations.placing[t.parent in turning] for t in moving)
         + sum(_condensation(t, coupled[t.child] - still, t.parent not in still) for t in moving if t.child not in within)
         + _closing(tree, closing, still)
-        + sum(_branched(branch, tree, cuts, {b.name for b in model.bodies if b.mass != 0}) for branch in branches)
+        + sum(_branched(branch, tree, cuts, {b.name for b in model.bodies if not b.is_massless}) for branch in branches)
     )
 
 

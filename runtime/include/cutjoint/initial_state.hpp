@@ -70,12 +70,25 @@ class InitialState {
     mechanism_.begin_step(state_.t, Real(0));
   }
 
-  /// Which speeds belong to given coordinates.
+  /// Turn the given attitudes, of followers beside their bases, into those of outer bodies beside inner ones.
+  void turn_reversed(const std::vector<bool>& given) {
+    for (const Chart& chart : d_.charts) {
+      const auto first = static_cast<std::size_t>(chart.q + chart.scalars);
+      if (!(chart.ball && chart.reversed && given[first])) continue;
+      for (std::size_t i = first + 1; i < first + 4; ++i) state_.q[i] = -state_.q[i];
+    }
+  }
+
+  /// Which speeds belong to given coordinates: three to a ball's attitude, one to each of the others.
   std::vector<bool> speeds_of(const std::vector<bool>& coordinates) const {
     std::vector<bool> speeds(d_.speeds.size(), false);
-    for (const Chart& chart : d_.charts)
-      for (int i = 0; i < chart.scalars; ++i)
-        speeds[static_cast<std::size_t>(chart.v + i)] = coordinates[static_cast<std::size_t>(chart.q + i)];
+    for (const Chart& chart : d_.charts) {
+      const auto q = static_cast<std::size_t>(chart.q), v = static_cast<std::size_t>(chart.v);
+      const auto scalars = static_cast<std::size_t>(chart.scalars);
+      for (std::size_t i = 0; i < scalars; ++i) speeds[v + i] = coordinates[q + i];
+      if (!chart.ball) continue;
+      for (std::size_t i = 0; i < 3; ++i) speeds[v + scalars + i] = coordinates[q + scalars];
+    }
     return speeds;
   }
 
@@ -111,7 +124,9 @@ const State<typename M::real_type>& InitialState<M>::in_motion() {
 template <Mechanism M>
 void InitialState<M>::place() {
   const Starter<M> starter = this->starter();
-  const std::vector<bool> placed = speeds_of(read_given(file_.at("positions"), d_.coordinates, state_.q));
+  const std::vector<bool> given = read_given(file_.at("positions"), d_.coordinates, state_.q);
+  turn_reversed(given);
+  const std::vector<bool> placed = speeds_of(given);
   starter.assemble(state_, placed, Real(0));
   if (finds_penalties() && !d_.cuts.empty()) weigh();
   if (settings_.pose == Pose::equilibrium) starter.equilibrate(state_, placed);

@@ -13,12 +13,14 @@
 namespace cutjoint {
 
 /// How one joint's coordinates follow its speeds: `scalars` coordinates from `q` on, their rates from `v` on; a ball adds a unit
-/// quaternion (scalar first) after the scalars and, after their rates, an angular velocity in the inner body's axes.
+/// quaternion (scalar first) after the scalars and, after their rates, an angular velocity in the inner body's axes.  The quaternion takes
+/// the follower's axes to the base's; of a `reversed` joint, whose inner body is the follower, the base's to the follower's.
 struct Chart {
   int q;
   int v;
   int scalars;
   bool ball;
+  bool reversed = false;
 };
 
 /// A name with its unit and default value; what it names depends on the list that it stands in.

@@ -52,7 +52,7 @@ def composites(
 def _turning(k: Kinematics, body: Body) -> Block:
     """B of one body."""
     b = k.builder
-    if body.mass == 0:
+    if body.is_massless:
         return b.zero(6, 3)
     mass = k.translator.scalar(body.mass)
     c = k.point(body.name, body.centre_of_mass)

@@ -20,7 +20,7 @@ _ROUNDING = 1e-14
 
 def mass_matrix(group: Group, bodies: Iterable[Body]) -> dict[tuple[Node, Node], Scalar]:
     """The elements of a group's mass matrix by pairs of basis nodes, kg (kg m2 between directions)."""
-    moments = sum((_moments(body) for body in bodies if body.mass != 0), sympy.zeros(4, 4))
+    moments = sum((_moments(body) for body in bodies if not body.is_massless), sympy.zeros(4, 4))
     if moments.is_zero_matrix:
         return {}
     M = group.inverse * moments * group.inverse.T

@@ -118,7 +118,7 @@ class Collector:
         self._value = value
         for body in model.bodies:
             self.of(body.name)
-            if body.mass != 0:
+            if not body.is_massless:
                 self._inertia(body)
 
     def of(self, body: str) -> Needs:
@@ -127,7 +127,8 @@ class Collector:
 
     def _inertia(self, body: Body) -> None:
         needs = self.of(body.name)
-        needs.span(NodeKind.POINT, [body.centre_of_mass], f"{body.name}.centre")
+        if body.mass != 0:
+            needs.span(NodeKind.POINT, [body.centre_of_mass], f"{body.name}.centre")
         moments, axes = np.linalg.eigh(second_moments(body, self._value))
         largest = np.abs(moments).max()
         extents = [tuple(axes[:, i]) for i in range(3) if abs(moments[i]) > _FLAT * largest]

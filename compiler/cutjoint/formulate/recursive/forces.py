@@ -76,7 +76,7 @@ def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
 
 def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
     b = k.builder
-    if body.mass == 0:
+    if body.is_massless:
         return b.zero(6, 6), b.zero(6)
     mass = k.translator.scalar(body.mass)
     c = b.name(k.point(body.name, body.centre_of_mass), "c", body.name)

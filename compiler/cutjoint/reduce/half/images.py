@@ -58,7 +58,7 @@ def require_images(pairs: Pairs) -> Images:
 def _require_body(reflection: Body, image: Body, plane: Plane, same: Same) -> None:
     names = {"mass": "mass", "centre_of_mass": "centre of mass", "inertia": "inertia"}
     differ = [words for name, words in names.items() if not same(getattr(reflection, name), getattr(image, name))]
-    if differ and not (reflection.mass == 0 and image.mass == 0):
+    if differ and not (reflection.is_massless and image.is_massless):
         own = reflection.name == image.name
         words = f"is not symmetric about the plane {plane}" if own else f"is not what the plane {plane} shows of '{image.name}'"
         raise AsymmetryError(reflection.name, f"{words}: its {differ[0]}{' is not' if own else ' differs'}", reflection.span)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from cutjoint.elements.joint import ATTITUDE
 from cutjoint.model.quantities import JOINT_QUANTITIES, reaction_component, reported_element
 from cutjoint.model.records import (
     GROUND,
@@ -64,6 +65,8 @@ def _states(half: Half, states: Mapping[str, Scalar]) -> dict[str, Scalar]:
     for key, value in states.items():
         name, _, component = key.rpartition(".")
         joint = next(j for j in half.model.joints if j.name == name)
+        if component in ATTITUDE:
+            raise AsymmetryError(name, "starts with an attitude, of which the pass has no image", joint.span)
         if not half.flat:
             _require_image(half, states, joint, component)
         if name in half.in_plane:

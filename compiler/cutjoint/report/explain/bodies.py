@@ -26,7 +26,7 @@ def explain_bodies(topology: Topology, counterparts: Sequence[Counterparts]) -> 
     bodies = {b.name: b for b in model.bodies}
     arms = {name: _arm(topology, bodies[name]) for name in topology.order}
     groups = group(
-        topology.order, counterparts, lambda name: bodies[name].mass == 0, lambda name: _formulas(bodies[name], arms[name], model)
+        topology.order, counterparts, lambda name: bodies[name].is_massless, lambda name: _formulas(bodies[name], arms[name], model)
     )
     return Chapter(
         title="Bodies", formulas=(*_LAW, f"g = {column(model.gravity, parameter_symbols(model))}"),
@@ -45,7 +45,7 @@ def _arm(topology: Topology, body: Body) -> Vector:
 
 def _entry(bodies: Sequence[Body], arms: Mapping[str, Vector], model: Model) -> Entry:
     first, title = bodies[0], with_others([b.name for b in bodies])
-    if first.mass == 0:
+    if first.is_massless:
         rows = ((code(b.name), b.span.place) for b in bodies)
         return Entry(title=title, notes=("Massless.",), formulas=(r"M = 0, \quad Q = 0",), table=make_table(_HEADINGS[:2], rows))
     notes = (f"With the numbers of {code(first.name)}:",) if len(bodies) > 1 else ()
@@ -70,7 +70,7 @@ def inertia_cells(body: Body, model: Model) -> tuple[str, str]:
 
 def _formulas(body: Body, arm: Vector, model: Model) -> tuple[str, ...]:
     """M and Q with the body's mass, and its s and J_0."""
-    if body.mass == 0:
+    if body.is_massless:
         return ()
     symbols = parameter_symbols(model)
     m = _factor(body.mass, symbols)

@@ -69,7 +69,7 @@ def summarise(equations: RecursiveEquations, program: Program) -> Table:
 
 def count_bodies(model: Model) -> str:
     """How many bodies there are, and how many of them have no mass."""
-    return f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.mass == 0)} of them massless"
+    return f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.is_massless)} of them massless"
 
 
 def given_rows(equations: Equations) -> list[tuple[str, str]]:
@@ -98,7 +98,7 @@ def _early(program: Program, nodes: Sequence[int], binding: BindingTime) -> str:
 def tree_lines(topology: Topology) -> tuple[str, ...]:
     """The spanning tree as a nested list."""
     depth = {GROUND: 0}
-    massless = {b.name for b in topology.model.bodies if b.mass == 0}
+    massless = {b.name for b in topology.model.bodies if b.is_massless}
     lines = [f"- {code(GROUND)}"]
     for t in topology.tree:
         depth[t.child] = depth[t.parent] + 1

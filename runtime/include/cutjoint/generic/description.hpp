@@ -19,7 +19,7 @@ inline std::vector<Named> views_of(const std::vector<Names::Item>& items) {
 /// How a joint's coordinates follow its speeds: a ball has three speeds and a quaternion, all others a coordinate a speed.
 inline Chart chart_of(const Body& body) {
   const bool ball = body.joint.has_ball();
-  return {body.q, body.v, ball ? body.speeds - 3 : body.speeds, ball};
+  return {body.q, body.v, ball ? body.speeds - 3 : body.speeds, ball, body.reversed};
 }
 
 /// The description; its views stand in the model's names.

@@ -181,7 +181,10 @@ class ModelReader {
     b.mass = number(json.at("mass"));
     b.massless = model_.expressions.is_constant(b.mass, 0.0);
     b.centre = point(self, json.at("centre_of_mass"));
-    for (std::size_t i = 0; i < 6; ++i) b.inertia[i] = number(json.at("inertia").at(i));
+    for (std::size_t i = 0; i < 6; ++i) {
+      b.inertia[i] = number(json.at("inertia").at(i));
+      b.massless = b.massless && model_.expressions.is_constant(b.inertia[i], 0.0);
+    }
   }
 
   void read_cut(const Json& json) {

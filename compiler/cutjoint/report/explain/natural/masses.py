@@ -35,12 +35,12 @@ _HEADINGS = ("body", "line", "mass $m$", "centre of mass, design", "Ixx, Iyy, Iz
 def explain_masses(d: Derivation, counterparts: Sequence[Counterparts]) -> Chapter:
     """The rigid bodies with mass by their numbers, the massless ones together."""
     groups = {g.name: g for g in d.full.layout.groups.values()}
-    heavy = {name: [b for b in d.bodies(g) if b.mass != 0] for name, g in groups.items()}
+    heavy = {name: [b for b in d.bodies(g) if not b.is_massless] for name, g in groups.items()}
     kinds = {name: tuple(n.kind for n in g.basis) for name, g in groups.items()}
     formulas = {name: _formula(d, g) for name, g in groups.items() if heavy[name]}
     alike = group(list(formulas), counterparts, kinds.__getitem__, formulas.__getitem__)
     entries = [_entry(d, names, [formulas[n] for n in names], [b for n in names for b in heavy[n]]) for names in alike]
-    light = [b for b in d.model.bodies if b.mass == 0]
+    light = [b for b in d.model.bodies if b.is_massless]
     if light:
         table = make_table(_HEADINGS[:2], ((code(b.name), b.span.place) for b in light))
         entries.append(Entry(title=with_others([b.name for b in light]), notes=("Massless.",), formulas=(r"\mu = 0",), table=table))

@@ -1,0 +1,148 @@
+"""Parameters: numbers, and expressions of other parameters, which are put in wherever these stand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import sympy
+
+from cutjoint.model import document
+from cutjoint.model.errors import worded
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.expressions import parameter_symbol, read_term, symbols_of
+from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.records import Binding, DerivedParameter, Parameter
+from cutjoint.model.scope import FAILED_TERM, Element, Scope, element
+from cutjoint.model.units import NONE, Dimension, Measure, UnitError, described, measure, read_measure
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The parameters of a model: those with numbers, those that follow from them, and each one's term by its name in the file's order."""
+
+    own: tuple[Parameter, ...]
+    derived: tuple[DerivedParameter, ...]
+    terms: Mapping[str, Term]
+
+    def extend(self, scope: Scope) -> Scope:
+        """The scope of a model that has these parameters."""
+        moving = {p.symbol for p in self.own if p.binding is Binding.INPUT}
+        return replace(
+            scope, names=self.terms, values={p.symbol: p.value for p in self.own},
+            settled={p.symbol: sympy.Float(p.value) for p in self.own if p.binding is Binding.CONST},
+            inputs=frozenset(name for name, term in self.terms.items() if term.value.free_symbols & moving),
+        )  # fmt: skip
+
+
+def read_parameters(scope: Scope, model: document.Document) -> Parameters:
+    """All parameters, whichever stands first in the file."""
+    parts = {name: entry if isinstance(entry, document.Parameter) else document.Parameter(value=entry)
+             for name, entry in model.parameters.items()}  # fmt: skip
+    used = {name: symbols_of(part.value) & parts.keys() for name, part in parts.items()}
+    where = {name: element(scope, "parameter", "parameters", name) for name in parts}
+    own, terms = _read_numbers({name: part for name, part in parts.items() if not symbols_of(part.value)}, where)
+    values = {p.symbol: p.value for p in own}
+    for name in _in_order(used, where):
+        if name not in terms:
+            terms[name] = _read_derived(where[name], parts[name], {other: terms[other] for other in parts if other in terms}, values)
+    terms = {name: terms.get(name, FAILED_TERM) for name in parts}
+    derived = tuple(
+        DerivedParameter(name=name, value=terms[name].value, span=where[name].span) for name in parts if symbols_of(parts[name].value)
+    )
+    return Parameters(own, derived, terms)
+
+
+def _read_numbers(parts: Mapping[str, document.Parameter], where: Mapping[str, Element]) -> tuple[tuple[Parameter, ...], dict[str, Term]]:
+    parameters, terms = [], {}
+    for name, part in parts.items():
+        found, dimension = _number(where[name], part)
+        symbol = parameter_symbol(name)
+        parameters.append(
+            Parameter(name=name, symbol=symbol, value=found.value, unit=found.unit, binding=Binding(part.binding), span=where[name].span)
+        )
+        terms[name] = FAILED_TERM if math.isnan(found.value) else Term(symbol, dimension)
+    return tuple(parameters), terms
+
+
+def _number(where: Element, part: document.Parameter) -> tuple[Measure, Dimension | None]:
+    """The value in SI; the dimension is None when no unit is given."""
+    try:
+        written = read_measure(part.value) if isinstance(part.value, str) else None
+        if written is not None and part.unit is not None:
+            where.fail("has two units", "write the unit once", ("unit",))
+        if written is None and part.unit is not None:
+            written = measure(_plain_number(part.value), part.unit)
+        if written is not None:
+            return written, written.dimension
+        return Measure(_plain_number(part.value), NONE, ""), None
+    except ExpressionError as error:
+        where.fail(worded("value", error.message), error.hint, ("value",))
+    except UnitError as error:
+        where.fail(str(error), "write for example N*s/m", ("unit",) if part.unit is not None else ("value",))
+    return Measure(math.nan, NONE, ""), None
+
+
+def _plain_number(value: int | float | str) -> float:
+    number = read_term(value, {}).number
+    assert number is not None  # an expression without names is a number
+    return number
+
+
+def _in_order(used: Mapping[str, frozenset[str]], where: Mapping[str, Element]) -> list[str]:
+    """The parameters, each behind those that it uses; those that follow from themselves are noted and left out."""
+    order: list[str] = []
+    waiting = dict(used)
+    while ready := [name for name, others in waiting.items() if others <= set(order)]:
+        order += ready
+        waiting = {name: others for name, others in waiting.items() if name not in ready}
+    while cycle := _cycle(waiting):
+        names = ", ".join(f"'{name}'" for name in (*cycle[1:], cycle[0]))
+        message = f"value: it follows from {names} in a circle" if len(cycle) > 1 else "value: it follows from itself"
+        where[cycle[0]].fail(message, "give one of them a number" if len(cycle) > 1 else "give it a number", ("value",))
+        waiting = {name: others for name, others in waiting.items() if name not in cycle}
+    return order
+
+
+def _cycle(waiting: Mapping[str, frozenset[str]]) -> list[str]:
+    """Parameters each of which uses the next, the last one the first, which stands first in the file; empty if there are none."""
+    for start in waiting:
+        path = [start]
+        seen = {start}
+        while following := [other for other in waiting if other in waiting[path[-1]]]:
+            if following[0] in seen:
+                cycle = path[path.index(following[0]) :]
+                first = min(range(len(cycle)), key=lambda i: list(waiting).index(cycle[i]))
+                return cycle[first:] + cycle[:first]
+            path.append(following[0])
+            seen.add(following[0])
+    return []
+
+
+def _read_derived(where: Element, part: document.Parameter, terms: Mapping[str, Term], values: Mapping[sympy.Symbol, float]) -> Term:
+    """The term of an expression of other parameters."""
+    if "binding" in part.model_fields_set:
+        where.fail("binding: it changes with the parameters that it follows from", "remove binding", ("binding",))
+    term = where.term(part.value, ("value",), terms)
+    if term is FAILED_TERM:
+        return term
+    if not term.value.has(sympy.nan) and not math.isfinite(evaluate(term.value, values)):
+        where.fail("value has no finite value", "", ("value",))
+        return FAILED_TERM
+    return term if part.unit is None else replace(term, dimension=_stated(where, part.unit, term.dimension))
+
+
+def _stated(where: Element, unit: str, dimension: Dimension | None) -> Dimension | None:
+    """The dimension of a derived parameter with a unit, which must be one of SI and that of the expression."""
+    try:
+        found = measure(1.0, unit)
+    except UnitError as error:
+        where.fail(str(error), "write for example N*s/m", ("unit",))
+        return dimension
+    if found.value != 1.0:
+        where.fail(f"unit: an expression of parameters is in SI units, not in {unit}", f"write unit: {found.unit}", ("unit",))
+    elif dimension not in (None, found.dimension):
+        where.fail(f"value needs {described(found.dimension)}, got {described(dimension)}", "", ("value",))
+        return None
+    return found.dimension
