@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.branches import find_branches
 from cutjoint.topology.classes import find_classes
 from cutjoint.topology.elimination import eliminate
@@ -21,9 +22,9 @@ def build_topology(model: Model) -> Topology:
     tree, cuts = span(model)
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
+    graph = BodyGraph(tree, cuts, model.gears)
     return Topology(
-        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(tree, cuts, model.gears),
-        classes=find_classes(model, tree, cuts),
+        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(graph), classes=find_classes(model, graph)
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.branches import find_branches
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.records import Branch, TreeJoint
@@ -23,7 +24,7 @@ def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[J
     upright = _reached(tree, [t for t in tree if t.joint.element.keeps_attitude])
     moving = [t for t in tree if t.child not in still]
     turning = {t.child for t in moving} - upright
-    branches = find_branches(tree, cuts, model.gears)
+    branches = find_branches(BodyGraph(tree, cuts, model.gears))
     within = {body for branch in branches for body in branch.bodies}
     closing = [cut for cut in cuts if not any(cut.name in branch.cuts for branch in branches)]
     return (
