@@ -56,8 +56,9 @@ def test_joints_of_the_suspension_that_could_be_cut() -> None:
 
 def test_a_free_choice_cuts_each_window_of_the_n_four_bar_once() -> None:
     text = four_bar_text(4).replace(", cut: true", "")
-    for choice in rank_cuts(build_topology(read_model_text(text, "m.yaml"))):
-        assert choice.used.cost.width == 1
+    topology = build_topology(read_model_text(text, "m.yaml"))
+    assert {loop.width for loop in topology.loops} == {1}
+    for choice in rank_cuts(topology):
         assert {o.joint.name for o in choice.alternatives} == {choice.used.joint.name.replace("closure_", "coupler_") + ".pin"}
 
 

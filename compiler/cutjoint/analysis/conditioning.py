@@ -47,10 +47,8 @@ class RatedChoice:
 
 def _difference(used: RatedOption, other: RatedOption) -> str:
     mine, cost, name = used.option.cost, other.option.cost, other.option.joint.name
-    if mine.width != cost.width:
-        return f"{_less(cost.width - mine.width, 'narrower', 'wider')} than at {name}"
-    if mine.operations != cost.operations:
-        return f"{_less(cost.operations - mine.operations, 'operations fewer', 'operations more')} than at {name}"
+    if mine.counted_once != cost.counted_once:
+        return f"{_less(cost.counted_once - mine.counted_once, 'operations fewer', 'operations more')} than at {name}"
     if mine.redundant != cost.redundant:
         return f"{_less(cost.redundant - mine.redundant, 'redundant equations fewer', 'redundant equations more')} than at {name}"
     return f"the same cost as at {name}"

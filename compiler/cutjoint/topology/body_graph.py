@@ -19,7 +19,7 @@ class BodyGraph:
     ``top`` is each body's innermost body of the same motion but for known ones; ``carrier`` is the top that carries a top, ``carried`` the
     reverse.  ``linked`` has by carrier the pairs of bodies next to it whose subtrees a cut joint or a gear connects.  ``meets`` counts the
     cut joints and gears whose loops end at a body, ``open`` are the bodies of loops that end further in than the body's own carrier.
-    ``geared`` has by gear the two bodies that its joints carry.
+    The subtrees of ``tied`` bodies are connected with others beside them.  ``geared`` has by gear the two bodies that its joints carry.
     """
 
     def __init__(self, tree: Sequence[TreeJoint], cuts: Sequence[Joint], gears: Sequence[Gear]) -> None:
@@ -35,6 +35,7 @@ class BodyGraph:
         self.geared = {gear.name: _turned(gear, tree) for gear in gears}
         self.linked: dict[str, list[tuple[str, str]]] = defaultdict(list)
         self.open: set[str] = set()
+        self.tied: set[str] = set()
         self.meets: dict[str, int] = defaultdict(int)
         for cut in cuts:
             self.meets[self._link(self.path(self.top[cut.base]), self.path(self.top[cut.follower]))] += 1
@@ -51,17 +52,21 @@ class BodyGraph:
 
     def _link(self, first: list[str], last: list[str], below: int = 0) -> str:
         """The body where two paths to the ground meet, ``below`` or more bodies on; bodies further out than next to it are open."""
-        meet = next(body for body in first[below:] if body in last[below:])
+        meet = _meet(first[below:], last[below:])
         outside = [path[: path.index(meet)] for path in (first, last)]
         for path in outside:
             self.open.update(path[:-1])
         roots = [path[-1] for path in outside if path]
         if roots:
             self.linked[meet].append((roots[0], roots[-1]))
+        if len(roots) > 1:
+            self.tied.update(*outside)
         return meet
 
     def groups(self, carrier: str) -> list[list[str]]:
         """The bodies next to a carrier, those that cut joints and gears connect together."""
+        if carrier not in self.linked:
+            return [[body] for body in self.carried[carrier]]
         group = {body: body for body in self.carried[carrier]}
         for a, b in self.linked[carrier]:
             first, last = group[a], group[b]
@@ -79,6 +84,11 @@ class BodyGraph:
             if below in inside:
                 inside.add(body)
         return inside
+
+
+def _meet(first: Sequence[str], last: Sequence[str]) -> str:
+    known = set(last)
+    return next(body for body in first if body in known)
 
 
 def _turned(gear: Gear, tree: Sequence[TreeJoint]) -> tuple[str, str]:

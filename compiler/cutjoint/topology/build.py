@@ -10,7 +10,7 @@ from cutjoint.topology.branches import find_branches
 from cutjoint.topology.classes import find_classes
 from cutjoint.topology.elimination import eliminate
 from cutjoint.topology.records import Loop, Topology, TreeJoint
-from cutjoint.topology.spanning_tree import span
+from cutjoint.topology.search import span
 
 
 def build_topology(model: Model) -> Topology:
@@ -19,7 +19,7 @@ def build_topology(model: Model) -> Topology:
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
     """
-    tree, cuts = span(model)
+    tree, cuts = span(model).parts
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
     graph = BodyGraph(tree, cuts, model.gears)

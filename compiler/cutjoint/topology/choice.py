@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cutjoint.model.records import Joint
+from cutjoint.topology.alike import number_alike
 from cutjoint.topology.records import Topology, TreeJoint
-from cutjoint.topology.spanning_tree import Cost, cost_of, joints_around, split, tree_only
+from cutjoint.topology.search import Exchanges, Spanning
+from cutjoint.topology.spanning_tree import Cost, tree_only
 
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """One joint to cut a loop at, all other cuts kept: the tree and the cut joints that follow, and their cost."""
+    """One joint to cut a loop at: the tree and the cut joints that follow, and their cost.
+
+    In all loops alike the joint alike is cut, or in this loop alone, whichever costs less; all other cuts stay.
+    """
 
     joint: Joint
     tree: tuple[TreeJoint, ...]
@@ -30,19 +35,16 @@ class Choice:
 def rank_cuts(topology: Topology) -> tuple[Choice, ...]:
     """The choice of each loop, in the order of the cut joints; a joint whose coordinate is used is no alternative."""
     model = topology.model
-    bound, place = tree_only(model), {j.name: i for i, j in enumerate(model.joints)}
-    kept = {t.joint.name for t in topology.tree}
-    cost = cost_of(model, topology.tree, topology.cuts)
+    exchanges, place = Exchanges(bound=tree_only(model), number=number_alike(model)), {j.name: i for i, j in enumerate(model.joints)}
+    used = Spanning(model=model, cut=frozenset(cut.name for cut in topology.cuts))
     choices = []
     for cut in topology.cuts:
-        free = [t.joint for t in joints_around(topology.tree, cut) if t.joint.name not in bound]
-        options = [_exchange(topology, kept, cut, joint) for joint in sorted(free, key=lambda j: place[j.name])]
-        used = Option(joint=cut, tree=topology.tree, cuts=topology.cuts, cost=cost)
-        choices.append(Choice(used=used, alternatives=tuple(sorted(options, key=lambda o: o.cost))))
+        joints = sorted(exchanges.around(used, cut), key=lambda j: place[j.name])
+        options = [_option(joint, exchanges.everywhere(used, cut, joint), used.exchanged(cut, joint)) for joint in joints]
+        choices.append(Choice(used=_option(cut, used), alternatives=tuple(sorted(options, key=lambda o: o.cost))))
     return tuple(choices)
 
 
-def _exchange(topology: Topology, kept: set[str], cut: Joint, instead: Joint) -> Option:
-    """Cut another joint of the loop, and put the cut joint into the tree."""
-    tree, cuts = split(topology.model, (kept - {instead.name}) | {cut.name})
-    return Option(joint=instead, tree=tree, cuts=cuts, cost=cost_of(topology.model, tree, cuts))
+def _option(joint: Joint, *choices: Spanning) -> Option:
+    best = min(choices, key=lambda choice: choice.cost)
+    return Option(joint=joint, tree=best.tree, cuts=best.cuts, cost=best.cost)

@@ -36,47 +36,40 @@ def find_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
     joints, gears, forces and massless bodies agree in kind and place; numbers may differ, and so may the bodies outside that they are
     attached to.
     """
+    return _find(model, graph, [*_linked(graph), *([t.child] for t in graph.tree)])
+
+
+def find_independent_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
+    """The same without the parts that cut joints and gears connect with others."""
+    alone = [[t.child] for t in graph.tree if t.child not in graph.tied]
+    return tuple(c for c in _find(model, graph, [*_linked(graph), *alone]) if c.independent)
+
+
+def _linked(graph: BodyGraph) -> Iterator[list[str]]:
+    """The bodies next to one carrier whose subtrees are connected."""
+    return (roots for carrier in graph.linked for roots in graph.groups(carrier) if len(roots) > 1)
+
+
+def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tuple[SubtreeClass, ...]:
+    """The classes among parts, which are given by the roots of their subtrees."""
     attached = _Attached(model, graph)
-    parts = list(_parts(graph, attached.shapes()))
-    sizes = Counter(len(part) for part in parts)
+    sizes = [sum(attached.sizes[root] for root in roots) for roots in parts]
+    occurring = Counter(sizes)
     groups: dict[tuple[str | None, Signature], list[_Part]] = {}
-    for bodies in parts:
-        if sizes[len(bodies)] > 1:  # a part of a size of its own has no match
-            part = attached.part(bodies)
+    for roots, size in zip(parts, sizes, strict=True):
+        if occurring[size] > 1:  # a part of a size of its own has no match
+            part = attached.part(roots)
             groups.setdefault((part.carrier, part.signature), []).append(part)
     covered: set[str] = set()
     classes = []
     for (carrier, _), group in sorted(groups.items(), key=lambda g: (g[0][0] is None, -len(g[1][0].bodies), g[1][0].bodies[0])):
         fresh = [part for part in group if part.bodies[0] not in covered]
         if len(fresh) > 1:
-            roots = tuple(part.bodies[0] for part in fresh)
+            first = tuple(part.bodies[0] for part in fresh)
             members = tuple(part.elements for part in fresh)
-            classes.append(SubtreeClass(roots=roots, size=len(fresh[0].bodies), members=members, independent=carrier is not None))
+            classes.append(SubtreeClass(roots=first, size=len(fresh[0].bodies), members=members, independent=carrier is not None))
             covered.update(b for part in fresh for b in part.bodies)
     return tuple(classes)
-
-
-def _parts(graph: BodyGraph, shapes: Mapping[str, int]) -> Iterator[tuple[str, ...]]:
-    """The bodies of every subtree and of all subtrees of one carrier that are connected, innermost first, then breadth by breadth.
-
-    Bodies next to each other stand in the order of their ``shapes``, so that the file's order counts among those of one shape only.
-    """
-    children: dict[str, list[str]] = {}
-    for t in sorted(graph.tree, key=lambda t: shapes[t.child]):
-        children.setdefault(t.parent, []).append(t.child)
-    for carrier in graph.linked:
-        for roots in graph.groups(carrier):
-            if len(roots) > 1:
-                yield _subtrees(sorted(roots, key=shapes.__getitem__), children)
-    for t in graph.tree:
-        yield _subtrees([t.child], children)
-
-
-def _subtrees(roots: Sequence[str], children: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    bodies = list(roots)
-    for b in bodies:
-        bodies.extend(children.get(b, ()))
-    return tuple(bodies)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +84,7 @@ class _Part:
 
 
 class _Attached:
-    """What is attached to each body."""
+    """What is attached to each body; ``sizes`` are the numbers of bodies of their subtrees."""
 
     def __init__(self, model: Model, graph: BodyGraph) -> None:
         self._graph = graph
@@ -101,8 +94,16 @@ class _Attached:
         self._cuts = _by_body(graph.cuts, lambda cut: (cut.base, cut.follower))
         self._gears = _by_body(graph.gears, self._geared)
         self._forces = _by_body(model.forces, lambda force: force_bodies(force, self._child_of))
+        self._shapes = self._numbered_shapes()
+        self._children: dict[str, list[str]] = {}
+        self.sizes = dict.fromkeys(self._joint_of, 1)
+        for t in sorted(graph.tree, key=lambda t: self._shapes[t.child]):
+            self._children.setdefault(t.parent, []).append(t.child)
+        for t in reversed(graph.tree):
+            if t.parent != GROUND:
+                self.sizes[t.parent] += self.sizes[t.child]
 
-    def shapes(self) -> dict[str, int]:
+    def _numbered_shapes(self) -> dict[str, int]:
         """A number for the shape of each body's subtree: its joints and massless bodies."""
         known: dict[Signature, int] = {}
         shapes: dict[str, int] = {}
@@ -113,11 +114,22 @@ class _Attached:
             below.setdefault(t.parent, []).append(shapes[t.child])
         return shapes
 
+    def _bodies(self, roots: Sequence[str]) -> tuple[str, ...]:
+        """The bodies of subtrees, innermost first, then breadth by breadth.
+
+        Bodies next to each other stand in the order of their shapes, so that the file's order counts among those of one shape only.
+        """
+        bodies = sorted(roots, key=self._shapes.__getitem__)
+        for b in bodies:
+            bodies.extend(self._children.get(b, ()))
+        return tuple(bodies)
+
     def _geared(self, gear: Gear) -> tuple[str, ...]:
         return tuple(self._child_of[name] for name in gear.joints)
 
-    def part(self, bodies: tuple[str, ...]) -> _Part:
+    def part(self, roots: Sequence[str]) -> _Part:
         """The part that some subtrees are."""
+        bodies = self._bodies(roots)
         place = {b: i for i, b in enumerate(bodies)}
 
         def where(body: str) -> int:

@@ -1,37 +1,19 @@
-"""Which joints form the tree and which are cut."""
+"""Spanning trees of the body graph, and what they cost."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.cuts import problems_of_cuts, reasons_to_stay, shortest_paths
-from cutjoint.topology.elimination import degrees, eliminate
+from cutjoint.topology.cuts import reasons_to_stay
+from cutjoint.topology.elimination import degrees
 from cutjoint.topology.operations import predict_operations
 from cutjoint.topology.records import TreeJoint
 
 
 class TopologyError(ValueError):
     """The graph cannot be spanned as the model asks."""
-
-
-def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
-    """The tree joints, parents first, and the cut joints in the file's order.
-
-    Given cuts are honoured.  Where loops stay, the compiler cuts: it starts from the tree of shortest paths to the ground and
-    exchanges a cut joint for a tree joint of its loop as long as that lowers the cost, see ``cost_of``.
-
-    Raises:
-        TopologyError: the given cuts tear a body off, or joints that must not be cut close a loop.
-    """
-    joints = [j for j in model.joints if j.cut is not True]
-    bound = tree_only(model)
-    chosen = shortest_paths(joints, bound)
-    if problems := list(problems_of_cuts(model.bodies, joints, chosen, bound)):
-        raise TopologyError("\n".join(problems))
-    chosen = _improve(model, joints, chosen, bound)
-    return split(model, chosen)
 
 
 def tree_only(model: Model) -> Mapping[str, str]:
@@ -43,49 +25,28 @@ def tree_only(model: Model) -> Mapping[str, str]:
 class Cost:
     """What a choice of cut joints costs; the first difference decides.
 
-    ``width`` is the largest number of bodies to which an eliminated body is coupled, ``operations`` are predicted for one evaluation,
-    ``redundant`` counts the cut joints that align a direction by three equations, of which two are independent.
+    ``counted_once`` are the operations predicted for one evaluation, those side by side in lanes counted once: the time that it takes.
+    ``redundant`` counts the cut joints that align a direction by three equations, of which two are independent.  ``operations`` has all
+    lanes counted.
     """
 
-    width: int
-    operations: int
+    counted_once: int
     redundant: int
+    operations: int = field(compare=False)
 
 
 def cost_of(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Cost:
     """The cost of a spanning tree and its cut joints."""
-    coupled = eliminate(tree, cuts)
+    predicted = predict_operations(model, tree, cuts)
     return Cost(
-        width=max((len(s) for s in coupled.values()), default=0), operations=predict_operations(model, tree, cuts, coupled),
+        counted_once=predicted.counted_once, operations=predicted.all_lanes,
         redundant=sum(c.element.shared_direction is not None for c in cuts),
     )  # fmt: skip
 
 
-def split(model: Model, chosen: set[str]) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
-    """The tree that the chosen joints form, parents first, and the others in the file's order."""
-    return _orient([j for j in model.joints if j.name in chosen]), tuple(j for j in model.joints if j.name not in chosen)
-
-
-def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], bound: Container[str]) -> set[str]:
-    best, cost = chosen, cost_of(model, *split(model, chosen))
-    improved = True
-    while improved:
-        improved = False
-        for candidate in _exchanges(model, joints, best, bound):
-            price = cost_of(model, *split(model, candidate))
-            if price < cost:
-                best, cost, improved = candidate, price, True
-                break
-    return best
-
-
-def _exchanges(model: Model, joints: Sequence[Joint], chosen: set[str], bound: Container[str]) -> Iterable[set[str]]:
-    """Every tree that differs from the chosen one by one exchange of a compiler's cut joint for a joint of its loop."""
-    tree, _ = split(model, chosen)
-    for cut in (j for j in joints if j.name not in chosen):
-        for t in joints_around(tree, cut):
-            if t.joint.name not in bound:
-                yield (chosen - {t.joint.name}) | {cut.name}
+def split(model: Model, cut: Container[str]) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
+    """The tree without the joints of the names ``cut``, parents first, and these in the file's order."""
+    return _orient([j for j in model.joints if j.name not in cut]), tuple(j for j in model.joints if j.name in cut)
 
 
 def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
