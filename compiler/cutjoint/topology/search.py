@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Joint, Model
 from cutjoint.topology.alike import number_alike
+from cutjoint.topology.conditioning import loop_condition
 from cutjoint.topology.cuts import problems_of_cuts, shortest_paths
+from cutjoint.topology.geometry import JointGeometry
 from cutjoint.topology.records import TreeJoint
 from cutjoint.topology.spanning_tree import Cost, TopologyError, cost_of, joints_around, split, tree_only
 
@@ -17,7 +21,8 @@ def span(model: Model) -> Spanning:
     """The joints of the tree and those to cut.
 
     Given cuts are honoured.  Where loops stay, the compiler cuts: it starts from the tree of shortest paths to the ground and
-    exchanges a cut joint for a tree joint of its loop, in all loops alike or in this one alone, as long as that lowers the cost.
+    exchanges a cut joint for a tree joint of its loop, in all loops alike or in this one alone, as long as that lowers the cost, or at the
+    same cost the condition of the loop's equations.
 
     Raises:
         TopologyError: the given cuts tear a body off, or joints that must not be cut close a loop.
@@ -30,7 +35,8 @@ def span(model: Model) -> Spanning:
     best = Spanning(model=model, cut=frozenset(j.name for j in model.joints if j.name not in chosen))
     if len(chosen) == len(joints):
         return best
-    return _improve(best, joints, Exchanges(bound=bound, number=number_alike(model)))
+    exchanges = Exchanges(bound=bound, number=number_alike(model))
+    return _Search(joints=joints, exchanges=exchanges, geometry=JointGeometry(model=model)).improve(best)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,31 +96,48 @@ class Exchanges:
         return result
 
 
-def _improve(best: Spanning, joints: list[Joint], exchanges: Exchanges) -> Spanning:
-    """Sweeps over the joints that may be cut, until none finds a cheaper tree."""
-    known: dict[frozenset[str], Cost] = {}
+@dataclass(kw_only=True)
+class _Search:
+    """A search by exchanges; ``costs`` has those of all choices that were priced, ``left`` the choices that were left for better ones."""
 
-    def price(spanning: Spanning) -> Cost:
-        if spanning.cut not in known:
-            known[spanning.cut] = spanning.cost
-        return known[spanning.cut]
+    joints: Sequence[Joint]
+    exchanges: Exchanges
+    geometry: JointGeometry
+    costs: dict[frozenset[str], Cost] = field(default_factory=dict)
+    left: set[frozenset[str]] = field(default_factory=set)
 
-    improved = True
-    while improved:
-        improved, seen = False, set[int]()
-        for cut in joints:
-            if cut.name in best.cut:
-                candidates = _candidates(best, cut, exchanges, everywhere=exchanges.number[cut.name] not in seen)
-                seen.add(exchanges.number[cut.name])
-                cheapest = min(candidates, key=price, default=best)
-                if price(cheapest) < price(best):
-                    best, improved = cheapest, True
-    return best
+    def improve(self, best: Spanning) -> Spanning:
+        """Sweeps over the joints that may be cut, until none finds a better choice."""
+        improved = True
+        while improved:
+            improved, seen = False, set[int]()
+            for cut in self.joints:
+                if cut.name in best.cut:
+                    better = self._best(best, cut, everywhere=self.exchanges.number[cut.name] not in seen)
+                    seen.add(self.exchanges.number[cut.name])
+                    if better is not best:
+                        self.left.add(best.cut)
+                        best, improved = better, True
+        return best
 
+    def _best(self, used: Spanning, cut: Joint, *, everywhere: bool) -> Spanning:
+        """The choice in use or one with another joint of a cut joint's loop cut, in all loops alike if asked for, or in this loop alone."""
+        options = [(cut, used)]
+        for joint in self.exchanges.around(used, cut):
+            options += [(joint, used.exchanged(cut, joint))]
+            options += [(joint, self.exchanges.everywhere(used, cut, joint))] if everywhere else []
+        least = min(self._cost(spanning) for _, spanning in options)
+        equal = [(joint, spanning) for joint, spanning in options if self._cost(spanning) == least and spanning.cut not in self.left]
+        return min(equal, key=lambda option: self._condition(*option))[1] if len(equal) > 1 else equal[0][1]
 
-def _candidates(spanning: Spanning, cut: Joint, exchanges: Exchanges, *, everywhere: bool) -> Iterator[Spanning]:
-    """The choices with another joint of a cut joint's loop cut: in all loops alike if asked for, and in this loop alone."""
-    for joint in exchanges.around(spanning, cut):
-        yield spanning.exchanged(cut, joint)
-        if everywhere:
-            yield exchanges.everywhere(spanning, cut, joint)
+    def _cost(self, spanning: Spanning) -> Cost:
+        if spanning.cut not in self.costs:
+            self.costs[spanning.cut] = spanning.cost
+        return self.costs[spanning.cut]
+
+    def _condition(self, cut: Joint, spanning: Spanning) -> float:
+        """The condition of a cut joint's loop and its neighbours to three digits, so that rounding decides nothing."""
+        try:
+            return float(f"{loop_condition(self.geometry, spanning.tree, spanning.cuts, cut):.2e}")
+        except ModelError:  # a direction of this joint depends on an open parameter, so that it has no numbers yet
+            return math.inf

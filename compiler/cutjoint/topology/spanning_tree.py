@@ -23,16 +23,16 @@ def tree_only(model: Model) -> Mapping[str, str]:
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Cost:
-    """What a choice of cut joints costs; the first difference decides.
+    """What a choice of cut joints costs.
 
-    ``counted_once`` are the operations predicted for one evaluation, those side by side in lanes counted once: the time that it takes.
-    ``redundant`` counts the cut joints that align a direction by three equations, of which two are independent.  ``operations`` has all
-    lanes counted.
+    ``counted_once`` are the operations predicted for one evaluation, those side by side in lanes counted once: the time that it takes,
+    by which choices compare.  ``operations`` has all lanes counted.  ``redundant`` counts the cut joints that align a direction by three
+    equations, of which two are independent.
     """
 
     counted_once: int
-    redundant: int
     operations: int = field(compare=False)
+    redundant: int = field(compare=False)
 
 
 def cost_of(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Cost:
@@ -49,16 +49,25 @@ def split(model: Model, cut: Container[str]) -> tuple[tuple[TreeJoint, ...], tup
     return _orient([j for j in model.joints if j.name not in cut]), tuple(j for j in model.joints if j.name in cut)
 
 
-def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
-    """The tree joints of a cut joint's loop, from its follower round to its base."""
+def loops_of(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, list[TreeJoint]]:
+    """The tree joints of each cut joint's loop by its name, from its follower round to its base."""
     above = {t.child: t for t in tree}
+    return {cut.name: _around(above, cut) for cut in cuts}
+
+
+def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
+    """The same of one cut joint."""
+    return loops_of(tree, [cut])[cut.name]
+
+
+def _around(above: Mapping[str, TreeJoint], cut: Joint) -> list[TreeJoint]:
     from_follower, from_base = _way_in(above, cut.follower), _way_in(above, cut.base)
     while from_follower and from_base and from_follower[-1] is from_base[-1]:
         del from_follower[-1], from_base[-1]
     return from_follower + from_base[::-1]
 
 
-def _way_in(above: dict[str, TreeJoint], body: str) -> list[TreeJoint]:
+def _way_in(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
     way: list[TreeJoint] = []
     while body != GROUND:
         way.append(above[body])
