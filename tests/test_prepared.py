@@ -233,7 +233,7 @@ def _other_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 CHANGES: dict[str, Callable[[Path, pytest.MonkeyPatch], None]] = {
-    "compiler's sources": _copied("cutjoint", "formulate/recursive/joints.py"),
+    "compiler's sources": _copied("cutjoint", "kernels/joints.py"),
     "templates": _copied("templates", "function.cpp.jinja"),
     "runtime": _copied("runtime", "include/cutjoint/mechanism.hpp"),
     "version of a library": lambda _, monkeypatch: monkeypatch.setattr(prepared, "version", lambda name: "0"),

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import design_coordinates, evaluate_closures
-from cutjoint.analysis.conditioning import RatedChoice, design_jacobian, rate_choices
-from cutjoint.analysis.geometry import JointGeometry
+from cutjoint.analysis.conditioning import RatedChoice, rate_choices
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.model.read import read_model_text
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
-from cutjoint.topology.cuts import joints_around
+from cutjoint.topology.conditioning import design_jacobian
+from cutjoint.topology.geometry import JointGeometry
+from cutjoint.topology.spanning_tree import joints_around
 from tests.analysis.formulated import formulated
-from tests.conftest import MODELS
+from tests.conftest import DATA, MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.overconstrained import parallel_cranks_text
 from tests.mechanisms.random_models import chosen_loops, random_loops
@@ -84,6 +85,29 @@ def test_of_equal_cost_the_better_conditioned_comes_first() -> None:
     assert keys == sorted(keys)
     everything = rated(read_model_text(parallel_cranks_text(2, (0.0, 3.0)), "m.yaml"), limit=9)[0].alternatives
     assert choice.alternatives == everything[: len(choice.alternatives)]
+
+
+def _slider_crank() -> Model:
+    lines = (MODELS / "slider_crank.yaml").read_text().replace(", cut: true", "").splitlines(keepends=True)
+    return read_model_text("".join(line for line in lines if not line.startswith("outputs:")), "slider_crank.yaml")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        *(lambda seed=seed: chosen_loops(seed) for seed in range(6)),
+        _slider_crank,
+        lambda: read_model(DATA / "double_wishbone_car.yaml"),
+        lambda: read_model(DATA / "wishbone_axle.yaml"),
+        lambda: read_model_text(four_bar_text(4).replace(", cut: true", ""), "four_bar.yaml"),
+        lambda: read_model_text((MODELS / "andrews.yaml").read_text().replace(", cut: true", ""), "andrews.yaml"),
+    ],
+)
+def test_no_other_cut_of_a_loop_is_as_cheap_and_better_conditioned(make: object) -> None:
+    for choice in rated(make(), limit=99):  # type: ignore[operator]
+        used = choice.used
+        for other in choice.alternatives:
+            assert other.option.cost > used.option.cost or other.condition > 0.99 * used.condition, other.option.joint.name
 
 
 @pytest.mark.parametrize("make", [lambda: read_model_text(parallel_cranks_text(3, cut=""), "m.yaml"), lambda: chosen_loops(1)])

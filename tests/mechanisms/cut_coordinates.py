@@ -10,9 +10,9 @@ import sympy
 from cutjoint.elements.joint import rate_name
 from cutjoint.model.records import Joint, JointForce, Model, Output
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.cuts import joints_around
 from cutjoint.topology.measured import turns_around
 from cutjoint.topology.records import Topology
+from cutjoint.topology.spanning_tree import joints_around
 
 POSITION, RATE = sympy.Symbol("position", real=True), sympy.Symbol("rate", real=True)
 

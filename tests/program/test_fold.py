@@ -17,7 +17,7 @@ from cutjoint.program.schedule import schedule
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from tests.compile_run.generated import FlatRoad, random_states
-from tests.conftest import MODELS
+from tests.conftest import DATA, MODELS
 from tests.mechanisms.four_bar import four_bar_text
 
 
@@ -54,6 +54,8 @@ CASES = {
     "iltis, steering": (lambda: (MODELS / "iltis.yaml").read_text(), "iavsd_sine_2mm"),
     "7 pendulums in groups of 4, 2 and 1": (lambda: pendulums(7), "swing"),
     "4 geared pendulums": (lambda: geared(4), "swing"),
+    "car whose corners are two subtrees each": (lambda: (DATA / "double_wishbone_car.yaml").read_text(), "drop"),
+    "axle whose sides share a rack and a stabiliser": (lambda: (DATA / "wishbone_axle.yaml").read_text(), "chirp"),
 }
 
 

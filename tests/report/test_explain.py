@@ -141,7 +141,7 @@ def test_elimination_goes_from_the_leaves_to_the_ground(one: Explained) -> None:
 
 def test_counterparts_of_the_suspensions_stand_side_by_side(iltis: Explained) -> None:
     (found,) = iltis.equations.topology.classes
-    rows = find_counterparts(iltis.equations.topology, found)
+    rows = find_counterparts(found)
     assert len(rows) == 4 + 4 + 2 + 4
     for row in rows:
         assert [name.split(".")[0] for name in row] == [root.split(".")[0] for root in found.roots]

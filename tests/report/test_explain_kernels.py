@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.formulate.recursive.joints import QUATERNION, derive_joint, rotation_of
 from cutjoint.formulate.tyre import calspan
+from cutjoint.kernels.joints import QUATERNION, derive_joint, rotation_of
 from cutjoint.model.records import Force, Joint, JointKind, Span
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from cutjoint.formulate.recursive.closures import derive_closure
+from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import SPEEDS, JointKind
 from cutjoint.topology.build import build_topology
@@ -57,9 +57,11 @@ def test_joints_of_the_suspension_that_could_be_cut() -> None:
 
 def test_a_free_choice_cuts_each_window_of_the_n_four_bar_once() -> None:
     text = four_bar_text(4).replace(", cut: true", "")
-    for choice in rank_cuts(build_topology(read_model_text(text, "m.yaml"))):
-        assert choice.used.cost.width == 1
-        assert {o.joint.name for o in choice.alternatives} == {choice.used.joint.name.replace("closure_", "coupler_") + ".pin"}
+    topology = build_topology(read_model_text(text, "m.yaml"))
+    assert {loop.width for loop in topology.loops} == {1}
+    for choice in rank_cuts(topology):
+        window = choice.used.joint.name.removeprefix("closure_").removeprefix("coupler_").removesuffix(".pin")
+        assert {o.joint.name for o in (choice.used, *choice.alternatives)} == {f"closure_{window}", f"coupler_{window}.pin"}
 
 
 @pytest.mark.parametrize("kind", CUT_KINDS)

@@ -5,16 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from cutjoint.analysis.closing import Array
-from cutjoint.analysis.geometry import JointGeometry
-from cutjoint.analysis.poses import TOLERANCE
-from cutjoint.model.records import Joint
 from cutjoint.topology.choice import Choice, Option
-from cutjoint.topology.cuts import joints_around
-from cutjoint.topology.elimination import degrees
-from cutjoint.topology.records import Topology, TreeJoint
+from cutjoint.topology.conditioning import loop_condition
+from cutjoint.topology.geometry import JointGeometry
+from cutjoint.topology.records import Topology
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,10 +41,8 @@ class RatedChoice:
 
 def _difference(used: RatedOption, other: RatedOption) -> str:
     mine, cost, name = used.option.cost, other.option.cost, other.option.joint.name
-    if mine.width != cost.width:
-        return f"{_less(cost.width - mine.width, 'narrower', 'wider')} than at {name}"
-    if mine.operations != cost.operations:
-        return f"{_less(cost.operations - mine.operations, 'operations fewer', 'operations more')} than at {name}"
+    if mine.counted_once != cost.counted_once:
+        return f"{_less(cost.counted_once - mine.counted_once, 'operations fewer', 'operations more')} than at {name}"
     if mine.redundant != cost.redundant:
         return f"{_less(cost.redundant - mine.redundant, 'redundant equations fewer', 'redundant equations more')} than at {name}"
     return f"the same cost as at {name}"
@@ -73,37 +65,4 @@ def rate_choices(topology: Topology, choices: Sequence[Choice], limit: int = 3) 
 
 
 def _rate(geometry: JointGeometry, option: Option) -> RatedOption:
-    around = {cut.name: joints_around(option.tree, cut) for cut in option.cuts}
-    mine = {t.joint.name for t in around[option.joint.name]}
-    near = [cut for cut in option.cuts if any(t.joint.name in mine for t in around[cut.name])]
-    jacobian = design_jacobian(geometry, [(cut, around[cut.name]) for cut in near])
-    values = np.linalg.svd(jacobian, compute_uv=False) if jacobian.size else np.zeros(0)
-    positive = values[values > TOLERANCE * values.max(initial=0.0)]
-    return RatedOption(option=option, condition=float(positive[0] / positive[-1]) if positive.size else 1.0)
-
-
-def design_jacobian(geometry: JointGeometry, loops: Sequence[tuple[Joint, Sequence[TreeJoint]]]) -> Array:
-    """d rate / d v of cut joints with the tree joints around their loops; the columns are those joints' speeds as they are met."""
-    columns: dict[str, slice] = {}
-    end = 0
-    for t in (t for _, around in loops for t in around):
-        if t.joint.name not in columns:
-            columns[t.joint.name] = slice(end, end + degrees(t.joint))
-            end += degrees(t.joint)
-    rows = [np.zeros((0, end))]
-    for cut, around in loops:
-        held = geometry.held(cut)
-        rows.append(np.zeros((held.shape[0], end)))
-        for sign, t in _along(cut, around):
-            rows[-1][:, columns[t.joint.name]] = sign * held @ geometry.freed(t)
-    return np.concatenate(rows)
-
-
-def _along(cut: Joint, around: Sequence[TreeJoint]) -> list[tuple[float, TreeJoint]]:
-    """The joints from follower to base with the sign of their twist in that of the follower beside the base."""
-    body, signed = cut.follower, []
-    for t in around:
-        inwards = t.child == body
-        signed.append((1.0 if inwards else -1.0, t))
-        body = t.parent if inwards else t.child
-    return signed
+    return RatedOption(option=option, condition=loop_condition(geometry, option.tree, option.cuts, option.joint))

@@ -12,15 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.analysis.closing import Array, design_coordinates, evaluate_closures, evaluate_rates
-from cutjoint.analysis.geometry import evaluate
-from cutjoint.analysis.poses import TOLERANCE, explore
+from cutjoint.analysis.poses import explore
 from cutjoint.elements.joint import Direction, Slide, Turn
 from cutjoint.formulate.inputs import make_translator
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics, halves
 from cutjoint.model.records import Body, Model
 from cutjoint.program.blocks import Block, Builder
+from cutjoint.topology.conditioning import TOLERANCE
 from cutjoint.topology.elimination import degrees
+from cutjoint.topology.geometry import evaluate
 from cutjoint.topology.records import TreeJoint
 
 #: A share of a motion below this is none.

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.analysis.closing import Array
-from cutjoint.analysis.poses import TOLERANCE
+from cutjoint.topology.conditioning import TOLERANCE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
-from cutjoint.analysis.poses import TOLERANCE, Pose, explore
+from cutjoint.analysis.poses import Pose, explore
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
 from cutjoint.program.interpret import RoadTable, interpret_blocks
+from cutjoint.topology.conditioning import TOLERANCE
 
 #: The arrays of a call that input symbols' columns stand in.
 _ARRAYS = ("q", "v", "vdot", "lambda", "w", "relative_q", "relative_v", "weights.turns")

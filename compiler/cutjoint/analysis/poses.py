@@ -8,9 +8,8 @@ import numpy as np
 
 from cutjoint.analysis.closing import Array, close_loops, design_coordinates, evaluate_closures, retract
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.topology.conditioning import TOLERANCE
 
-#: A singular value below this share of the largest counts as zero.
-TOLERANCE = 1e-9
 #: How many poses are wanted besides the design position, and how often one is tried for.
 NEIGHBOURS = 4
 _ATTEMPTS = 16

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import Array
-from cutjoint.analysis.poses import TOLERANCE, Pose
+from cutjoint.analysis.poses import Pose
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.topology.conditioning import TOLERANCE
 
 #: An equation is as good as the best one left if what it adds is at least this share of it; the file's order decides among these.
 _GOOD_ENOUGH = 0.01

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
-from cutjoint.analysis.poses import TOLERANCE, explore
+from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import choose_independent
 from cutjoint.export.records import Mechanism, Place, Triple
 from cutjoint.export.start import markers_of
@@ -17,6 +17,7 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import GROUND, Model, Output, Scene
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 from cutjoint.topology.build import build_topology
+from cutjoint.topology.conditioning import TOLERANCE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,9 +11,9 @@ from cutjoint.elements.joint import Direction
 from cutjoint.export.numbers import Numbers
 from cutjoint.export.records import Matrix, Mechanism, PeerGear, PeerJoint, Place, RigidBody, Triple
 from cutjoint.export.start import Array, Start, find_start
-from cutjoint.formulate.directions import direction_of
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
+from cutjoint.kernels.directions import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import GROUND, Body, Gear, Joint, Model, Scalar, Scene
 from cutjoint.model.reduced import is_reduced

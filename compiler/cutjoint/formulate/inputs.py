@@ -119,8 +119,3 @@ def report_columns(
 def reference_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
     """The outer body's point of a tree joint in the design position: the origin of the outer body's frame."""
     return joint.at if joint.to is None or is_reversed else joint.to
-
-
-def inner_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
-    """The inner body's point of a tree joint in the design position."""
-    return joint.at if joint.to is None or not is_reversed else joint.to

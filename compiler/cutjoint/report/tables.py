@@ -118,12 +118,12 @@ def cut_choices(choices: Sequence[RatedChoice], redundant: int) -> str:
     return "\n".join(lines)
 
 
-_FIGURES = ("width", "operations", "redundant", "condition")
+_FIGURES = ("operations", "counted once", "redundant", "condition")
 
 
 def _figures(rated: RatedOption, base: int) -> str:
     cost = rated.option.cost
-    figures = (str(cost.width), str(cost.operations), str(base + cost.redundant), f"{rated.condition:.3g}")
+    figures = (str(cost.operations), str(cost.counted_once), str(base + cost.redundant), f"{rated.condition:.3g}")
     return "".join(f"  {figure:>{len(heading)}}" for figure, heading in zip(figures, _FIGURES, strict=True))
 
 

@@ -1,1 +1,1 @@
-"""The topology stage: spanning tree, cut joints, loops and classes of isomorphic subtrees."""
+"""The topology stage: spanning tree, cut joints, loops and classes of isomorphic parts."""

@@ -6,120 +6,66 @@ equation, since only motion relative to it counts.  A gear couples two joints' s
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from cutjoint.model.records import GROUND, Gear, Joint
+from cutjoint.model.records import GROUND
+from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.elimination import degrees
-from cutjoint.topology.records import Branch, TreeJoint
+from cutjoint.topology.records import Branch
 
 #: The most unknowns of a branch: the cost of a dense matrix grows with their cube, that of the recursion with their number.
 MOST_UNKNOWNS = 12
 
 
-def find_branches(tree: Sequence[TreeJoint], cuts: Sequence[Joint], gears: Sequence[Gear]) -> tuple[Branch, ...]:
+def find_branches(graph: BodyGraph) -> tuple[Branch, ...]:
     """The largest branches of at most MOST_UNKNOWNS unknowns, and the smallest of more that a gear needs, in the order of their first
     bodies."""
-    graph = _Graph(tree, cuts, gears)
-    order = {t.child: i for i, t in enumerate(tree)}
-    return tuple(sorted(graph.branches(), key=lambda branch: order[branch.bodies[0]]))
+    order = {t.child: i for i, t in enumerate(graph.tree)}
+    return tuple(sorted(_Search(graph).branches(), key=lambda branch: order[branch.bodies[0]]))
 
 
-class _Graph:
-    """Who carries whom.  A body of known motion counts as the one that carries it."""
+class _Search:
+    """Looks for branches from the ground outwards."""
 
-    def __init__(self, tree: Sequence[TreeJoint], cuts: Sequence[Joint], gears: Sequence[Gear]) -> None:
-        self._tree, self._cuts = tree, cuts
-        self._geared = {gear.name: self._turned(gear) for gear in gears}
-        self._top = {GROUND: GROUND}
-        self._carrier: dict[str, str] = {}
-        self._carried: dict[str, list[str]] = defaultdict(list)
-        for t in tree:
-            self._top[t.child] = t.child if degrees(t.joint) else self._top[t.parent]
-            if degrees(t.joint):
-                self._carrier[t.child] = self._top[t.parent]
-                self._carried[self._top[t.parent]].append(t.child)
-        self._unknowns = self._summed({t.child: degrees(t.joint) for t in tree if degrees(t.joint)})
-        self._linked: dict[str, list[tuple[str, str]]] = defaultdict(list)
-        self._open: set[str] = set()
-        meets: dict[str, int] = defaultdict(int)
-        for cut in cuts:
-            meets[self._link(self._path(self._top[cut.base]), self._path(self._top[cut.follower]))] += 1
-        geared = [(self._path(first), self._path(last)) for first, last in self._geared.values()]
-        for first, last in geared:
-            meets[self._link(first, last, below=1)] += 1
-        self._closed = self._summed(meets)
-        self._needed = {root for first, last in geared for root in self._closed_roots(first, last)}
+    def __init__(self, graph: BodyGraph) -> None:
+        self._graph = graph
+        self._unknowns = self._summed({t.child: degrees(t.joint) for t in graph.tree})
+        self._closed = self._summed(graph.meets)
+        self._needed = {root for first, last in graph.geared.values() for root in self._closed_roots(graph.path(first), graph.path(last))}
 
-    def _turned(self, gear: Gear) -> tuple[str, str]:
-        """The bodies that a gear's joints carry, twice the same where a guide moves the other one."""
-        bodies = [t.child for name in gear.joints for t in self._tree if t.joint.name == name and degrees(t.joint)]
-        return bodies[0], bodies[-1]
-
-    def _summed(self, own: dict[str, int]) -> dict[str, int]:
+    def _summed(self, own: Mapping[str, int]) -> dict[str, int]:
         """Of each body and all that it carries."""
-        total = {body: own.get(body, 0) for body in self._carrier}
-        for body in reversed(self._carrier):
-            if self._carrier[body] != GROUND:
-                total[self._carrier[body]] += total[body]
+        carrier = self._graph.carrier
+        total = {body: own.get(body, 0) for body in carrier}
+        for body in reversed(carrier):
+            if carrier[body] != GROUND:
+                total[carrier[body]] += total[body]
         return total
-
-    def _link(self, first: list[str], last: list[str], below: int = 0) -> str:
-        """The body where two paths to the ground meet, ``below`` or more bodies on; bodies further out than next to it are open."""
-        meet = next(body for body in first[below:] if body in last[below:])
-        outside = [path[: path.index(meet)] for path in (first, last)]
-        for path in outside:
-            self._open.update(path[:-1])
-        roots = [path[-1] for path in outside if path]
-        if roots:
-            self._linked[meet].append((roots[0], roots[-1]))
-        return meet
-
-    def _path(self, body: str) -> list[str]:
-        path = [body]
-        while path[-1] != GROUND:
-            path.append(self._carrier[path[-1]])
-        return path
 
     def _closed_roots(self, first: list[str], last: list[str]) -> list[str]:
         """The bodies of the innermost group with all of a gear that no joint opens: next to where the paths meet, or further in."""
         meet = next(body for body in first[1:] if body in last[1:])
         while True:
-            group = next(roots for roots in self._groups(meet) if set(roots) & set(first))
-            if not self._open & set(group):
+            group = next(roots for roots in self._graph.groups(meet) if set(roots) & set(first))
+            if not self._graph.open & set(group):
                 return group
-            meet = self._carrier[meet]
+            meet = self._graph.carrier[meet]
 
     def branches(self) -> Iterator[Branch]:
         """From the ground outwards; within a branch none is looked for."""
         carriers = [GROUND]
         for carrier in carriers:
-            for roots in self._groups(carrier):
-                closed = sum(self._closed[root] for root in roots) + sum(a in roots for a, _ in self._linked[carrier])
+            for roots in self._graph.groups(carrier):
+                closed = sum(self._closed[root] for root in roots) + sum(a in roots for a, _ in self._graph.linked[carrier])
                 small = sum(self._unknowns[root] for root in roots) <= MOST_UNKNOWNS
-                if closed and (small or self._needed & set(roots)) and not self._open & set(roots):
-                    yield self._branch(carrier, set(roots))
+                if closed and (small or self._needed & set(roots)) and not self._graph.open & set(roots):
+                    yield self._branch(carrier, roots)
                 else:
                     carriers += roots
 
-    def _groups(self, carrier: str) -> list[list[str]]:
-        """The bodies next to a carrier, those that cut joints connect together."""
-        group = {body: body for body in self._carried[carrier]}
-        for a, b in self._linked[carrier]:
-            first, last = group[a], group[b]
-            if first != last:
-                group = {body: first if g == last else g for body, g in group.items()}
-        members: dict[str, list[str]] = defaultdict(list)
-        for body, g in group.items():
-            members[g].append(body)
-        return list(members.values())
-
-    def _branch(self, carrier: str, roots: set[str]) -> Branch:
-        inside = set(roots)
-        for body, below in self._carrier.items():
-            if below in inside:
-                inside.add(body)
-        bodies = tuple(t.child for t in self._tree if self._top[t.child] in inside)
-        cuts = tuple(c.name for c in self._cuts if inside & {self._top[c.base], self._top[c.follower]})
-        gears = tuple(name for name, (first, _) in self._geared.items() if first in inside)
+    def _branch(self, carrier: str, roots: Sequence[str]) -> Branch:
+        top, inside = self._graph.top, self._graph.inside(roots)
+        bodies = tuple(t.child for t in self._graph.tree if top[t.child] in inside)
+        cuts = tuple(c.name for c in self._graph.cuts if inside & {top[c.base], top[c.follower]})
+        gears = tuple(name for name, (first, _) in self._graph.geared.items() if first in inside)
         return Branch(carrier=carrier, bodies=bodies, cuts=cuts, gears=gears)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.branches import find_branches
 from cutjoint.topology.classes import find_classes
 from cutjoint.topology.elimination import eliminate
 from cutjoint.topology.records import Loop, Topology, TreeJoint
-from cutjoint.topology.spanning_tree import span
+from cutjoint.topology.search import span
 
 
 def build_topology(model: Model) -> Topology:
@@ -18,12 +19,12 @@ def build_topology(model: Model) -> Topology:
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
     """
-    tree, cuts = span(model)
+    tree, cuts = span(model).parts
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
+    graph = BodyGraph(tree, cuts, model.gears)
     return Topology(
-        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(tree, cuts, model.gears),
-        classes=find_classes(model, tree, cuts),
+        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(graph), classes=find_classes(model, graph)
     )  # fmt: skip
 
 

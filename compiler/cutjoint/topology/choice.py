@@ -5,14 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cutjoint.model.records import Joint
-from cutjoint.topology.cuts import find_rules, joints_around
+from cutjoint.topology.alike import number_alike
+from cutjoint.topology.cuts import find_rules
 from cutjoint.topology.records import Topology, TreeJoint
-from cutjoint.topology.spanning_tree import Cost, cost_of, split
+from cutjoint.topology.search import Exchanges, Spanning
+from cutjoint.topology.spanning_tree import Cost
 
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """One joint to cut a loop at, all other cuts kept: the tree and the cut joints that follow, and their cost."""
+    """One joint to cut a loop at: the tree and the cut joints that follow, and their cost.
+
+    In all loops alike the joint alike is cut, or in this loop alone, whichever costs less; all other cuts stay.
+    """
 
     joint: Joint
     tree: tuple[TreeJoint, ...]
@@ -31,20 +36,18 @@ class Choice:
 def rank_cuts(topology: Topology) -> tuple[Choice, ...]:
     """The choice of each loop, in the order of the cut joints; a joint that must not be cut is no alternative."""
     model = topology.model
-    rules, place = find_rules(model), {j.name: i for i, j in enumerate(model.joints)}
-    kept = {t.joint.name for t in topology.tree}
-    cost = cost_of(model, topology.tree, topology.cuts)
+    exchanges, place = Exchanges(rules=find_rules(model), number=number_alike(model)), {j.name: i for i, j in enumerate(model.joints)}
+    used = Spanning(model=model, cut=frozenset(cut.name for cut in topology.cuts))
     choices = []
     for cut in topology.cuts:
-        free = [t.joint for t in joints_around(topology.tree, cut) if t.joint.name not in rules.stay]
-        options = [_exchange(topology, kept, cut, joint) for joint in sorted(free, key=lambda j: place[j.name])]
-        options = [o for o in options if not rules.faults(o.tree, o.cuts) and rules.forces_on(o.cuts) <= rules.forces_on(topology.cuts)]
-        used = Option(joint=cut, tree=topology.tree, cuts=topology.cuts, cost=cost)
-        choices.append(Choice(used=used, alternatives=tuple(sorted(options, key=lambda o: o.cost))))
+        joints = sorted(exchanges.around(used, cut), key=lambda j: place[j.name])
+        choices_of = {joint: (exchanges.everywhere(used, cut, joint), used.exchanged(cut, joint)) for joint in joints}
+        harmless = {joint: [s for s in both if exchanges.harm(s) <= exchanges.harm(used)] for joint, both in choices_of.items()}
+        options = [_option(joint, *spannings) for joint, spannings in harmless.items() if spannings]
+        choices.append(Choice(used=_option(cut, used), alternatives=tuple(sorted(options, key=lambda o: o.cost))))
     return tuple(choices)
 
 
-def _exchange(topology: Topology, kept: set[str], cut: Joint, instead: Joint) -> Option:
-    """Cut another joint of the loop, and put the cut joint into the tree."""
-    tree, cuts = split(topology.model, (kept - {instead.name}) | {cut.name})
-    return Option(joint=instead, tree=tree, cuts=cuts, cost=cost_of(topology.model, tree, cuts))
+def _option(joint: Joint, *choices: Spanning) -> Option:
+    best = min(choices, key=lambda choice: choice.cost)
+    return Option(joint=joint, tree=best.tree, cuts=best.cuts, cost=best.cost)

@@ -1,9 +1,11 @@
-"""Classes of isomorphic subtrees, found by comparing signatures."""
+"""Classes of isomorphic parts of a mechanism, found by comparing signatures."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import sympy
@@ -22,83 +24,155 @@ from cutjoint.model.records import (
     Scalar,
     Tyre,
 )  # fmt: skip
+from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.records import SubtreeClass, TreeJoint
 
 Signature: TypeAlias = tuple[Any, ...]
 
 
-def find_classes(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[SubtreeClass, ...]:
-    """The classes with two or more members whose subtrees are not parts of larger members, largest subtrees first.
+def find_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
+    """The classes with two or more members whose parts do not lie in larger members: independent classes first, then the largest parts.
 
-    Two subtrees are isomorphic when their joints, cut joints, gears, forces and massless bodies agree in kind and place; numbers may
-    differ, and so may the bodies outside that they are attached to.
+    A part is a subtree, or the subtrees of one carrier that cut joints and gears connect.  Two parts are isomorphic when their joints, cut
+    joints, gears, forces and massless bodies agree in kind and place; numbers may differ, and so may the bodies outside that they are
+    attached to.
     """
-    children: dict[str, list[str]] = {}
-    for t in tree:
-        children.setdefault(t.parent, []).append(t.child)
-    members = {t.child: _subtree(t.child, children) for t in tree}
-    sizes = Counter(map(len, members.values()))
-    massless = {b.name: b.is_massless for b in model.bodies}
-    groups: dict[Signature, list[str]] = {}
-    for t in tree:
-        if sizes[len(members[t.child])] > 1:  # a subtree of a size of its own has no match
-            groups.setdefault(_signature(members[t.child], massless, model, tree, cuts), []).append(t.child)
-    classes = []
+    return _find(model, graph, [*_linked(graph), *([t.child] for t in graph.tree)])
+
+
+def find_independent_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
+    """The same without the parts that cut joints and gears connect with others."""
+    alone = [[t.child] for t in graph.tree if t.child not in graph.tied]
+    return tuple(c for c in _find(model, graph, [*_linked(graph), *alone]) if c.independent)
+
+
+def _linked(graph: BodyGraph) -> Iterator[list[str]]:
+    """The bodies next to one carrier whose subtrees are connected."""
+    return (roots for carrier in graph.linked for roots in graph.groups(carrier) if len(roots) > 1)
+
+
+def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tuple[SubtreeClass, ...]:
+    """The classes among parts, which are given by the roots of their subtrees."""
+    attached = _Attached(model, graph)
+    sizes = [sum(attached.sizes[root] for root in roots) for roots in parts]
+    occurring = Counter(sizes)
+    groups: dict[tuple[str | None, Signature], list[_Part]] = {}
+    for roots, size in zip(parts, sizes, strict=True):
+        if occurring[size] > 1:  # a part of a size of its own has no match
+            part = attached.part(roots)
+            groups.setdefault((part.carrier, part.signature), []).append(part)
     covered: set[str] = set()
-    for roots in sorted(groups.values(), key=lambda g: (-len(members[g[0]]), g[0])):
-        fresh = [r for r in roots if r not in covered]
+    classes = []
+    for (carrier, _), group in sorted(groups.items(), key=lambda g: (g[0][0] is None, -len(g[1][0].bodies), g[1][0].bodies[0])):
+        fresh = [part for part in group if part.bodies[0] not in covered]
         if len(fresh) > 1:
-            elements = tuple(_elements(members[r], model, tree, cuts) for r in fresh)
-            classes.append(SubtreeClass(roots=tuple(fresh), size=len(members[fresh[0]]), members=elements))
-            covered.update(b for r in fresh for b in members[r])
+            first = tuple(part.bodies[0] for part in fresh)
+            members = tuple(part.elements for part in fresh)
+            classes.append(SubtreeClass(roots=first, size=len(fresh[0].bodies), members=members, independent=carrier is not None))
+            covered.update(b for part in fresh for b in part.bodies)
     return tuple(classes)
 
 
-def _elements(bodies: Sequence[str], model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> tuple[str, ...]:
-    """The elements of a subtree: bodies innermost first, their joints, then cut joints, gears and forces sorted as in the signature."""
-    place = {b: i for i, b in enumerate(bodies)}
-    joint_of = {t.child: t.joint.name for t in tree}
-    child_of, ends = {t.joint.name: t.child for t in tree}, joint_ends(tree, cuts)
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """A part: its bodies, its ``elements`` (bodies, tree joints, cut joints, gears, forces) in the order of the signature, and the body
+    that carries it, if it touches nothing else that moves in an unknown way but what carries this one."""
 
-    def where(body: str) -> int:
-        return place.get(body, -2 if body == GROUND else -1)
-
-    closures = sorted((c for c in cuts if c.base in place or c.follower in place), key=lambda c: (c.kind, where(c.base), where(c.follower)))
-    forces = sorted(
-        (f for f in model.forces if any(b in place for b in force_bodies(f, ends))), key=lambda f: _force(f, where, ends)
-    )
-    gears = sorted((g for g in model.gears if {child_of[j] for j in g.joints} & place.keys()), key=lambda g: _gear(g, where, child_of))
-    return (*bodies, *(joint_of[b] for b in bodies), *(c.name for c in closures), *(g.name for g in gears), *(f.name for f in forces))
+    bodies: tuple[str, ...]
+    elements: tuple[str, ...]
+    signature: Signature
+    carrier: str | None
 
 
-def _subtree(body: str, children: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    """The bodies of a subtree, innermost first, then breadth by breadth."""
-    bodies = [body]
-    for b in bodies:
-        bodies.extend(children.get(b, ()))
-    return tuple(bodies)
+class _Attached:
+    """What is attached to each body; ``sizes`` are the numbers of bodies of their subtrees."""
+
+    def __init__(self, model: Model, graph: BodyGraph) -> None:
+        self._graph = graph
+        self._massless = {b.name: b.is_massless for b in model.bodies}
+        self._joint_of = {t.child: t for t in graph.tree}
+        self._child_of = {t.joint.name: t.child for t in graph.tree}
+        self._cuts = _by_body(graph.cuts, lambda cut: (cut.base, cut.follower))
+        self._gears = _by_body(graph.gears, self._geared)
+        self._ends = joint_ends(graph.tree, graph.cuts)
+        self._forces = _by_body(model.forces, lambda force: force_bodies(force, self._ends))
+        self._shapes = self._numbered_shapes()
+        self._children: dict[str, list[str]] = {}
+        self.sizes = dict.fromkeys(self._joint_of, 1)
+        for t in sorted(graph.tree, key=lambda t: self._shapes[t.child]):
+            self._children.setdefault(t.parent, []).append(t.child)
+        for t in reversed(graph.tree):
+            if t.parent != GROUND:
+                self.sizes[t.parent] += self.sizes[t.child]
+
+    def _numbered_shapes(self) -> dict[str, int]:
+        """A number for the shape of each body's subtree: its joints and massless bodies."""
+        known: dict[Signature, int] = {}
+        shapes: dict[str, int] = {}
+        below: dict[str, list[int]] = {}
+        for t in reversed(self._graph.tree):
+            own = (t.joint.kind, t.reversed, t.joint.guide is not None, self._massless[t.child])
+            shapes[t.child] = known.setdefault((*own, *sorted(below.get(t.child, ()))), len(known))
+            below.setdefault(t.parent, []).append(shapes[t.child])
+        return shapes
+
+    def _bodies(self, roots: Sequence[str]) -> tuple[str, ...]:
+        """The bodies of subtrees, innermost first, then breadth by breadth.
+
+        Bodies next to each other stand in the order of their shapes, so that the file's order counts among those of one shape only.
+        """
+        bodies = sorted(roots, key=self._shapes.__getitem__)
+        for b in bodies:
+            bodies.extend(self._children.get(b, ()))
+        return tuple(bodies)
+
+    def _geared(self, gear: Gear) -> tuple[str, ...]:
+        return tuple(self._child_of[name] for name in gear.joints)
+
+    def part(self, roots: Sequence[str]) -> _Part:
+        """The part that some subtrees are."""
+        bodies = self._bodies(roots)
+        place = {b: i for i, b in enumerate(bodies)}
+
+        def where(body: str) -> int:
+            return place.get(body, -2 if body == GROUND else -1)
+
+        joints = [self._joint_of[b] for b in bodies]
+        cuts = _sorted(self._cuts, bodies, lambda c: (c.kind, where(c.base), where(c.follower)))
+        gears = _sorted(self._gears, bodies, lambda g: tuple((where(self._child_of[c.joint]), c.name) for c in (g.first, g.second)))
+        forces = _sorted(self._forces, bodies, lambda f: _force(f, where, self._ends))
+        signature = (
+            tuple(self._massless[b] for b in bodies),
+            tuple((t.joint.kind, where(t.parent), t.reversed, t.joint.guide is not None) for t in joints),
+            *(tuple(key for key, _ in found) for found in (cuts, gears, forces)),
+        )
+        names = (element.name for found in (cuts, gears, forces) for _, element in found)
+        touched = {t.parent for t in joints}
+        touched.update(*({c.base, c.follower} for _, c in cuts), *(self._geared(g) for _, g in gears))
+        return _Part(
+            bodies=bodies, elements=(*bodies, *(t.joint.name for t in joints), *names), signature=signature,
+            carrier=self._carrier(bodies, touched - place.keys()),
+        )  # fmt: skip
+
+    def _carrier(self, bodies: Sequence[str], touched: Iterable[str]) -> str | None:
+        """The body of unknown motion that carries a part, if all that the part touches carries it too."""
+        carrier = self._graph.top[self._joint_of[bodies[0]].parent]
+        above = self._graph.path(carrier)
+        return carrier if all(self._graph.top[body] in above for body in touched) else None
 
 
-def _signature(
-    bodies: Sequence[str], massless: Mapping[str, bool], model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]
-) -> Signature:
-    place = {b: i for i, b in enumerate(bodies)}
-
-    def where(body: str) -> int:
-        return place.get(body, -2 if body == GROUND else -1)
-
-    joints = tuple(
-        (t.joint.kind, where(t.parent), place[t.child], t.reversed, t.joint.guide is not None) for t in tree if t.child in place
-    )
-    closures = sorted((c.kind, where(c.base), where(c.follower)) for c in cuts if c.base in place or c.follower in place)
-    child_of, ends = {t.joint.name: t.child for t in tree}, joint_ends(tree, cuts)
-    forces = sorted(_force(f, where, ends) for f in model.forces if any(b in place for b in force_bodies(f, ends)))
-    gears = sorted(_gear(g, where, child_of) for g in model.gears if {child_of[j] for j in g.joints} & place.keys())
-    return tuple(massless[b] for b in bodies), joints, tuple(closures), tuple(gears), tuple(forces)
+def _by_body(elements: Iterable[Any], bodies: Any) -> dict[str, list[Any]]:
+    found: dict[str, list[Any]] = {}
+    for element in elements:
+        for body in dict.fromkeys(bodies(element)):
+            found.setdefault(body, []).append(element)
+    return found
 
 
-def _gear(gear: Gear, where: Any, child_of: Mapping[str, str]) -> Signature:
-    return tuple((where(child_of[c.joint]), c.name) for c in (gear.first, gear.second))
+def _sorted(by_body: Mapping[str, Sequence[Any]], bodies: Sequence[str], key: Any) -> list[tuple[Signature, Any]]:
+    """The elements at some bodies with their keys, in the order of these."""
+    found = {element.name: element for body in bodies for element in by_body.get(body, ())}
+    return sorted(((key(element), element) for element in found.values()), key=lambda pair: pair[0])
 
 
 def force_bodies(force: Force, ends: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
@@ -125,9 +199,12 @@ def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]]) -> tup
         shape = ";".join(_shape(c) for c in force.components)
     else:
         assert isinstance(force, Tyre)
-    return type(force).__name__, tuple(where(b) for b in force_bodies(force, ends)), shape
+    places = tuple(where(b) for b in force_bodies(force, ends))
+    # a force between two members has its base in the one and its follower in the other
+    return type(force).__name__, tuple(sorted(places)) if min(places) < 0 else places, shape
 
 
+@lru_cache(maxsize=4096)
 def _shape(law: Scalar) -> str:
     """A law with its numbers taken out."""
     placeholder = sympy.Symbol("number")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from cutjoint.model.records import GROUND, Body, Joint, Model
 from cutjoint.topology.measured import Use, reason_not_to_measure, uses_of_coordinates
 from cutjoint.topology.records import TreeJoint
+from cutjoint.topology.spanning_tree import joints_around
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,23 +95,6 @@ def wrong_cuts(rules: CutRules, tree: Sequence[TreeJoint], cuts: Iterable[Joint]
                 f"{what}: it closes a loop but must not be cut, since {reason}, and no other joint of the loop may be; "
                 "leave one of them free to be cut"
             )
-
-
-def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
-    """The tree joints of a cut joint's loop, from its follower round to its base."""
-    above = {t.child: t for t in tree}
-    from_follower, from_base = _way_in(above, cut.follower), _way_in(above, cut.base)
-    while from_follower and from_base and from_follower[-1] is from_base[-1]:
-        del from_follower[-1], from_base[-1]
-    return from_follower + from_base[::-1]
-
-
-def _way_in(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
-    way: list[TreeJoint] = []
-    while body != GROUND:
-        way.append(above[body])
-        body = above[body].parent
-    return way
 
 
 def _reach(body: str, held: Sequence[Joint], known: set[str], chosen: set[str]) -> list[str]:

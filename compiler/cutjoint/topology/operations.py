@@ -6,33 +6,59 @@ from its formulas (formulate/recursive/) with dense blocks.  Forces are left out
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.branches import find_branches
-from cutjoint.topology.elimination import degrees
+from cutjoint.topology.classes import find_independent_classes
+from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.records import Branch, TreeJoint
 
 #: Mass matrix, weight and inertia force of a body.
 BODY = 170
 
 
-def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint], coupled: Mapping[str, frozenset[str]]) -> int:
-    """Operations of one evaluation but for the forces; ``coupled`` is what ``eliminate`` found."""
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """Operations of one evaluation but for the forces, those side by side in lanes counted each, and once."""
+
+    all_lanes: int
+    counted_once: int
+
+
+def predict_operations(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Prediction:
+    """What a choice of cut joints takes."""
+    graph = BodyGraph(tree, cuts, model.gears)
+    shares = _shares(model, graph)
+    total = sum(shares.values())
+    groups = (group for found in find_independent_classes(model, graph) for group in found.lanes)
+    repeated = sum(shares[name] for group in groups for member in group[1:] for name in member)
+    return Prediction(all_lanes=total, counted_once=total - repeated)
+
+
+def _shares(model: Model, graph: BodyGraph) -> Counter[str]:
+    """The operations by body and cut joint; all of a branch by its first body."""
+    tree, cuts = graph.tree, graph.cuts
+    coupled = eliminate(tree, cuts)
     still = _reached(tree, [t for t in tree if degrees(t.joint) == 0])
     upright = _reached(tree, [t for t in tree if t.joint.element.keeps_attitude])
     moving = [t for t in tree if t.child not in still]
     turning = {t.child for t in moving} - upright
-    branches = find_branches(tree, cuts, model.gears)
+    massive = {b.name for b in model.bodies if not b.is_massless}
+    branches = find_branches(graph)
     within = {body for branch in branches for body in branch.bodies}
-    closing = [cut for cut in cuts if not any(cut.name in branch.cuts for branch in branches)]
-    return (
-        BODY * len({b.name for b in model.bodies if not b.is_massless} & turning)
-        + sum(t.joint.element.operations.placing[t.parent in turning] for t in moving)
-        + sum(_condensation(t, coupled[t.child] - still, t.parent not in still) for t in moving if t.child not in within)
-        + _closing(tree, closing, still)
-        + sum(_branched(branch, tree, cuts, {b.name for b in model.bodies if not b.is_massless}) for branch in branches)
-    )
+    inside = {name for branch in branches for name in branch.cuts}
+    shares = Counter(dict.fromkeys(massive & turning, BODY))
+    for t in moving:
+        shares[t.child] += t.joint.element.operations.placing[t.parent in turning]
+        if t.child not in within:
+            shares[t.child] += _condensation(t, coupled[t.child] - still, t.parent not in still)
+    shares.update(_closing(tree, [cut for cut in cuts if cut.name not in inside], still))
+    shares.update({branch.bodies[0]: _branched(branch, graph, massive) for branch in branches})
+    return shares
 
 
 def _reached(tree: Sequence[TreeJoint], joints: Sequence[TreeJoint]) -> set[str]:
@@ -44,16 +70,14 @@ def _reached(tree: Sequence[TreeJoint], joints: Sequence[TreeJoint]) -> set[str]
     return reached
 
 
-def _closing(tree: Sequence[TreeJoint], cuts: Sequence[Joint], still: set[str]) -> int:
+def _closing(tree: Sequence[TreeJoint], cuts: Sequence[Joint], still: set[str]) -> dict[str, int]:
     root = {GROUND: GROUND}
     for t in tree:
         root[t.child] = t.child if t.parent == GROUND else root[t.parent]
-    total = 0
-    for cut in cuts:
-        moving = {cut.base, cut.follower} - still
-        if moving:
-            total += cut.element.operations.closing[0 if len(moving) == 1 else 1 + (root[cut.base] != root[cut.follower])]
-    return total
+    return {
+        cut.name: cut.element.operations.closing[0 if {cut.base, cut.follower} & still else 1 + (root[cut.base] != root[cut.follower])]
+        for cut in cuts if not {cut.base, cut.follower} <= still
+    }  # fmt: skip
 
 
 def _condensation(t: TreeJoint, others: frozenset[str], inner: bool) -> int:
@@ -88,19 +112,19 @@ def _projection(t: TreeJoint, s: int, inner: bool) -> int:
 EQUATION, GEAR = 45, 19
 
 
-def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint], massive: set[str]) -> int:
+def _branched(branch: Branch, graph: BodyGraph, massive: set[str]) -> int:
     """Operations of composing and factorising the matrix of a branch, of what it passes on, and of its way back.
 
     A body that neither has mass nor carries any adds nothing to it but its equations.
     """
-    joint_of = {t.child: t for t in tree}
-    carriers = {body: _carriers(body, branch, joint_of) for body in branch.bodies}
+    joint_of = {t.child: t for t in graph.tree if t.child in branch.bodies}
+    carriers = {body: _carriers(body, joint_of) for body in branch.bodies}
     unknowns = {body: degrees(joint_of[body].joint) for body in branch.bodies}
     n = sum(unknowns.values())
     laden = {i for j in branch.bodies if j in massive for i in carriers[j]}
     total = sum(30 + 40 * unknowns[j] for j in laden)
     total += sum(11 * unknowns[i] * unknowns[j] for j in laden for i in carriers[j])
-    for cut in (c for c in cuts if c.name in branch.cuts):
+    for cut in (c for c in graph.cuts if c.name in branch.cuts):
         ends = [set(carriers.get(body, ())) for body in (cut.base, cut.follower)]
         m, w = 6 - len(cut.element.speeds), sum(unknowns[body] for body in ends[0] ^ ends[1])
         total += m * (EQUATION + 11 * w + w * (w + 1) + 4 * w)
@@ -108,10 +132,10 @@ def _branched(branch: Branch, tree: Sequence[TreeJoint], cuts: Sequence[Joint], 
     return total + GEAR * len(branch.gears) + n**3 // 3 + 3 * n * n + passed_on
 
 
-def _carriers(body: str, branch: Branch, joint_of: Mapping[str, TreeJoint]) -> list[str]:
+def _carriers(body: str, joint_of: Mapping[str, TreeJoint]) -> list[str]:
     """The body and those of its branch that carry it."""
     found = []
-    while body in branch.bodies:
+    while body in joint_of:
         found.append(body)
         body = joint_of[body].parent
     return found

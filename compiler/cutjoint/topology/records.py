@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from cutjoint.model.records import Gear, Joint, Model
 
+#: Members side by side: what a vector register of 256 bits holds in double precision.
+WIDEST = 4
+
 
 @dataclass(frozen=True, kw_only=True)
 class TreeJoint:
@@ -47,14 +50,28 @@ class Branch:
 
 @dataclass(frozen=True, kw_only=True)
 class SubtreeClass:
-    """Subtrees of one shape: ``roots`` are their innermost bodies, ``size`` the number of bodies in each.
+    """Parts of one shape, each a subtree or several that cut joints and gears connect: ``roots`` are the first of their innermost bodies,
+    ``size`` is the number of bodies in each.
 
-    ``members`` are the elements of each subtree (bodies, tree joints, cut joints, gears, forces), corresponding ones in the same place.
+    ``members`` are the elements of each part (bodies, tree joints, cut joints, gears, forces), corresponding ones in the same place.
+    ``independent`` is whether one body carries them all and they are coupled through it and its carriers only.
     """
 
     roots: tuple[str, ...]
     size: int
     members: tuple[tuple[str, ...], ...]
+    independent: bool
+
+    @property
+    def lanes(self) -> tuple[tuple[tuple[str, ...], ...], ...]:
+        """The members that are computed side by side: in groups of four and two, since registers hold powers of two."""
+        groups, first, width = [], 0, WIDEST if self.independent else 1
+        while len(self.members) - first > 1 < width:
+            while width > len(self.members) - first:
+                width //= 2
+            groups.append(self.members[first : first + width])
+            first += width
+        return tuple(groups)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,13 +1,12 @@
-"""Which joints form the tree and which are cut."""
+"""Spanning trees of the body graph, and what they cost."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.cuts import CutRules, find_rules, joints_around, shortest_paths, torn_bodies, wrong_cuts
-from cutjoint.topology.elimination import degrees, eliminate
+from cutjoint.topology.elimination import degrees
 from cutjoint.topology.operations import predict_operations
 from cutjoint.topology.records import TreeJoint
 
@@ -16,78 +15,58 @@ class TopologyError(ValueError):
     """The graph cannot be spanned as the model asks."""
 
 
-def span(model: Model) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
-    """The tree joints, parents first, and the cut joints in the file's order.
-
-    Given cuts are honoured.  Where loops stay, the compiler cuts: it starts from the tree of shortest paths to the ground and
-    exchanges a cut joint for a tree joint of its loop as long as that lowers the cost, see ``cost_of``.
-
-    Raises:
-        TopologyError: the given cuts tear a body off, or joints that must not be cut close a loop.
-    """
-    joints, rules = [j for j in model.joints if j.cut is not True], find_rules(model)
-    chosen = shortest_paths(joints, [*rules.stay, *rules.uses])
-    if problems := list(torn_bodies(model.bodies, joints, chosen)):
-        raise TopologyError("\n".join(problems))
-    tree, cuts = split(model, _improve(model, joints, chosen, rules))
-    if problems := list(wrong_cuts(rules, tree, cuts)):
-        raise TopologyError("\n".join(problems))
-    return tree, cuts
-
-
 @dataclass(frozen=True, kw_only=True, order=True)
 class Cost:
-    """What a choice of cut joints costs; the first difference decides.
+    """What a choice of cut joints costs.
 
-    ``width`` is the largest number of bodies to which an eliminated body is coupled, ``operations`` are predicted for one evaluation,
-    ``redundant`` counts the cut joints that align a direction by three equations, of which two are independent.
+    ``counted_once`` are the operations predicted for one evaluation, those side by side in lanes counted once: the time that it takes,
+    by which choices compare.  ``operations`` has all lanes counted.  ``redundant`` counts the cut joints that align a direction by three
+    equations, of which two are independent.
     """
 
-    width: int
-    operations: int
-    redundant: int
+    counted_once: int
+    operations: int = field(compare=False)
+    redundant: int = field(compare=False)
 
 
 def cost_of(model: Model, tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> Cost:
     """The cost of a spanning tree and its cut joints."""
-    coupled = eliminate(tree, cuts)
+    predicted = predict_operations(model, tree, cuts)
     return Cost(
-        width=max((len(s) for s in coupled.values()), default=0), operations=predict_operations(model, tree, cuts, coupled),
+        counted_once=predicted.counted_once, operations=predicted.all_lanes,
         redundant=sum(c.element.shared_direction is not None for c in cuts),
     )  # fmt: skip
 
 
-def split(model: Model, chosen: set[str]) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
-    """The tree that the chosen joints form, parents first, and the others in the file's order."""
-    return _orient([j for j in model.joints if j.name in chosen]), tuple(j for j in model.joints if j.name not in chosen)
+def split(model: Model, cut: Container[str]) -> tuple[tuple[TreeJoint, ...], tuple[Joint, ...]]:
+    """The tree without the joints of the names ``cut``, parents first, and these in the file's order."""
+    return _orient([j for j in model.joints if j.name not in cut]), tuple(j for j in model.joints if j.name in cut)
 
 
-def _improve(model: Model, joints: Sequence[Joint], chosen: set[str], rules: CutRules) -> set[str]:
-    best, price = chosen, _judge(model, chosen, rules)
-    improved = True
-    while improved:
-        improved = False
-        for candidate in _exchanges(model, joints, best, rules.stay):
-            judged = _judge(model, candidate, rules)
-            if judged < price:
-                best, price, improved = candidate, judged, True
-                break
-    return best
+def loops_of(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, list[TreeJoint]]:
+    """The tree joints of each cut joint's loop by its name, from its follower round to its base."""
+    above = {t.child: t for t in tree}
+    return {cut.name: _around(above, cut) for cut in cuts}
 
 
-def _judge(model: Model, chosen: set[str], rules: CutRules) -> tuple[int, int, Cost]:
-    """Wrong cuts, then forces on the coordinates of cut joints, which cost nothing in the tree, then the cost."""
-    tree, cuts = split(model, chosen)
-    return rules.faults(tree, cuts), rules.forces_on(cuts), cost_of(model, tree, cuts)
+def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
+    """The same of one cut joint."""
+    return loops_of(tree, [cut])[cut.name]
 
 
-def _exchanges(model: Model, joints: Sequence[Joint], chosen: set[str], stay: Container[str]) -> Iterable[set[str]]:
-    """Every tree that differs from the chosen one by one exchange of a compiler's cut joint for a joint of its loop."""
-    tree, _ = split(model, chosen)
-    for cut in (j for j in joints if j.name not in chosen):
-        for t in joints_around(tree, cut):
-            if t.joint.name not in stay:
-                yield (chosen - {t.joint.name}) | {cut.name}
+def _around(above: Mapping[str, TreeJoint], cut: Joint) -> list[TreeJoint]:
+    from_follower, from_base = _way_in(above, cut.follower), _way_in(above, cut.base)
+    while from_follower and from_base and from_follower[-1] is from_base[-1]:
+        del from_follower[-1], from_base[-1]
+    return from_follower + from_base[::-1]
+
+
+def _way_in(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
+    way: list[TreeJoint] = []
+    while body != GROUND:
+        way.append(above[body])
+        body = above[body].parent
+    return way
 
 
 def _orient(joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from cutjoint.elements.joint import Direction
-from cutjoint.formulate.directions import direction_of, slide_axis
+from cutjoint.kernels.directions import direction_of, slide_axis
 from cutjoint.model.records import COORDINATES, Joint
-from cutjoint.topology.cuts import joints_around
 from cutjoint.topology.measured import turns_around
 from cutjoint.topology.records import Topology
+from cutjoint.topology.spanning_tree import joints_around
 from cutjoint.twin.trees import Trees
 
 

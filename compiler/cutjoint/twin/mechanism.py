@@ -28,7 +28,7 @@ from cutjoint.elements.joint import Motion as ChainMotion
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.records import Chart
-from cutjoint.formulate.recursive.closures import derive_closure
+from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import (
     COORDINATES,

@@ -17,8 +17,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.recursive.joints import elementary_motions
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves, motion_cross
+from cutjoint.kernels.joints import elementary_motions
 from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.vary import Inputs, Variation

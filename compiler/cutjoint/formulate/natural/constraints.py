@@ -15,12 +15,12 @@ import sympy
 
 from cutjoint.elements.gear import EQUATION, NAMES
 from cutjoint.elements.joint import Way
-from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses, total
+from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.records import GROUND, Gear, Joint, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
 

@@ -12,7 +12,6 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
@@ -32,6 +31,7 @@ from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
+from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
     GROUND,

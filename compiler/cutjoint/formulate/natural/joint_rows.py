@@ -9,8 +9,8 @@ from typing import TypeAlias
 import sympy
 
 from cutjoint.elements.joint import Advance, Carried, Condition, Direction, End, Products, SameDistance, Way
-from cutjoint.formulate.directions import direction_of, rod_of
 from cutjoint.formulate.natural.layout import Layout
+from cutjoint.kernels.directions import direction_of, rod_of
 from cutjoint.model.records import Joint, Scalar, Vector
 
 

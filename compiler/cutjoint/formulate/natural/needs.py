@@ -9,9 +9,9 @@ import numpy as np
 import sympy
 
 from cutjoint.elements.joint import Condition, Direction, Products, SameAttitude, SameDirection
-from cutjoint.formulate.directions import direction_of
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind
+from cutjoint.kernels.directions import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutjoint.formulate.attitude import ATTITUDE, attitude
-from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.constraints import Constraint, multipliers
 from cutjoint.formulate.natural.forces import Element
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.natural.reactions import ReactionMaker
+from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reaction_component
 from cutjoint.model.records import Joint, Model, Output, Reaction, RodForce, Scene, Vector

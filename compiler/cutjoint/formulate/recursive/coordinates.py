@@ -14,12 +14,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from cutjoint.elements.joint import Direction
-from cutjoint.formulate.directions import direction_of, slide_axis
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
+from cutjoint.kernels.directions import direction_of, slide_axis
 from cutjoint.model.records import COORDINATES, Joint, Vector
 from cutjoint.program.blocks import Block, Builder
-from cutjoint.topology.cuts import joints_around
 from cutjoint.topology.measured import turns_around
+from cutjoint.topology.spanning_tree import joints_around
 
 
 @dataclass(frozen=True, kw_only=True)

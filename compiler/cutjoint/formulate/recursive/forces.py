@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 
 import sympy
 
-from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
@@ -30,6 +29,7 @@ from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motio
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
+from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.records import (
     COORDINATES,
     AxialForce,

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import sympy
 
-from cutjoint.formulate.inputs import guide_rates, inner_point, reference_point
+from cutjoint.formulate.inputs import guide_rates, reference_point
 from cutjoint.formulate.records import Chart
-from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, derive_joint
 from cutjoint.formulate.translate import Translator
+from cutjoint.kernels.joints import QUATERNION, JointKernel, derive_joint, inner_point
 from cutjoint.model.records import GROUND, Model, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint

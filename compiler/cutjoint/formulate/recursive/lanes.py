@@ -1,4 +1,4 @@
-"""The program of the recursive method, isomorphic subtrees side by side."""
+"""The program of the recursive method, isomorphic parts side by side."""
 
 from __future__ import annotations
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import sympy
 
 from cutjoint.elements.joint import SameDistance
-from cutjoint.formulate.directions import rod_of
 from cutjoint.formulate.inputs import Numbers
-from cutjoint.formulate.recursive import closures
-from cutjoint.formulate.recursive.closures import ClosureKernel, derive_closure
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves, motion_cross
 from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.kernels import closures
+from cutjoint.kernels.closures import ClosureKernel, derive_closure
+from cutjoint.kernels.directions import rod_of
 from cutjoint.model.records import GROUND, Gear, Joint
 from cutjoint.program.blocks import BindingTime, Block, Builder
 

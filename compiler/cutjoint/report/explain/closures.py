@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import sympy
 
-from cutjoint.formulate.recursive import closures
-from cutjoint.formulate.recursive.closures import ClosureKernel, Matrix, derive_closure
+from cutjoint.kernels import closures
+from cutjoint.kernels.closures import ClosureKernel, Matrix, derive_closure
 from cutjoint.methods import METHODS, START, Closure
 from cutjoint.model.records import Joint, Model, Numerics, Scalar
 from cutjoint.report.explain.gears import explain_gears

@@ -55,7 +55,7 @@ def _explain_recursive(model: Model, scene: Scene, method: str, reduction: tuple
     equations, program = derive(build_topology(model), scene)
     # Program -> Explanation
     topology, counts = equations.topology, count_operations(program)
-    by_class = [find_counterparts(topology, c) for c in topology.classes]
+    by_class = [find_counterparts(c) for c in topology.classes]
     counterparts = [row for rows in by_class for row in rows]
     explanation = RecursiveExplanation(
         model=model.name, scene=scene.name, method=method,

@@ -9,7 +9,7 @@ import sympy
 from cutjoint.elements.joint import JointElement
 from cutjoint.formulate.inputs import TIME, guide_rates
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.formulate.recursive.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
+from cutjoint.kernels.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.report.explain.graph import unknowns_of
 from cutjoint.report.explain.groups import Counterparts, group

@@ -8,9 +8,9 @@ from typing import Any
 
 import sympy
 
-from cutjoint.formulate.directions import slide_axis
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Use, Uses, total
+from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.records import GROUND, Joint, Vector
 from cutjoint.twin.trees import Trees
 

@@ -48,7 +48,7 @@ def explain_natural(model: Model, scene: Scene, method: str, reduction: tuple[Ch
     d = derive_natural(model, scene, method)
     # Derivation -> Explanation
     topology = d.full.topology
-    counterparts = [row for c in topology.classes for row in find_counterparts(topology, c)]
+    counterparts = [row for c in topology.classes for row in find_counterparts(c)]
     explanation = NaturalExplanation(
         model=model.name, scene=scene.name, method=method, summary=summarise_natural(d), saving=saving(d),
         sharing=sharing_table(d.full.layout, len(model.bodies)), layout=explain_layout(d),

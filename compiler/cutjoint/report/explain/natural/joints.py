@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import sympy
 
 from cutjoint.elements.joint import Direction, End, Way
-from cutjoint.formulate.directions import direction_of
 from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
+from cutjoint.kernels.directions import direction_of
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import Joint, Vector
 from cutjoint.report.explain.gears import explain_gears

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import sympy
 
@@ -28,10 +28,12 @@ from cutjoint.elements.joint import (
 )
 from cutjoint.elements.joints import JOINTS
 from cutjoint.elements.kinds import JointKind
-from cutjoint.formulate.directions import direction_of
+from cutjoint.kernels.directions import direction_of
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import Scalar
-from cutjoint.topology.records import TreeJoint
+from cutjoint.model.records import Joint, Scalar
+
+if TYPE_CHECKING:
+    from cutjoint.topology.records import TreeJoint
 
 Matrix: TypeAlias = Any
 
@@ -71,6 +73,11 @@ def derive_joint(tree_joint: TreeJoint) -> JointKernel:
         general, rotation=general.rotation.xreplace(known), displacement=general.displacement.xreplace(known),
         subspace=general.subspace.xreplace(known), drift=general.drift.xreplace(known), columns=general.columns.xreplace(known),
     )  # fmt: skip
+
+
+def inner_point(joint: Joint, is_reversed: bool) -> tuple[Scalar, Scalar, Scalar]:
+    """The inner body's point of a tree joint in the design position."""
+    return joint.at if joint.to is None or not is_reversed else joint.to
 
 
 @dataclass(frozen=True)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 import sympy
+from numpy.typing import NDArray
 
-from cutjoint.analysis.closing import Array
-from cutjoint.formulate.inputs import inner_point
-from cutjoint.formulate.recursive import closures
-from cutjoint.formulate.recursive.closures import derive_closure
-from cutjoint.formulate.recursive.joints import QUATERNION, derive_joint
+from cutjoint.kernels import closures
+from cutjoint.kernels.closures import derive_closure
+from cutjoint.kernels.joints import QUATERNION, derive_joint, inner_point
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.records import TreeJoint
+
+Array: TypeAlias = NDArray[np.float64]
 
 
 def evaluate(model: Model, expressions: Sequence[Scalar], values: Mapping[Scalar, Scalar] | None = None) -> Array:

@@ -1,0 +1,83 @@
+"""The joints that the compiler cuts, beside what a search by hand finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import pytest
+
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.model.records import Model
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.records import Topology
+from cutjoint.topology.spanning_tree import TopologyError, cost_of
+from tests.conftest import DATA, MODELS
+
+
+def car() -> Model:
+    return read_model(DATA / "double_wishbone_car.yaml")
+
+
+def front() -> Model:
+    """The car without its rear corners."""
+    lines = (DATA / "double_wishbone_car.yaml").read_text().splitlines(keepends=True)
+    return read_model_text("".join(line for line in lines if not line.startswith("  rear_")), "front.yaml")
+
+
+def axle() -> Model:
+    return read_model(DATA / "wishbone_axle.yaml")
+
+
+def slider_crank() -> Model:
+    """The one of the models, with nothing said of its cuts."""
+    text = (MODELS / "slider_crank.yaml").read_text().replace(", cut: true", "")
+    return read_model_text("".join(line for line in text.splitlines(keepends=True) if not line.startswith("outputs:")), "slider_crank.yaml")
+
+
+def cut_by_hand(model: Model, count: int) -> Iterator[Topology]:
+    """Every way to cut so many joints, the same ones in all instances."""
+    names = {j.name: j.name.rpartition(".")[2] for j in model.joints if j.element.closes and j.guide is None}
+    for chosen in combinations(sorted(set(names.values())), count):
+        joints = tuple(replace(j, cut=names[j.name] in chosen) if j.name in names else j for j in model.joints)
+        try:
+            yield build_topology(replace(model, joints=joints))
+        except TopologyError:
+            continue
+
+
+def counted_once(topology: Topology) -> int:
+    """The operations that are emitted, those of all lanes counted once."""
+    equations = formulate_recursive(topology, next(iter(topology.model.scenes.values())), ())
+    return schedule_recursive(equations, lanes=True).instructions("evaluate")
+
+
+@pytest.mark.parametrize(("make", "count"), [(front, 2), (slider_crank, 1)])
+def test_no_cuts_by_hand_take_fewer_operations(make: object, count: int) -> None:
+    model: Model = make()  # type: ignore[operator]
+    by_hand = [counted_once(topology) for topology in cut_by_hand(model, count)]
+    assert len(by_hand) >= 3
+    assert counted_once(build_topology(model)) == min(by_hand)
+
+
+@pytest.mark.parametrize(("make", "count"), [(car, 2), (axle, 4)])
+def test_no_cuts_by_hand_are_predicted_to_take_fewer_operations(make: object, count: int) -> None:
+    model: Model = make()  # type: ignore[operator]
+    chosen = build_topology(model)
+    by_hand = [cost_of(model, topology.tree, topology.cuts) for topology in cut_by_hand(model, count)]
+    assert len(by_hand) > 10
+    assert cost_of(model, chosen.tree, chosen.cuts) == min(by_hand)
+
+
+@pytest.mark.parametrize("make", [car, axle])
+def test_the_same_joints_of_all_instances_are_cut(make: object) -> None:
+    model: Model = make()  # type: ignore[operator]
+    cuts: dict[str, set[str]] = {}
+    for cut in build_topology(model).cuts:
+        instance, _, name = cut.name.rpartition(".")
+        cuts.setdefault(instance, set()).add(name)
+    assert len(cuts) > 1
+    assert len({frozenset(names) for names in cuts.values()}) == 1
