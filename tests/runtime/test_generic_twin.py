@@ -25,6 +25,7 @@ from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
+from tests.formulate.test_shafts import SHAFTS
 from tests.mechanisms import random_models
 from tests.mechanisms.joint_examples import EXAMPLES
 from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE
@@ -241,6 +242,10 @@ CASES: Mapping[str, tuple[str, str, Road]] = {
 def test_agrees_with_the_block_interpreter_on_models(name: str, penalty: float, generic: Path, tmp_path: Path) -> None:
     model, scene, road = CASES[name]
     check_agreement(generic, make_case(read_model(MODELS / f"{model}.yaml"), scene, road, penalty), tmp_path)
+
+
+def test_agrees_on_shafts_without_mass(generic: Path, tmp_path: Path) -> None:
+    check_agreement(generic, make_case(read_model_text(SHAFTS, "shafts.yaml"), "run"), tmp_path)
 
 
 # Small models with one element of each kind.
