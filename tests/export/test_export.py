@@ -95,6 +95,20 @@ def test_massless_bodies_are_refused_all_at_once(peer: str, tmp_path: Path) -> N
     assert all("tie_rod" in line for line in lines[1:])
 
 
+def test_a_shaft_without_mass_is_refused_and_becomes_no_rod(tmp_path: Path) -> None:
+    shaft = "{massless: true, inertia: {axial: 0.1, axis: [0, 0, 1]}}"
+    hinge = "{kind: revolute, bodies: [ground, shaft], at: [0, 0, 0], axis: [0, 0, 1]}"
+    head = "cutjoint: 1\nname: drive\ngravity: [0, 0, 0]\n"
+    text = f"{head}bodies: {{shaft: {shaft}}}\njoints: {{pin: {hinge}}}\nscenes: {{run: {{end: 1}}}}\n"
+    path = tmp_path / "drive.yaml"
+    path.write_text(text, encoding="utf-8")
+    message = f"{path}:4:10: body 'shaft': other simulators need mass, and it is massless; give it some in the model file"
+    assert export(path, "--to", "mujoco", "--out", tmp_path / "out").output.strip() == message
+    assert refusal(read_model_text(text, "drive.yaml"), {"shaft": 1}) == (
+        "drive.yaml:2:1: link mass 'shaft': no massless body of the model has this name; it has none"
+    )
+
+
 def test_outputs_that_peers_do_not_report() -> None:
     case = case_of("four_bar")
     mechanism, numbers = build_mechanism(case.model, case.scene, {}), Numbers.of(case.model, case.scene, {})

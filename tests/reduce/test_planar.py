@@ -47,6 +47,13 @@ def test_joints_keep_the_motions_in_the_plane() -> None:
     assert flatten(outcome.model, outcome.scene).done == ()
 
 
+def test_a_scene_that_gives_an_attitude_stays() -> None:
+    model, scene = swing("plate_free.x: 0.01", "plate_free.attitude: {rotation_vector: [0, 0, 0.1]}")
+    outcome = flatten(model, scene)
+    assert (outcome.model, outcome.scene) == (model, scene)
+    assert words(outcome) == {"plate_free": "starts with an attitude, which the pass does not compare: it may leave the plane"}
+
+
 @pytest.mark.parametrize(("method", "rounding"), [("classical", 1e-11), ("augmented", 1e-8)])
 def test_a_mechanism_in_its_plane_moves_as_before(method: str, rounding: float) -> None:
     """All equations are held at every step: rounding times what a damper makes of it; the augmented method iterates to its tolerance."""

@@ -26,6 +26,7 @@ from cutjoint.topology.build import build_topology
 from cutjoint.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
 from tests.formulate.test_cut_coordinates import cut_at
+from tests.formulate.test_shafts import SHAFTS
 from tests.mechanisms import random_models
 from tests.mechanisms.cut_coordinates import outputs_of_cuts, with_forces_on_cuts
 from tests.mechanisms.joint_examples import EXAMPLES
@@ -243,6 +244,10 @@ CASES: Mapping[str, tuple[str, str, Road]] = {
 def test_agrees_with_the_block_interpreter_on_models(name: str, penalty: float, generic: Path, tmp_path: Path) -> None:
     model, scene, road = CASES[name]
     check_agreement(generic, make_case(read_model(MODELS / f"{model}.yaml"), scene, road, penalty), tmp_path)
+
+
+def test_agrees_on_shafts_without_mass(generic: Path, tmp_path: Path) -> None:
+    check_agreement(generic, make_case(read_model_text(SHAFTS, "shafts.yaml"), "run"), tmp_path)
 
 
 # Small models with one element of each kind.

@@ -151,7 +151,7 @@ def _require_mass(bodies: Sequence[RigidBody]) -> None:
     problems = [
         Problem(
             span=body.span, element=f"body '{body.name}'", message="other simulators need mass, and it is massless",
-            hint=f"give it some by --link-mass '{body.name}=KG'",
+            hint="give it some in the model file" if np.any(body.inertia) else f"give it some by --link-mass '{body.name}=KG'",
         )
         for body in bodies if body.mass == 0.0
     ]  # fmt: skip

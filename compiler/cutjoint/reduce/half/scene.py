@@ -66,7 +66,7 @@ def _states(half: Half, states: Mapping[str, Scalar]) -> dict[str, Scalar]:
         name, _, component = key.rpartition(".")
         joint = next(j for j in half.model.joints if j.name == name)
         if component in ATTITUDE:
-            raise AsymmetryError(name, "starts with an attitude, of which the pass has no image", joint.span)
+            raise AsymmetryError(name, "starts with an attitude, which the pass does not compare", joint.span)
         if not half.flat:
             _require_image(half, states, joint, component)
         if name in half.in_plane:
