@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report tables beside pictures choice flags verification stiff errors lint setup clean
+.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report tables beside pictures choice flags verification stiff errors branches lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -30,7 +30,7 @@ batch: setup
 	$(BIN)/python -m cutjoint_bench.studies.batch
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
-FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags choice verification stiff errors
+FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags choice verification stiff errors branches
 .NOTPARALLEL: figures
 figures: $(FIGURES:%=results/figures/%.txt)
 
@@ -81,6 +81,9 @@ verification: setup
 
 errors: setup
 	$(BIN)/python -m cutjoint_bench.studies.estimates
+
+branches: setup
+	$(BIN)/python -m cutjoint_bench.studies.branches
 
 lint: setup
 	$(BIN)/ruff check
