@@ -222,7 +222,7 @@ class Maker:
     def number(self, low: float = -1.0, high: float = 1.0) -> Any:
         """A number, or an expression over the parameters that scale it."""
         x = round(self.rng.uniform(low, high), self.rng.choice((1, 3, 15))) or 0.25
-        return self.rng.choice((x, x, x, f"{x!r}*size", f"{x!r}*ratio", f"max({x!r}, {x!r}*size)" if x > 0 else x))
+        return self.rng.choice((x, x, x, f"{x!r}*size", f"{x!r}*ratio", f"{x!r}*half", f"max({x!r}, {x!r}*size)" if x > 0 else x))
 
     def triple(self) -> list[Any]:
         return [self.number() for _ in range(3)]
@@ -231,7 +231,9 @@ class Maker:
         return self.rng.choice(([1, 0, 0], [0, 1, 0], [0, 0, -1], [1, 2, 3], [0.3, -0.4, 0.5]))
 
     def point(self) -> Any:
-        return self.rng.choice(("origin", "tip", self.triple(), {"midpoint": ["origin", "tip"]}))
+        along, multiple = {"along": self.axis(), "by": "half"}, {"from": "origin", "to": "tip", "times": self.number()}
+        way = self.rng.choice((self.triple(), along, multiple))
+        return self.rng.choice(("origin", "tip", self.triple(), {"midpoint": ["origin", "tip"]}, {"sum": ["tip", way]}))
 
     def body(self) -> str:
         name = self.name("body")
@@ -240,7 +242,7 @@ class Maker:
 
     def body_part(self) -> Node:
         mass = self.rng.choice((2, "weight", "3 kg", "load"))
-        kind = self.rng.randrange(5)
+        kind = self.rng.randrange(7)
         if kind == 0:
             return {"shapes": [{"box": [0.4, "0.2*size", 0.1], "density": 500, "at": self.point()}, {"point": self.point(), "mass": mass}]}
         centre = {"mass": mass, "centre_of_mass": self.point()}
@@ -252,6 +254,10 @@ class Maker:
                 "inertia": [0.3, 0.4, 0.5, 0.01, -0.02, 0.03],
                 **({"about": centre["centre_of_mass"]} if self.chance() else {}),
             }
+        if kind == 3:
+            return {"massless": True, "inertia": {"axial": "0.3*size", "axis": self.axis()}}
+        if kind == 4:
+            return {**centre, "inertia": {"principal": ["0.3*size", 0.4, 0.4], "x": self.axis(), "z": "any"}}
         return {**centre, "inertia": ["0.3*size", "0.4*size", "0.5*size"]}
 
     def joint(self, kind: str, base: str, follower: str, **more: Any) -> str:
@@ -301,6 +307,7 @@ class Maker:
                 {"sum": [f"-{x}", {"polynomial": [0, -3], "of": "rate"}]},
                 {"table": {x: [0.1, 0.2, 0.7], "value": [0, -3, -4]}},
                 {"stop": {"at": 0.2, "side": "below", "stiffness": 500, "damping": 3}},
+                {"let": {"gap": f"{x} - half", "slow": "rate/(1 + abs(rate))"}, "law": "-30*gap*abs(gap) - 2*slow"},
             )
         )
 
@@ -325,6 +332,7 @@ class Maker:
                 "axes": self.rng.choice(("global", "body")),
             },
             {"kind": "load", "body": body, "torque": ["sin(t)", "drive*size", 0], "moving_only": self.chance()},
+            {"kind": "load", "body": body, "let": {"w": "wx + wy", "c": "half*w"}, "torque": ["-c*wx", "-c*w", 0]},
             {"kind": "bushing", **pair, "at": self.point(), "stiffness": [9, 9, 9, 1, 1, "size"], "damping": [1, 1, 1, 0.1, 0.1, 0.1]},
         ]
         if trees:
@@ -385,6 +393,8 @@ class Maker:
             "parameters": {
                 "size": {"value": 1.0, "binding": rng.choice(("const", "param"))},
                 "ratio": 0.25,
+                "third": "half*2/3",
+                "half": "size/2",
                 "weight": {"value": 2, "binding": rng.choice(("const", "param"))},
                 "drive": {"value": 0.1, "binding": "input"},
                 "load": {"value": 3, "unit": rng.choice(("kg", "g", "t")), "binding": "param"},
@@ -428,6 +438,13 @@ class Maker:
         if trees and self.chance(0.5):
             joint = rng.choice(trees)
             scene["positions"] = {f"{joint}.{COORDINATES[self.joints[joint]['kind']][0]}": 0.01}
+        balls = [name for name, joint in self.joints.items() if JOINTS[JointKind(joint["kind"])].has_attitude and "cut" not in joint]
+        if balls and self.chance(0.5):
+            attitude = rng.choice((
+                {"rotation_vector": self.triple()}, {"euler": self.triple(), "order": rng.choice(("xyz", "zyx", "zxz"))},
+                {"quaternion": [0.8, 0, -0.6, 0]}, {"quaternion": ["sqrt(1 - third**2)", 0, "third", 0]},
+            ))  # fmt: skip
+            scene.setdefault("positions", {})[f"{rng.choice(balls)}.attitude"] = attitude
         if self.chance(0.3):
             scene["road"] = {
                 "contact": rng.choice(("disc", "point")),
