@@ -10,12 +10,16 @@ import pytest
 
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import Model
+from cutjoint.model.records import GROUND, Model, Output
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
-from cutjoint.topology.spanning_tree import TopologyError, cost_of
+from cutjoint.topology.search import Spanning, span
+from cutjoint.topology.spanning_tree import TopologyError, cost_of, tree_only
 from tests.conftest import DATA, MODELS
+from tests.mechanisms.four_bar import four_bar_text
+from tests.mechanisms.random_models import NOWHERE, chosen_loops
 
 
 def car() -> Model:
@@ -36,6 +40,11 @@ def slider_crank() -> Model:
     """The one of the models, with nothing said of its cuts."""
     text = (MODELS / "slider_crank.yaml").read_text().replace(", cut: true", "")
     return read_model_text("".join(line for line in text.splitlines(keepends=True) if not line.startswith("outputs:")), "slider_crank.yaml")
+
+
+def four_bars() -> Model:
+    """Three windows with nothing said of their cuts."""
+    return read_model_text(four_bar_text(3).partition("outputs:")[0].replace(", cut: true", ""), "four_bar.yaml")
 
 
 def cut_by_hand(model: Model, count: int) -> Iterator[Topology]:
@@ -70,6 +79,40 @@ def test_no_cuts_by_hand_are_predicted_to_take_fewer_operations(make: object, co
     by_hand = [cost_of(model, topology.tree, topology.cuts) for topology in cut_by_hand(model, count)]
     assert len(by_hand) > 10
     assert cost_of(model, chosen.tree, chosen.cuts) == min(by_hand)
+
+
+def spanning_trees(model: Model, count: int) -> Iterator[Spanning]:
+    """Every choice of so many cut joints that leaves a tree."""
+    free = [j.name for j in model.joints if j.name not in tree_only(model)]
+    for names in combinations(free, count):
+        reached = {GROUND}
+        for _ in model.bodies:
+            reached |= {b for j in model.joints if j.name not in names and {j.base, j.follower} & reached for b in (j.base, j.follower)}
+        if len(reached) == len(model.bodies) + 1:  # all bodies by as many joints as there are
+            yield Spanning(model=model, cut=frozenset(names))
+
+
+@pytest.mark.parametrize("make", [slider_crank, four_bars, *(lambda seed=seed: chosen_loops(seed) for seed in range(6))])
+def test_no_other_tree_is_predicted_to_take_fewer_operations(make: object) -> None:
+    model: Model = make()  # type: ignore[operator]
+    chosen = span(model)
+    costs = [spanning.cost for spanning in spanning_trees(model, len(chosen.cut))]
+    assert len(costs) > 1
+    assert chosen.cost == min(costs)
+
+
+@pytest.mark.parametrize("make", [car, axle, slider_crank])
+def test_outputs_of_all_but_joints_change_no_cuts(make: object) -> None:
+    """The coordinate of a cut joint cannot be reported, so that a joint whose coordinate is an output stays in the tree."""
+    model: Model = make()  # type: ignore[operator]
+    outputs = tuple(
+        Output(element=e.name, quantity=next(iter(quantities(e))), span=NOWHERE) for e in (*model.bodies, *model.force_elements)
+    )
+    cuts = [
+        span(replace(model, scenes={name: replace(scene, outputs=wanted) for name, scene in model.scenes.items()})).cut
+        for wanted in ((), outputs)
+    ]
+    assert cuts[0] == cuts[1]
 
 
 @pytest.mark.parametrize("make", [car, axle])

@@ -1,7 +1,8 @@
 """Predicted operations of one evaluation, from the body graph alone.
 
 What a joint's kinematics and a cut joint's equations take is part of the catalogue of elements.  What the condensation takes is counted
-from its formulas (formulate/recursive/) with dense blocks.  Forces are left out: they cost the same whatever is cut.
+from its formulas (formulate/recursive/), with dense blocks in body space and with zero blocks in the matrix of a branch.  Forces are left
+out: they cost the same whatever is cut.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.records import Branch, TreeJoint
 
 #: Mass matrix, weight and inertia force of a body.
-BODY = 170
+BODY = 135
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,8 +109,12 @@ def _projection(t: TreeJoint, s: int, inner: bool) -> int:
     return width * (6 * k * (1 + s) + k * (k + 1) // 2)
 
 
-#: Residual and stabilisation of an equation of a cut joint in a branch; what a gear between unguided joints adds to a branch.
-EQUATION, GEAR = 45, 19
+#: Residual, stabilisation and multiplier of an equation of a cut joint in a branch; what a gear between unguided joints adds to a branch.
+EQUATION, GEAR = 30, 19
+#: Of a body in a branch: the sums of masses and forces that it carries; of each unknown of its joint: the column G = M^c S.
+CARRIED, COLUMN = 30, 25
+#: Of two unknowns, one of which carries the other: an entry of H; of an equation and an unknown: an entry of J.
+ENTRY, SLOPE = 8, 8
 
 
 def _branched(branch: Branch, graph: BodyGraph, massive: set[str]) -> int:
@@ -120,16 +125,37 @@ def _branched(branch: Branch, graph: BodyGraph, massive: set[str]) -> int:
     joint_of = {t.child: t for t in graph.tree if t.child in branch.bodies}
     carriers = {body: _carriers(body, joint_of) for body in branch.bodies}
     unknowns = {body: degrees(joint_of[body].joint) for body in branch.bodies}
-    n = sum(unknowns.values())
     laden = {i for j in branch.bodies if j in massive for i in carriers[j]}
-    total = sum(30 + 40 * unknowns[j] for j in laden)
-    total += sum(11 * unknowns[i] * unknowns[j] for j in laden for i in carriers[j])
+    coupled = {j: {i for i in carriers[j] if i != j and j in laden} for j in branch.bodies}
+    total = sum(CARRIED + COLUMN * unknowns[j] for j in laden)
+    total += sum(ENTRY * unknowns[i] * unknowns[j] for j in laden for i in carriers[j])
     for cut in (c for c in graph.cuts if c.name in branch.cuts):
-        ends = [set(carriers.get(body, ())) for body in (cut.base, cut.follower)]
-        m, w = 6 - len(cut.element.speeds), sum(unknowns[body] for body in ends[0] ^ ends[1])
-        total += m * (EQUATION + 11 * w + w * (w + 1) + 4 * w)
-    passed_on = 6 * n * n + 48 * n if branch.carrier != GROUND else 0
-    return total + GEAR * len(branch.gears) + n**3 // 3 + 3 * n * n + passed_on
+        moved = set(carriers.get(cut.base, ())) ^ set(carriers.get(cut.follower, ()))
+        m, w = 6 - len(cut.element.speeds), sum(unknowns[body] for body in moved)
+        total += m * (EQUATION + SLOPE * w + w * (w + 1) + 6 * w)
+        for body in moved:
+            coupled[body] |= moved - {body}
+    below = _coupled_unknowns(branch.bodies, unknowns, coupled)
+    total += sum(r * (r + 2) + 8 * r for later in below.values() for r in later)
+    if branch.carrier != GROUND:
+        total += sum(12 * r + 78 for j in laden for r in below[j])
+    return total + GEAR * len(branch.gears)
+
+
+def _coupled_unknowns(bodies: Sequence[str], unknowns: Mapping[str, int], coupled: Mapping[str, set[str]]) -> dict[str, list[int]]:
+    """The later unknowns that each unknown of a body is coupled to when it is eliminated, leaves first."""
+    neighbours = {body: set(others) for body, others in coupled.items()}
+    for body, others in coupled.items():
+        for other in others:
+            neighbours[other].add(body)
+    found = {}
+    for body in reversed(bodies):
+        others = neighbours.pop(body)
+        for other in others:
+            neighbours[other] = (neighbours[other] | others) - {other, body}
+        outside = sum(unknowns[other] for other in others)
+        found[body] = [outside + i for i in reversed(range(unknowns[body]))]
+    return found
 
 
 def _carriers(body: str, joint_of: Mapping[str, TreeJoint]) -> list[str]:
