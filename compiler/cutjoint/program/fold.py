@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
-from cutjoint.program.blocks import Block, Builder, Label, is_zero
+from cutjoint.program.blocks import BindingTime, Block, Builder, Label, is_zero
 from cutjoint.program.lower import reachable_blocks
 
 #: One block for each lane.
@@ -194,13 +194,27 @@ def _in_lanes(label: Label, lanes: int) -> Label:
 
 def fold(builder: Builder, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:
     """The results of a function with the families' common work in lanes; unchanged if the members depend on each other."""
-    folding = _Folding(builder)
-    for family in families:
+    folding, computed = _Folding(builder), reachable_blocks(results.values())
+    for family in _known_families(families, computed):
         if len(set(family)) == len(family) and not any(is_zero(b) for b in family):
             folding.plan(family)
     try:
-        for block in reachable_blocks(results.values()):
+        for block in computed:
             folding.uniform(block)  # arguments first, so that the recursion stays shallow
         return {target: folding.uniform(block) for target, block in results.items()}
     except _DependentMembersError:
         return dict(results)
+
+
+def _known_families(families: Sequence[Family], computed: Sequence[Block]) -> list[Family]:
+    """The families that ask for no input beyond those of what a function computes: others belong to other functions."""
+    known = set(computed)
+    foreign: set[Block] = set()
+    for block in reachable_blocks(b for family in families for b in family if b not in known):
+        if block not in known and (_is_input(block) or not foreign.isdisjoint(block.args)):
+            foreign.add(block)
+    return [family for family in families if foreign.isdisjoint(family)]
+
+
+def _is_input(block: Block) -> bool:
+    return block.op == "symbol" and block.binding is BindingTime.ITERATION

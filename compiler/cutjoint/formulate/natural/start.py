@@ -8,6 +8,7 @@ from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.formulate.recursive.coordinates import angle_of_pose, measure
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
+from cutjoint.model.records import Joint
 from cutjoint.program.blocks import Block
 from cutjoint.topology.records import Topology
 
@@ -33,8 +34,19 @@ def _place(k: Kinematics, node: Node) -> tuple[Block, Block]:
 
 
 def _angle(k: Kinematics, topology: Topology, name: str, coordinate: str) -> tuple[Block, Block]:
-    """The joint's own coordinate; of a cut joint whose turns cannot be counted, the angle within half a turn."""
+    """The joint's own coordinate; an angle that advances, by the way; of a cut joint whose turns cannot be counted, within half a turn."""
+    joint = next(j for j in topology.model.joints if j.name == name)
+    if joint.element.advances:
+        return _advanced_angle(k, joint)
     measured = measure(k, name, coordinate)
     if measured.position is not None:
         return measured.position, measured.rate
     return angle_of_pose(k, next(cut for cut in topology.cuts if cut.name == name)), measured.rate
+
+
+def _advanced_angle(k: Kinematics, joint: Joint) -> tuple[Block, Block]:
+    b, axis = k.builder, k.direction(joint.base, joint.axes[0])
+    end, start = k.point(joint.follower, joint.at), k.point(joint.base, joint.at)
+    way, pitch = k.between(joint.follower, end, joint.base, start), k.translator.scalar(joint.pitch)
+    speed = b.sub(k.velocity(joint.follower, end), k.velocity(joint.base, start))
+    return b.call("div", b.dot(axis, way), pitch), b.call("div", b.dot(axis, speed), pitch)
