@@ -13,6 +13,7 @@ from cutjoint.pipeline import generate
 from cutjoint.program.blocks import BindingTime, Block, Builder, Label
 from cutjoint.program.fold import fold
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.schedule import schedule
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
@@ -180,3 +181,22 @@ def test_each_term_of_a_sum_counts_once(case: str) -> None:
     inputs = {f"x{k}": np.array([0.3 + k]) for k in range(3)}
     expected = interpret_blocks(results.values(), inputs, {})[results["sum"]]
     assert interpret_blocks(folded.values(), inputs, {})[folded["sum"]] == pytest.approx(expected, rel=1e-14)
+
+
+def test_lanes_bring_no_inputs_of_other_functions() -> None:
+    """A term of one member that another function alone has the inputs for: the first function computes its own alone."""
+    b = Builder()
+    x, y, w = (b.symbol(name, 1, BindingTime.ITERATION) for name in "xyw")
+    own, foreign = b.mul(x, y), b.mul(x, w)
+    folded = fold(b, [(own, foreign)], {"first": b.add(own, x)})
+    assert w not in reachable_blocks(folded.values())
+    both = fold(b, [(own, foreign)], {"second": b.add(own, foreign)})
+    assert any(block.lanes for block in reachable_blocks(both.values()))
+
+
+def test_an_axle_folds_with_its_tangent() -> None:
+    model = read_model(DATA / "wishbone_axle.yaml")
+    scene = find_scene(model, "chirp")
+    plain, folded = (generate(model, scene, scene.outputs, method="recursive-newton", lanes=lanes) for lanes in (False, True))
+    assert folded[1].instructions("linearise") < 0.7 * plain[1].instructions("linearise")
+    assert "weights" not in folded[2].files["system_dynamic_residual.cpp"]
