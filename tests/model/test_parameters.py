@@ -98,3 +98,11 @@ def test_each_circle_is_named_once() -> None:
         "m.yaml:6:9: parameter 'mass': value: it follows from 'section', 'mass' in a circle; give one of them a number",
         "m.yaml:7:10: parameter 'reach': value: it follows from 'half', 'reach' in a circle; give one of them a number",
     ]
+
+
+def test_a_long_chain_in_reversed_order() -> None:
+    length = 400
+    lines = "\n".join(f"  p{i}: p{i + 1} + 1" for i in range(length))
+    model = read_model_text(BAR.replace("reach/1 m", "0").replace("parameters:\n", f"parameters:\n{lines}\n  p{length}: 5\n"), "bar.yaml")
+    values = {p.name: p.value for p in model.derived}
+    assert values["p0"] == length + 5

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from graphlib import CycleError, TopologicalSorter
 
 import sympy
 
@@ -46,7 +47,7 @@ def read_parameters(scope: Scope, model: document.Document) -> Parameters:
     values = {p.symbol: p.value for p in own}
     for name in _in_order(used, where):
         if name not in terms:
-            terms[name] = _read_derived(where[name], parts[name], {other: terms[other] for other in parts if other in terms}, values)
+            terms[name] = _read_derived(where[name], parts[name], terms, values)
     terms = {name: terms.get(name, FAILED_TERM) for name in parts}
     derived = tuple(
         DerivedParameter(name=name, value=terms[name].value, span=where[name].span) for name in parts if symbols_of(parts[name].value)
@@ -91,33 +92,33 @@ def _plain_number(value: int | float | str) -> float:
 
 
 def _in_order(used: Mapping[str, frozenset[str]], where: Mapping[str, Element]) -> list[str]:
-    """The parameters, each behind those that it uses; those that follow from themselves are noted and left out."""
+    """The parameters, each behind those that it uses; circles are noted, and they and what follows from them are left out."""
+    place = {name: i for i, name in enumerate(used)}
+    graph = {name: sorted(others, key=place.__getitem__) for name, others in used.items()}
+    circles: set[str] = set()  # then what follows from them too
+    while True:
+        try:
+            ordered = list(TopologicalSorter(graph).static_order())
+            break
+        except CycleError as error:
+            circle = error.args[1][:0:-1]  # each uses the next, the last one the first
+            first = min(range(len(circle)), key=lambda i: place[circle[i]])
+            _note_circle(where, circle[first:] + circle[:first])
+            circles.update(circle)
+            graph = {name: [x for x in others if x not in circles] for name, others in graph.items() if name not in circles}
     order: list[str] = []
-    waiting = dict(used)
-    while ready := [name for name, others in waiting.items() if others <= set(order)]:
-        order += ready
-        waiting = {name: others for name, others in waiting.items() if name not in ready}
-    while cycle := _cycle(waiting):
-        names = ", ".join(f"'{name}'" for name in (*cycle[1:], cycle[0]))
-        message = f"value: it follows from {names} in a circle" if len(cycle) > 1 else "value: it follows from itself"
-        where[cycle[0]].fail(message, "give one of them a number" if len(cycle) > 1 else "give it a number", ("value",))
-        waiting = {name: others for name, others in waiting.items() if name not in cycle}
+    for name in ordered:
+        if circles.isdisjoint(used[name]):
+            order.append(name)
+        else:
+            circles.add(name)
     return order
 
 
-def _cycle(waiting: Mapping[str, frozenset[str]]) -> list[str]:
-    """Parameters each of which uses the next, the last one the first, which stands first in the file; empty if there are none."""
-    for start in waiting:
-        path = [start]
-        seen = {start}
-        while following := [other for other in waiting if other in waiting[path[-1]]]:
-            if following[0] in seen:
-                cycle = path[path.index(following[0]) :]
-                first = min(range(len(cycle)), key=lambda i: list(waiting).index(cycle[i]))
-                return cycle[first:] + cycle[:first]
-            path.append(following[0])
-            seen.add(following[0])
-    return []
+def _note_circle(where: Mapping[str, Element], circle: Sequence[str]) -> None:
+    names = ", ".join(f"'{name}'" for name in (*circle[1:], circle[0]))
+    message = f"value: it follows from {names} in a circle" if len(circle) > 1 else "value: it follows from itself"
+    where[circle[0]].fail(message, "give one of them a number" if len(circle) > 1 else "give it a number", ("value",))
 
 
 def _read_derived(where: Element, part: document.Parameter, terms: Mapping[str, Term], values: Mapping[sympy.Symbol, float]) -> Term:
