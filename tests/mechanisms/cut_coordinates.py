@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-import sympy
-
 from cutjoint.elements.joint import rate_name
+from cutjoint.formulate.forces import POSITION, RATE
 from cutjoint.model.records import Joint, JointForce, Model, Output
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.measured import turns_around
 from cutjoint.topology.records import Topology
 from cutjoint.topology.spanning_tree import joints_around
-
-POSITION, RATE = sympy.Symbol("position", real=True), sympy.Symbol("rate", real=True)
 
 
 def measured(topology: Topology) -> Iterator[tuple[Joint, str, bool]]:

@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import sympy
-
 from cutjoint.elements.joint import ABOUT_AXIS, rate_name
+from cutjoint.model.expressions import variable
 from cutjoint.model.records import Joint, JointForce, Model, Scalar
 from cutjoint.topology.records import TreeJoint
 
-_POSITION = sympy.Symbol("position", real=True)
+_POSITION = variable("position")
 
 #: Unit vectors count as parallel where their components differ by less.
 _PARALLEL = 1e-9

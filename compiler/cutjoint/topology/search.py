@@ -80,7 +80,7 @@ class Exchanges:
     number: Mapping[str, int]
 
     def around(self, spanning: Spanning, cut: Joint) -> list[Joint]:
-        """The joints of a cut joint's loop that may be cut in its place, if what is used of them can be measured there."""
+        """The joints of a cut joint's loop that have no reason to stay in the tree; whether the exchange does `harm` is another matter."""
         return [t.joint for t in joints_around(spanning.tree, cut) if t.joint.name not in self.rules.stay]
 
     def harm(self, spanning: Spanning) -> tuple[int, int]:
