@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from tests.edges.calling import compile_first
+from tests.listening import listen
 
 from .press import MODEL, command, environment, press, run
 
@@ -65,7 +66,7 @@ def _stop(case: dict[str, object], folder: Path) -> tuple[int, str]:
     with (folder / "said.txt").open("w+", encoding="utf-8", errors="replace") as said:
         process = subprocess.Popen(
             command(*words), cwd=folder, env=environment(TMPDIR=str(folder / "tmp")), stdout=subprocess.DEVNULL, stderr=said,
-            start_new_session=True, preexec_fn=_listen,
+            start_new_session=True, preexec_fn=listen,
         )  # fmt: skip
         try:
             time.sleep(float(str(case["after"])))
@@ -74,11 +75,6 @@ def _stop(case: dict[str, object], folder: Path) -> tuple[int, str]:
             return process.wait(_GRACE), (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
         finally:
             process.kill()
-
-
-def _listen() -> None:
-    """Ctrl-C counts, as in a terminal: a shell's background jobs, and what they start, ignore it."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _require_none_left(folder: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import resource
-import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,6 +14,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
+from tests.listening import listen
 
 #: Seconds in which a program that does as it should has long come to what a test waits for.
 PATIENCE = 120
@@ -29,7 +29,7 @@ def launch(*arguments: object, limit: int | None = None, **how: object) -> subpr
     """The program in a process of its own, whose files may have ``limit`` bytes."""
 
     def prepare() -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+        listen()
         if limit is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
