@@ -104,5 +104,5 @@ def test_a_long_chain_in_reversed_order() -> None:
     length = 400
     lines = "\n".join(f"  p{i}: p{i + 1} + 1" for i in range(length))
     model = read_model_text(BAR.replace("reach/1 m", "0").replace("parameters:\n", f"parameters:\n{lines}\n  p{length}: 5\n"), "bar.yaml")
-    values = {p.name: p.value for p in model.derived}
-    assert values["p0"] == length + 5
+    first = next(p for p in model.derived if p.name == "p0")
+    assert evaluate(first.value, {p.symbol: p.value for p in model.parameters}) == length + 5
