@@ -1,6 +1,6 @@
 // The trapezoidal rule of the recursive method, which is compiled with the flags of generated code: a source of its own, since it does without
 // Eigen, whose alignment follows the flags.
 #include "cutjoint/precision.hpp"
-#include "cutjoint/trapezoidal.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
 
 template class cutjoint::Trapezoidal<cutjoint::AnyMechanism<cutjoint::Precision>>;

@@ -1,12 +1,14 @@
 // Projects disturbed states of a generated mechanism; prints for each of positions and speeds iterations and gap before and after, then
 // the share of the change of the speeds that is no answer to multipliers.
-#include "cutjoint/projection.hpp"
+#include "cutjoint/core/projection.hpp"
 
 #include <Eigen/Dense>
 #include <cstdio>
 #include <cstdlib>
+#include <utility>
+#include <vector>
 
-#include "cutjoint/start.hpp"
+#include "cutjoint/core/start.hpp"
 #include MECHANISM_HEADER
 
 using Mechanism = cutjoint::AnyMechanism<double>;
@@ -16,6 +18,13 @@ using Vector = Eigen::VectorXd;
 namespace {
 
 double largest(const Vector& x) { return x.size() ? x.cwiseAbs().maxCoeff() : 0.0; }
+
+/// The residual of the loops and its rate.
+std::pair<Vector, Vector> closure(const Mechanism& mechanism, const State& state) {
+  Vector residual(static_cast<Eigen::Index>(state.lambda.size())), rate(residual);
+  mechanism.constraint_residual(state.q.data(), state.v.data(), residual.data(), rate.data());
+  return {residual, rate};
+}
 
 /// What accelerations answer to a multiplier of the size of the penalty on each equation, by columns: those that move the masses least.
 Eigen::MatrixXd answers(Mechanism& mechanism, const State& state, std::size_t equations, double penalty) {
@@ -57,7 +66,7 @@ int main(int, char** argv) {
   mechanism.begin_step(0.0, 1.0);
   State state(d);
   cutjoint::Starter<Mechanism> starter(mechanism);
-  starter.assemble(state, std::vector<bool>(state.v.size(), false), 1.0);
+  if (starter.assemble(state, std::vector<unsigned char>(state.v.size()), 1.0)) return 1;
   std::srand(1);
   const auto disturb = [](double size) { return size * (2.0 * std::rand() / RAND_MAX - 1.0); };
   std::vector<double> step(state.v.size());
@@ -67,13 +76,13 @@ int main(int, char** argv) {
   for (double& v : state.v) v = disturb(1.0);
   cutjoint::Projection<Mechanism> projection(mechanism);
 
-  const double gap = largest(starter.residual(state));
-  const int iterations = projection.positions(state);
-  std::printf("%d %.17g %.17g ", iterations, gap, largest(starter.residual(state)));
+  const double gap = largest(closure(mechanism, state).first);
+  if (projection.positions(state)) return 1;
+  std::printf("%d %.17g %.17g ", projection.iterations(), gap, largest(closure(mechanism, state).first));
   const State before = state;
-  const double rate = largest(starter.rate(state));
-  const int steps = projection.velocities(state);
+  const double rate = largest(closure(mechanism, state).second);
+  if (projection.velocities(state)) return 1;
   const Vector change = Eigen::Map<Vector>(state.v.data(), static_cast<Eigen::Index>(state.v.size())) -
                         Eigen::Map<const Vector>(before.v.data(), static_cast<Eigen::Index>(state.v.size()));
-  std::printf("%d %.17g %.17g %.17g\n", steps, rate, largest(starter.rate(state)), stray(answers(mechanism, state, d.equations.size(), penalty), change));
+  std::printf("%d %.17g %.17g %.17g\n", projection.iterations(), rate, largest(closure(mechanism, state).second), stray(answers(mechanism, state, d.equations.size(), penalty), change));
 }

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/largest.hpp"
+#include "cutjoint/core/largest.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/retraction.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "cutjoint/domains.hpp"
-#include "cutjoint/effective_mass.hpp"
+#include "cutjoint/core/effective_mass.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
-#include "cutjoint/start.hpp"
+#include "cutjoint/core/start.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {
@@ -24,7 +24,8 @@ class InitialState {
   using Real = typename M::real_type;
 
   InitialState(M& mechanism, const RunSettings& settings, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), state_(d_), inputs_(d_, file) {
+      : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), state_(d_), inputs_(d_, file),
+        starter_(mechanism, settings.stabilisation.closure == Closure::proximal), masses_(mechanism), given_(d_.speeds.size()), free_(given_) {
     penalties_.assign(d_.cuts.size(), finds_penalties() ? Real(1) : Real(*settings_.stabilisation.penalty));  // until a pose is known
     inputs_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
   }
@@ -49,8 +50,6 @@ class InitialState {
 
  private:
   bool is_proximal() const { return settings_.stabilisation.closure == Closure::proximal; }
-
-  Starter<M> starter() const { return Starter<M>(mechanism_, is_proximal()); }
 
   void place();
 
@@ -80,8 +79,8 @@ class InitialState {
   }
 
   /// Which speeds belong to given coordinates: three to a ball's attitude, one to each of the others.
-  std::vector<bool> speeds_of(const std::vector<bool>& coordinates) const {
-    std::vector<bool> speeds(d_.speeds.size(), false);
+  SpeedFlags<M> speeds_of(const std::vector<bool>& coordinates) const {
+    SpeedFlags<M> speeds(d_.speeds.size());
     for (const Chart& chart : d_.charts) {
       const auto q = static_cast<std::size_t>(chart.q), v = static_cast<std::size_t>(chart.v);
       const auto scalars = static_cast<std::size_t>(chart.scalars);
@@ -98,6 +97,9 @@ class InitialState {
   const Json& file_;
   State<Real> state_;
   Inputs<Real> inputs_;
+  Starter<M> starter_;
+  EffectiveMasses<M> masses_;
+  SpeedFlags<M> given_, free_;
   std::vector<Real> penalties_;
   std::vector<std::string> undetermined_;
 };
@@ -105,39 +107,43 @@ class InitialState {
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::at_rest() {
   place();
-  starter().accelerate(state_, Real(0));
+  starter_.accelerate(state_, Real(0));
   return state_;
 }
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::in_motion() {
   place();
-  const Starter<M> starter = this->starter();
   const std::vector<bool> moving = read_given(file_.at("rates"), d_.speeds, state_.v);
-  starter.make_consistent(state_, moving, Real(1));
-  for (const std::string_view name : starter.undetermined(state_, moving)) undetermined_.push_back(std::string(name));
-  starter.accelerate(state_, Real(1));
-  starter.require_finite(state_);
+  std::copy(moving.begin(), moving.end(), given_.begin());
+  require_none(starter_.make_consistent(state_, given_, Real(1)), d_);
+  starter_.find_undetermined(state_, given_, free_);
+  for (std::size_t i = 0; i < free_.size(); ++i)
+    if (free_[i]) undetermined_.push_back(std::string(d_.speeds[i]));
+  starter_.accelerate(state_, Real(1));
+  require_none(starter_.require_finite(state_), d_);
   return state_;
 }
 
 template <Mechanism M>
 void InitialState<M>::place() {
-  const Starter<M> starter = this->starter();
   const std::vector<bool> given = read_given(file_.at("positions"), d_.coordinates, state_.q);
   turn_reversed(given);
-  const std::vector<bool> placed = speeds_of(given);
-  starter.assemble(state_, placed, Real(0));
+  const SpeedFlags<M> placed = speeds_of(given);
+  require_none(starter_.assemble(state_, placed, Real(0)), d_);
   if (finds_penalties() && !d_.cuts.empty()) weigh();
-  if (settings_.pose == Pose::equilibrium) starter.equilibrate(state_, placed);
-  starter.assemble(state_, placed, Real(0));
+  if (settings_.pose == Pose::equilibrium) require_none(starter_.equilibrate(state_, placed), d_);
+  require_none(starter_.assemble(state_, placed, Real(0)), d_);
 }
 
 template <Mechanism M>
 void InitialState<M>::weigh() {
   const Real unbound = std::numeric_limits<Real>::infinity();
   const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
-  const auto masses = [&] { return EffectiveMasses<M>(mechanism_, state_, penalties_, is_proximal()); };
+  const auto masses = [&]() -> EffectiveMasses<M>& {
+    masses_.measure(state_, penalties_, is_proximal());
+    return masses_;
+  };
   load(masses().open(), Real(1e-3), unbound);
   const std::vector<Real> open = masses().open();
   load(open, Real(1e4), unbound);

@@ -1,27 +1,15 @@
-// What a mechanism is to the runtime: the contract between generated code (or the generic twin) and the integrators.
+// Mechanisms behind virtual functions, and what they say of themselves.
 #pragma once
 
-#include <concepts>
-#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/precision.hpp"
 
 namespace cutjoint {
-
-/// How one joint's coordinates follow its speeds: `scalars` coordinates from `q` on, their rates from `v` on; a ball adds a unit
-/// quaternion (scalar first) after the scalars and, after their rates, an angular velocity in the inner body's axes.  The quaternion takes
-/// the follower's axes to the base's; of a `reversed` joint, whose inner body is the follower, the base's to the follower's.
-struct Chart {
-  int q;
-  int v;
-  int scalars;
-  bool ball;
-  bool reversed = false;
-};
 
 /// A name with its unit and default value; what it names depends on the list that it stands in.
 struct Named {
@@ -71,43 +59,6 @@ struct Description {
   std::vector<Switch> switches{};             ///< where formulas change
 };
 
-/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
-/// has a penalty for each cut joint, which `load` reads, and nothing else.
-template <class Real>
-struct Stabilisation {
-  Real penalty{1};
-  Real damping_ratio{1};
-  Real frequency{10};
-  const Real* penalties = nullptr;
-};
-
-template <class Real>
-class Road;
-
-/// A mechanism.  All arrays belong to the caller and have the lengths of its description's lists; nothing allocates.
-///
-/// - `load` computes what depends on parameters alone,
-/// - `begin_step` what depends on time; `motion` is 1 in a run and 0 where a mechanism is held at rest, which stops guides and drives,
-/// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
-/// - `constraint_residual` the residual of the cut joints and its rate,
-/// - `report` the columns,
-/// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
-///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves,
-/// - `guard` of each force that was left out the smallest margin, which is negative where the force would act.
-template <class M>
-concept Mechanism = requires(M& m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
-                             const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
-  typename M::real_type;
-  { m.description() } -> std::convertible_to<const Description&>;
-  m.load(in, s, roads);
-  m.begin_step(t, t);
-  m.evaluate(in, in, in, out, out);
-  m.constraint_residual(in, in, out, out);
-  m.report(in, in, in, in, out);
-  m.project(in, in, out);
-  m.guard(in, in, out);
-};
-
 /// A function was called that the compiler had no reason to make.
 [[noreturn]] inline void throw_missing(const char* function) {
   throw std::logic_error(std::string("this mechanism was compiled without the function ") + function);
@@ -131,11 +82,5 @@ class AnyMechanism {
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
   virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v, the margins of the domains; only models that have some
 };
-
-/// condition ? yes : no, both evaluated.
-template <class Real>
-constexpr Real where(bool condition, Real yes, Real no) {
-  return condition ? yes : no;
-}
 
 }  // namespace cutjoint

@@ -12,13 +12,13 @@
 #include "cutjoint/domains.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
-#include "cutjoint/largest.hpp"
+#include "cutjoint/core/largest.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/retraction.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
-#include "cutjoint/trapezoidal.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
 
 namespace cutjoint {
 
@@ -53,7 +53,7 @@ class Recursive {
   void prepare() { integrator_.emplace(mechanism_, dt_, fixed_point_of(settings_)); }
 
   void step(long number) {
-    integrator_->step(state_, number);
+    require_none(integrator_->step(state_, number), d_);
     state_.t = origin_ + Real(number) * dt_;
     guards_.check(state_, number);
   }

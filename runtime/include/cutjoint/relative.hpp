@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/largest.hpp"
+#include "cutjoint/core/largest.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 

@@ -4,6 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "cutjoint/core/trapezoidal.hpp"
+
 namespace cutjoint {
 
 enum class Task { simulate, realtime, equilibrium, evaluate, factor, batch };
@@ -43,5 +45,11 @@ struct RunSettings {
   std::optional<double> spectral_radius;
   StabilisationSettings stabilisation;
 };
+
+/// The fixed point of a run.
+inline FixedPoint fixed_point_of(const RunSettings& settings) {
+  return {settings.tolerance, settings.iterations, settings.multiplier_updates, settings.stabilisation.closure == Closure::proximal,
+          settings.fixed_cost};
+}
 
 }  // namespace cutjoint

@@ -1,50 +1,15 @@
-// The state of a mechanism and how a run can fail.
+// How a run can fail, and the states of mechanisms.
 #pragma once
 
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/state.hpp"
 #include "cutjoint/mechanism.hpp"
 
 namespace cutjoint {
-
-/// The numbers of an array in another type.
-template <class Real, class Other>
-std::vector<Real> converted(const std::vector<Other>& values) {
-  std::vector<Real> result;
-  result.reserve(values.size());
-  for (const Other value : values) result.push_back(static_cast<Real>(value));
-  return result;
-}
-
-/// Time, coordinates, speeds, accelerations and multipliers; SI units, lengths as in the description of the mechanism or system.
-template <class Real>
-struct State {
-  Real t{0};
-  std::vector<Real> q, v, vdot, lambda;
-
-  State(std::size_t coordinates, std::size_t speeds, std::size_t equations)
-      : q(coordinates), v(speeds), vdot(speeds), lambda(equations) {}
-
-  /// The same numbers in another type.
-  template <class Other>
-  explicit State(const State<Other>& other)
-      : t(static_cast<Real>(other.t)), q(converted<Real>(other.q)), v(converted<Real>(other.v)), vdot(converted<Real>(other.vdot)),
-        lambda(converted<Real>(other.lambda)) {}
-
-  explicit State(const Description& d) : State(d.coordinates.size(), d.speeds.size(), d.equations.size()) {
-    for (const Chart& chart : d.charts)
-      if (chart.ball) q[static_cast<std::size_t>(chart.q + chart.scalars)] = Real(1);
-  }
-};
-
-/// The largest absolute values of Phi, Phid and Phidd.
-struct Residuals {
-  double position = 0.0;
-  double velocity = 0.0;
-  double acceleration = 0.0;
-};
 
 /// A numerical failure with all that a user needs to look further.
 struct Failure : std::runtime_error {
@@ -58,5 +23,21 @@ struct Failure : std::runtime_error {
   Failure(const std::string& what, double time_, long step_, std::string element_, double residual_, std::string advice_)
       : std::runtime_error(what), time(time_), step(step_), element(std::move(element_)), residual(residual_), advice(std::move(advice_)) {}
 };
+
+/// A fault of a core, with the name of what failed.
+template <class Described>
+Failure failure_of(const Fault& fault, const Described& d) {
+  std::string what = text_of(fault.cause);
+  if (fault.cause == Cause::not_converged) what += " in " + std::to_string(fault.iterations) + " iterations";
+  const auto index = static_cast<std::size_t>(fault.index);
+  const std::string name(fault.list == FaultList::speeds ? d.speeds[index] : fault.list == FaultList::equations ? d.equations[index] : "");
+  return Failure(what, fault.t, fault.step, name, fault.value, advice_of(fault));
+}
+
+/// Throws Failure where there is a fault.
+template <class Described>
+void require_none(const Fault& fault, const Described& d) {
+  if (fault) throw failure_of(fault, d);
+}
 
 }  // namespace cutjoint

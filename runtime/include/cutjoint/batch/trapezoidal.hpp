@@ -8,9 +8,9 @@
 
 #include "cutjoint/batch/real.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/retraction.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/state.hpp"
-#include "cutjoint/trapezoidal.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
 
 namespace cutjoint::batch {
 
@@ -58,7 +58,7 @@ class Trapezoidal {
   /// Why an instance's last step failed.
   Failure failure(int k, long number) const {
     const Stop& stop = stops_[static_cast<std::size_t>(k)];
-    return not_reached(fixed_point_.iterations, stop.change, stop.size, stop.t, number, d_.speeds[stop.worst]);
+    return failure_of(not_reached(fixed_point_.iterations, stop.change, stop.size, stop.t, number, stop.worst), d_);
   }
 
   /// How often an instance was evaluated until it had converged.

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "cutjoint/largest.hpp"
+#include "cutjoint/core/largest.hpp"
 
 namespace cutjoint {
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "cutjoint/lagrangian/workspace.hpp"
-#include "cutjoint/retraction.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/settings.hpp"
 
 namespace cutjoint {

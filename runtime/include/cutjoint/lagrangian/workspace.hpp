@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "cutjoint/lagrangian/closing.hpp"
-#include "cutjoint/largest.hpp"
+#include "cutjoint/core/largest.hpp"
 #include "cutjoint/lagrangian/solver.hpp"
 #include "cutjoint/lagrangian/system.hpp"
-#include "cutjoint/retraction.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/projection.hpp"
+#include "cutjoint/core/projection.hpp"
 #include "cutjoint/relative.hpp"
 #include "cutjoint/road.hpp"
 #include "cutjoint/stepping/regime.hpp"
@@ -52,8 +52,8 @@ class Watched : public Relative<M> {
     if (d_.equations.empty()) return;
     this->take(t, y);
     mechanism_.begin_step(t, Real(1));
-    projection_.positions(state_);
-    projection_.velocities(state_);
+    require_none(projection_.positions(state_), d_);
+    require_none(projection_.velocities(state_), d_);
     std::copy(state_.v.begin(), state_.v.end(), std::copy(state_.q.begin(), state_.q.end(), y.begin()));
   }
 

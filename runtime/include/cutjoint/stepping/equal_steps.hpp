@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/retraction.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/road.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/stepping/regime.hpp"

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "cutjoint/retraction.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint::stepping {

@@ -7,14 +7,14 @@
 #include <vector>
 
 #include "cutjoint/json.hpp"
-#include "cutjoint/largest.hpp"
+#include "cutjoint/core/largest.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/projection.hpp"
+#include "cutjoint/core/projection.hpp"
 #include "cutjoint/relative.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
-#include "cutjoint/trapezoidal.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
 
 namespace cutjoint::stepping {
 
@@ -62,7 +62,7 @@ class TrapezoidalRule {
 
   void step(State<Real>& state, Real h, long number) {
     steps_.set_step(h);
-    steps_.step(state, number);
+    require_none(steps_.step(state, number), d_);
   }
 
   void keep() {}
@@ -71,8 +71,8 @@ class TrapezoidalRule {
   void project(State<Real>& state) {
     if (!proximal_) return;
     mechanism_.begin_step(state.t, Real(1));
-    projection_.positions(state);
-    projection_.velocities(state);
+    require_none(projection_.positions(state), d_);
+    require_none(projection_.velocities(state), d_);
   }
 
   void enter(Real t) { mechanism_.begin_step(t, Real(1)); }

@@ -2,17 +2,15 @@
 #pragma once
 
 #include <cmath>
-#include <limits>
-#include <string>
-#include <string_view>
-#include <vector>
+#include <cstddef>
 
-#include "cutjoint/largest.hpp"
-#include "cutjoint/mechanism.hpp"
-#include "cutjoint/projection.hpp"
-#include "cutjoint/retraction.hpp"
-#include "cutjoint/settings.hpp"
-#include "cutjoint/state.hpp"
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/projection.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
 
@@ -32,18 +30,10 @@ struct FixedPoint {
   bool fixed_cost = false;
 };
 
-/// The fixed point of a run.
-inline FixedPoint fixed_point_of(const RunSettings& settings) {
-  return {settings.tolerance, settings.iterations, settings.multiplier_updates, settings.stabilisation.closure == Closure::proximal,
-          settings.fixed_cost};
-}
-
 /// A fixed point that is not reached: what the accelerations still change by, how large they are, and the speed whose one changes most.
-inline Failure not_reached(int iterations, double change, double size, double t, long number, std::string_view speed) {
-  const std::string what = std::isfinite(change) ? "the fixed point did not converge in " + std::to_string(iterations) + " iterations"
-                                                 : "the fixed point diverged to infinity";
-  const char* advice = change <= 1e-4 * size ? "what is left may be rounding; not tried: a larger tolerance" : "not tried: a smaller dt";
-  return Failure(what, t, number, std::string(speed), change, advice);
+inline Fault not_reached(int iterations, double change, double size, double t, long number, std::size_t speed) {
+  return {.cause = std::isfinite(change) ? Cause::not_converged : Cause::diverged, .list = FaultList::speeds, .index = static_cast<int>(speed),
+          .t = t, .step = number, .value = change, .size = size, .iterations = iterations};
 }
 
 /// Integrates a mechanism with steps of a given length.
@@ -53,18 +43,18 @@ class Trapezoidal {
   using Real = typename M::real_type;
 
   Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
-      : mechanism_(mechanism), charts_(mechanism.description().charts), dt_(dt), fixed_point_(fixed_point),
-        v_hat_(mechanism.description().speeds.size()), z_hat_(v_hat_.size()), delta_(v_hat_.size()), vdot_(v_hat_.size()),
-        difference_(v_hat_.size()), correction_(mechanism.description().equations.size()), before_(mechanism.description()), projection_(mechanism) {}
+      : mechanism_(mechanism), dt_(dt), fixed_point_(fixed_point), v_hat_(sizes_of(mechanism).speeds), z_hat_(v_hat_.size()),
+        delta_(v_hat_.size()), vdot_(v_hat_.size()), difference_(v_hat_.size()), correction_(sizes_of(mechanism).equations),
+        before_(blank(mechanism)), projection_(mechanism) {}
 
   /// One step; `state` is that at its end.
   ///
   ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
   ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n
   ///
-  /// Throws Failure when the iteration diverges to infinity or does not end; `state` is then the last one that converged, and the
+  /// There is a fault when the iteration diverges to infinity or does not end; `state` is then the last one that converged, and the
   /// mechanism is at its time.
-  [[gnu::noinline]] void step(State<Real>& state, long number) {
+  [[gnu::noinline]] Fault step(StateOf<M>& state, long number) {
     before_ = state;
     const Real dt = dt_, half = dt_ / 2, quarter = dt_ * dt_ / 4;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
@@ -81,13 +71,13 @@ class Trapezoidal {
       state.vdot.swap(vdot_);
       ++evaluations_;
       const bool close = converged(state, vdot_), last = iteration >= fixed_point_.iterations;
-      if (!std::isfinite(static_cast<double>(change_))) give_up(state, number, t, iteration);
+      if (!std::isfinite(static_cast<double>(change_))) return give_up(state, number, t, iteration);
       if (fixed_point_.fixed_cost ? last : close) break;
-      if (last) give_up(state, number, t, iteration);
+      if (last) return give_up(state, number, t, iteration);
     }
     follow(state);
     state.t = t;
-    if (fixed_point_.proximal) project(state, number);
+    return fixed_point_.proximal ? project(state, number) : Fault{};
   }
 
   /// Go on with steps of another length.
@@ -97,54 +87,53 @@ class Trapezoidal {
 
  private:
   /// Coordinates and speeds that belong to the state's accelerations.
-  void follow(State<Real>& state) {
+  void follow(StateOf<M>& state) {
     const Real half = dt_ / 2, quarter = dt_ * dt_ / 4;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
       state.v[i] = half * state.vdot[i] + v_hat_[i];
       delta_[i] = quarter * state.vdot[i] + z_hat_[i];
     }
-    retract<Real>(charts_, before_.q.data(), delta_.data(), state.q.data());
+    retract<Real>(charts_of(mechanism_), before_.q.data(), delta_.data(), state.q.data());
   }
 
-  void project(State<Real>& state, long number) {
-    if (fixed_point_.fixed_cost) return projection_.approach(state);
-    try {
-      projection_.positions(state, number);
-      projection_.velocities(state, number);
-    } catch (const Failure&) {
-      go_back(state);
-      throw;
+  Fault project(StateOf<M>& state, long number) {
+    if (fixed_point_.fixed_cost) {
+      projection_.approach(state);
+      return {};
     }
+    Fault fault = projection_.positions(state, number);
+    if (!fault) fault = projection_.velocities(state, number);
+    if (fault) go_back(state);
+    return fault;
   }
 
-  void go_back(State<Real>& state) {
+  void go_back(StateOf<M>& state) {
     state = before_;
     mechanism_.begin_step(state.t, Real(1));
   }
 
-  bool converged(const State<Real>& state, const std::vector<Real>& previous) {
+  bool converged(const StateOf<M>& state, const Speeds<M>& previous) {
     for (std::size_t i = 0; i < previous.size(); ++i) difference_[i] = state.vdot[i] - previous[i];
     change_ = largest(difference_);
     size_ = Real(1) + largest(state.vdot);
     return change_ <= Real(fixed_point_.tolerance) * size_;
   }
 
-  [[noreturn]] void give_up(State<Real>& state, long number, Real t, int iteration) {
+  Fault give_up(StateOf<M>& state, long number, Real t, int iteration) {
     go_back(state);
     std::size_t worst = 0;
     using std::abs;
     for (std::size_t i = 0; i < difference_.size(); ++i)
       if (abs(difference_[i]) > abs(difference_[worst]) || difference_[i] != difference_[i]) worst = i;
-    const auto change = static_cast<double>(change_), size = static_cast<double>(size_);
-    throw not_reached(iteration, change, size, static_cast<double>(t), number, mechanism_.description().speeds[worst]);
+    return not_reached(iteration, static_cast<double>(change_), static_cast<double>(size_), static_cast<double>(t), number, worst);
   }
 
   M& mechanism_;
-  std::vector<Chart> charts_;
   Real dt_;
   FixedPoint fixed_point_;
-  std::vector<Real> v_hat_, z_hat_, delta_, vdot_, difference_, correction_;
-  State<Real> before_;
+  Speeds<M> v_hat_, z_hat_, delta_, vdot_, difference_;
+  Equations<M> correction_;
+  StateOf<M> before_;
   Projection<M> projection_;
   Real change_{0}, size_{1};
   long evaluations_ = 0;

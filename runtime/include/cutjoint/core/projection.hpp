@@ -3,14 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
-#include <string>
-#include <vector>
 
-#include "cutjoint/largest.hpp"
-#include "cutjoint/mechanism.hpp"
-#include "cutjoint/retraction.hpp"
-#include "cutjoint/state.hpp"
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
 
@@ -26,31 +27,33 @@ class Projection {
   using Real = typename M::real_type;
 
   explicit Projection(M& mechanism)
-      : mechanism_(mechanism), d_(mechanism.description()), gap_(d_.equations.size()), other_(gap_.size()), dz_(d_.speeds.size()),
-        before_(std::max(d_.coordinates.size(), d_.speeds.size())), right_(gap_.size()), rest_(gap_.size()),
-        scratch_(gap_.size()), still_(dz_.size()),
-        tries_(std::min(std::size_t(24), gap_.size()), Try{gap_, dz_, gap_}) {}
+      : mechanism_(mechanism), gap_(sizes_of(mechanism).equations), other_(gap_.size()), dz_(sizes_of(mechanism).speeds),
+        before_(std::max(sizes_of(mechanism).coordinates, dz_.size())), right_(gap_.size()), rest_(gap_.size()), scratch_(gap_.size()),
+        still_(dz_.size()), number_of_tries_(std::min(most_tries, gap_.size())), tries_(number_of_tries_, Try{gap_, dz_, gap_}) {}
 
-  /// Close Phi(q) = 0; returns the iterations.  Throws Failure naming the equation that stays open.
-  int positions(State<Real>& state, long number = 0) {
-    return close(
-        state, number, state.q, gap_, "the loops cannot be closed", [&] { retract<Real>(d_.charts, before_.data(), dz_.data(), state.q.data()); });
+  /// Close Phi(q) = 0.  A fault names the equation that stays open.
+  Fault positions(StateOf<M>& state, long number = 0) {
+    return close(state, number, state.q, gap_, Cause::loops_open,
+                 [&] { retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), state.q.data()); });
   }
 
-  /// Close the rate of Phi, which is linear in the speeds; returns the iterations.  Throws Failure naming the equation that stays open.
-  int velocities(State<Real>& state, long number = 0) {
-    return close(state, number, state.v, other_, "no speeds keep the loops closed", [&] {
+  /// Close the rate of Phi, which is linear in the speeds.  A fault names the equation that stays open.
+  Fault velocities(StateOf<M>& state, long number = 0) {
+    return close(state, number, state.v, other_, Cause::speeds_open, [&] {
       for (std::size_t i = 0; i < dz_.size(); ++i) state.v[i] = before_[i] + dz_[i];
     });
   }
 
+  /// Iterations of the last positions or speeds.
+  int iterations() const { return iterations_; }
+
   /// One step of each towards closed loops, whatever is left: the same cost always.
-  void approach(State<Real>& state) {
+  void approach(StateOf<M>& state) {
     if (gap_.empty()) return;
     measure(state, gap_);
     mechanism_.project(state.q.data(), gap_.data(), dz_.data());
-    before_.assign(state.q.begin(), state.q.end());
-    retract<Real>(d_.charts, before_.data(), dz_.data(), state.q.data());
+    std::copy(state.q.begin(), state.q.end(), before_.begin());
+    retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), state.q.data());
     measure(state, other_);
     mechanism_.project(state.q.data(), other_.data(), dz_.data());
     for (std::size_t i = 0; i < dz_.size(); ++i) state.v[i] += dz_[i];
@@ -58,22 +61,23 @@ class Projection {
 
  private:
   static constexpr int most = 50;
+  static constexpr std::size_t most_tries = 24;
 
   /// Steps that `move` what is open: the gap is the residual, in gap_, or its rate, in other_.
-  template <class Move>
-  int close(State<Real>& state, long number, std::vector<Real>& moved, const std::vector<Real>& open, const char* what, Move move) {
-    if (gap_.empty()) return 0;
+  template <class Moved, class Move>
+  Fault close(StateOf<M>& state, long number, Moved& moved, const Equations<M>& open, Cause cause, Move move) {
+    iterations_ = 0;
+    if (gap_.empty()) return {};
     Real left = measure(state, open);
     const Real size = Real(1) + largest(moved);
-    int iteration = 0;
     bool weak = false, singular = false;
-    for (; iteration < most && !(left <= rounding() * size); ++iteration) {
-      before_.assign(moved.begin(), moved.end());
+    for (; iterations_ < most && !(left <= rounding() * size); ++iterations_) {
+      std::copy(moved.begin(), moved.end(), before_.begin());
       if (weak) singular = !solve(state, open);
       else mechanism_.project(state.q.data(), open.data(), dz_.data());
       move();
       const Real next = measure(state, open);
-      if (!(next < left)) moved.assign(before_.begin(), before_.end());
+      if (!(next < left)) std::copy_n(before_.begin(), moved.size(), moved.begin());
       if (weak && !(next < left / 2)) {
         left = std::min(next, left);
         break;
@@ -82,20 +86,20 @@ class Projection {
       left = std::min(next, left);
       if (weak) measure(state, open);
     }
-    if (!(left <= (singular ? Real(1e-6) * size : allowed(size)))) fail(state, number, what, open);
-    return iteration;
+    if (!(left <= (singular ? Real(1e-6) * size : allowed(size)))) return fail(state, number, cause, open);
+    return {};
   }
 
   /// dz = project(w) with T w = open, by residuals that fall (Eisenstat, Elman, Schultz 1983: GCR); whether they found all of w.
-  bool solve(const State<Real>& state, const std::vector<Real>& open) {
+  bool solve(const StateOf<M>& state, const Equations<M>& open) {
     using std::sqrt;
-    right_.assign(open.begin(), open.end());
+    right_ = open;
     std::fill(dz_.begin(), dz_.end(), Real(0));
     mechanism_.constraint_residual(state.q.data(), still_.data(), scratch_.data(), rest_.data());
     const Real enough = dot(right_, right_) * Real(1e-12);
-    for (std::size_t n = 0; n < tries_.size() && dot(right_, right_) > enough; ++n) {
+    for (std::size_t n = 0; n < number_of_tries_ && dot(right_, right_) > enough; ++n) {
       Try& now = tries_[n];
-      now.gap.assign(right_.begin(), right_.end());
+      now.gap = right_;
       mechanism_.project(state.q.data(), now.gap.data(), now.step.data());
       mechanism_.constraint_residual(state.q.data(), now.step.data(), scratch_.data(), now.closed.data());
       for (std::size_t i = 0; i < rest_.size(); ++i) now.closed[i] = rest_[i] - now.closed[i];
@@ -112,7 +116,9 @@ class Projection {
 
   /// A gap, the step that answers it, and what this closes, -Phi_v step.
   struct Try {
-    std::vector<Real> gap, step, closed;
+    Equations<M> gap;
+    Speeds<M> step;
+    Equations<M> closed;
 
     void add(Real factor, const Try& other) {
       Projection::add(gap, factor, other.gap);
@@ -121,34 +127,37 @@ class Projection {
     }
 
     void scale(Real factor) {
-      for (std::vector<Real>* values : {&gap, &step, &closed})
-        for (Real& value : *values) value *= factor;
+      const auto times = [factor](auto& values) {
+        for (Real& value : values) value *= factor;
+      };
+      times(gap), times(step), times(closed);
     }
   };
 
-  static void add(std::vector<Real>& sum, Real factor, const std::vector<Real>& part) {
+  template <class Numbers>
+  static void add(Numbers& sum, Real factor, const Numbers& part) {
     for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += factor * part[i];
   }
 
-  static Real dot(const std::vector<Real>& a, const std::vector<Real>& b) {
+  static Real dot(const Equations<M>& a, const Equations<M>& b) {
     Real result(0);
     for (std::size_t i = 0; i < a.size(); ++i) result += a[i] * b[i];
     return result;
   }
 
-  Real measure(const State<Real>& state, const std::vector<Real>& open) {
+  Real measure(const StateOf<M>& state, const Equations<M>& open) {
     mechanism_.constraint_residual(state.q.data(), state.v.data(), gap_.data(), other_.data());
     return largest(open);
   }
 
-  [[noreturn]] void fail(const State<Real>& state, long number, const char* what, const std::vector<Real>& open) {
+  Fault fail(const StateOf<M>& state, long number, Cause cause, const Equations<M>& open) {
     const Real left = measure(state, open);
     std::size_t worst = 0;
     using std::abs;
     for (std::size_t i = 0; i < open.size(); ++i)
       if (abs(open[i]) > abs(open[worst]) || open[i] != open[i]) worst = i;
-    throw Failure(what, static_cast<double>(state.t), number, std::string(d_.equations[worst]), static_cast<double>(left),
-                  "not tried: a smaller dt");
+    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t), .step = number,
+            .value = static_cast<double>(left)};
   }
 
   static Real rounding() { return Real(64) * std::numeric_limits<Real>::epsilon(); }
@@ -157,10 +166,14 @@ class Projection {
   static Real allowed(Real size) { return std::max(Real(1e-10), Real(100) * rounding() * size); }
 
   M& mechanism_;
-  const Description& d_;
-  std::vector<Real> gap_, other_, dz_, before_;
-  std::vector<Real> right_, rest_, scratch_, still_;
-  std::vector<Try> tries_;
+  Equations<M> gap_, other_;
+  Speeds<M> dz_;
+  Array<M, std::max(static_sizes<M>().coordinates, static_sizes<M>().speeds)> before_;
+  Equations<M> right_, rest_, scratch_;
+  Speeds<M> still_;
+  int iterations_ = 0;
+  std::size_t number_of_tries_;
+  Array<M, std::min(most_tries, static_sizes<M>().equations), Try> tries_;
 };
 
 }  // namespace cutjoint

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstddef>
 #include <span>
-#include <vector>
 
 namespace cutjoint {
 
@@ -43,9 +42,10 @@ Real largest(std::span<const Real> values) {
   return rest == 0 ? result : largest<double>(values);
 }
 
-template <class Real>
-[[gnu::always_inline]] inline Real largest(const std::vector<Real>& values) {
-  return largest(std::span<const Real>(values));
+template <class Numbers>
+  requires requires(const Numbers& values) { values.data(); }
+[[gnu::always_inline]] inline auto largest(const Numbers& values) {
+  return largest(std::span<const typename Numbers::value_type>(values.data(), values.size()));
 }
 
 }  // namespace cutjoint

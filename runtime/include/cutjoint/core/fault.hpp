@@ -1,0 +1,69 @@
+// How a start or a step can fail: plain values, which a host can look up and a driver can tell.
+#pragma once
+
+namespace cutjoint {
+
+/// What stopped a start or a step.  Numbers stay the same from version to version; new ones are added at the end.
+enum class Cause : int {
+  none = 0,
+  not_converged = 1,        ///< the iteration of a step does not end
+  diverged = 2,             ///< it goes to infinity
+  loops_open = 3,           ///< a projection finds no positions that close the loops
+  speeds_open = 4,          ///< it finds no speeds that keep them closed
+  no_assembly = 5,          ///< the loops cannot close from the given coordinates
+  speeds_contradict = 6,    ///< the given speeds do not keep the loops closed
+  infinite_acceleration = 7,  ///< an acceleration of the start is not finite
+  no_equilibrium = 8,       ///< no pose near the given one is at rest
+};
+
+/// The list in which what failed most has its place.
+enum class FaultList : int { none = 0, speeds = 1, equations = 2 };
+
+/// A failure: nothing if the cause is none.  `index` is the place of what failed most in its list, `value` what is left of it (SI units), `size` what
+/// is compared with, `iterations` how many were made.
+struct Fault {
+  Cause cause = Cause::none;
+  FaultList list = FaultList::none;
+  int index = -1;
+  double t = 0.0;
+  long step = 0;
+  double value = 0.0;
+  double size = 1.0;
+  int iterations = 0;
+
+  explicit operator bool() const { return cause != Cause::none; }
+};
+
+/// What to say of a cause.
+constexpr const char* text_of(Cause cause) {
+  switch (cause) {
+    case Cause::none: return "nothing failed";
+    case Cause::not_converged: return "the fixed point did not converge";
+    case Cause::diverged: return "the fixed point diverged to infinity";
+    case Cause::loops_open: return "the loops cannot be closed";
+    case Cause::speeds_open: return "no speeds keep the loops closed";
+    case Cause::no_assembly: return "the loop cannot close from the given coordinates";
+    case Cause::speeds_contradict: return "the given speeds contradict the loops";
+    case Cause::infinite_acceleration: return "an acceleration has no finite value at the start";
+    case Cause::no_equilibrium: return "no static equilibrium was found near the given pose";
+  }
+  return "unknown cause";
+}
+
+/// What may help; "not tried" where nobody has tried it.
+constexpr const char* advice_of(const Fault& fault) {
+  switch (fault.cause) {
+    case Cause::none: return "";
+    case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "what is left may be rounding; not tried: a larger tolerance" : "not tried: a smaller dt";
+    case Cause::diverged:
+    case Cause::loops_open:
+    case Cause::speeds_open: return "not tried: a smaller dt";
+    case Cause::no_assembly:
+    case Cause::speeds_contradict: return "check the joints' points, guides, and the given coordinates and speeds of this loop";
+    case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line";
+    case Cause::no_equilibrium: return "check that every free direction has a spring or is held";
+  }
+  return "";
+}
+
+}  // namespace cutjoint

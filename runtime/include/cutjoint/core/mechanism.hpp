@@ -1,0 +1,84 @@
+// What a mechanism is to the runtime: the contract between generated code (or the generic twin) and the integrators.
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <span>
+
+#include "cutjoint/core/arrays.hpp"
+
+namespace cutjoint {
+
+/// How one joint's coordinates follow its speeds: `scalars` coordinates from `q` on, their rates from `v` on; a ball adds a unit
+/// quaternion (scalar first) after the scalars and, after their rates, an angular velocity in the inner body's axes.  The quaternion takes
+/// the follower's axes to the base's; of a `reversed` joint, whose inner body is the follower, the base's to the follower's.
+struct Chart {
+  int q;
+  int v;
+  int scalars;
+  bool ball;
+  bool reversed = false;
+};
+
+/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
+/// has a penalty for each cut joint, which `load` reads, and nothing else.
+template <class Real>
+struct Stabilisation {
+  Real penalty{1};
+  Real damping_ratio{1};
+  Real frequency{10};
+  const Real* penalties = nullptr;
+};
+
+template <class Real>
+class Road;
+
+/// A mechanism.  All arrays belong to the caller and have the lengths of its lists; nothing allocates.  It knows these lengths, `sizes`, or has
+/// a `description`.
+///
+/// - `load` computes what depends on parameters alone,
+/// - `begin_step` what depends on time; `motion` is 1 in a run and 0 where a mechanism is held at rest, which stops guides and drives,
+/// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
+/// - `constraint_residual` the residual of the cut joints and its rate,
+/// - `report` the columns,
+/// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
+///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves,
+/// - `guard` of each force that was left out the smallest margin, which is negative where the force would act.
+template <class M>
+concept Mechanism = requires(M& m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
+                             const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
+  typename M::real_type;
+  m.load(in, s, roads);
+  m.begin_step(t, t);
+  m.evaluate(in, in, in, out, out);
+  m.constraint_residual(in, in, out, out);
+  m.report(in, in, in, in, out);
+  m.project(in, in, out);
+  m.guard(in, in, out);
+};
+
+/// condition ? yes : no, both evaluated.
+template <class Real>
+constexpr Real where(bool condition, Real yes, Real no) {
+  return condition ? yes : no;
+}
+
+/// The charts of a mechanism.
+template <class M>
+std::span<const Chart> charts_of(const M& mechanism) {
+  if constexpr (Sized<M>)
+    return M::charts;
+  else
+    return mechanism.description().charts;
+}
+
+/// The first equation of each cut joint.
+template <class M>
+std::span<const int> cuts_of(const M& mechanism) {
+  if constexpr (Sized<M>)
+    return M::cuts;
+  else
+    return mechanism.description().cuts;
+}
+
+}  // namespace cutjoint

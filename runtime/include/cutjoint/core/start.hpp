@@ -1,0 +1,275 @@
+// A consistent start: closed loops, speeds that keep them closed, accelerations with their multipliers, static equilibrium.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/state.hpp"
+
+namespace cutjoint {
+
+/// Which elements of a list are given by the user.
+template <class M>
+using SpeedFlags = Speeds<M, unsigned char>;
+
+/// Finds starts of a mechanism; a speed that is `held` (given by the user) is not changed, nor is its coordinate.  All memory is taken in the
+/// constructor, but for the neighbouring states of a mechanism that finds the accelerations of several side by side.
+template <Mechanism M>
+class Starter {
+ public:
+  using Real = typename M::real_type;
+
+  /// Accelerations of a mechanism of the proximal closure do not draw open loops together: `proximal` lets an equilibrium do so.
+  explicit Starter(M& mechanism, bool proximal = false)
+      : mechanism_(mechanism), sizes_(sizes_of(mechanism)), n_(sizes_.speeds), m_(sizes_.equations), drawn_(proximal ? m_ : 0),
+        matrix_((n_ + m_) * n_), phi_(m_), phid_(m_), still_(m_), right_(n_ + m_), a_(n_ + m_), next_(n_ + m_), step_(n_),
+        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), before_(n_), from_(sizes_.coordinates), probe_(blank(mechanism)), other_(probe_) {}
+
+  /// Close the loops by the shortest way from the given coordinates (Gauss-Newton with least-norm steps).  A fault names the equation that
+  /// stays open.
+  Fault assemble(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
+    mechanism_.begin_step(state.t, motion);
+    find_residual(state);
+    for (int iteration = 0; iteration < 50 && largest(phi_) > closed(); ++iteration) {
+      find_jacobian(state, held);
+      least_norm(m_, phi_.data());
+      move(state, step_.data(), -std::min(Real(1), Real(0.5) / std::max(largest(step_), Real(1e-30))));
+      find_residual(state);
+    }
+    if (!(largest(phi_) <= Real(1e-9))) return open_loop(Cause::no_assembly, state, phi_);
+    return {};
+  }
+
+  /// Change the speeds that are not held, least in the mean square, so that the loops stay closed.
+  Fault make_consistent(StateOf<M>& state, const SpeedFlags<M>& held, Real motion) {
+    mechanism_.begin_step(state.t, motion);
+    find_jacobian(state, held);
+    find_residual(state);
+    const Real gap = largest(phid_);
+    least_norm(m_, phid_.data());
+    for (std::size_t i = 0; i < n_; ++i) state.v[i] -= step_[i];
+    find_residual(state);
+    if (!(largest(phid_) <= Real(1e-9) * (Real(1) + gap))) return open_loop(Cause::speeds_contradict, state, phid_);
+    return {};
+  }
+
+  /// Marks independent speeds that neither the user nor the loops determine; as many as degrees of freedom are left.
+  void find_undetermined(const StateOf<M>& state, const SpeedFlags<M>& held, SpeedFlags<M>& undetermined) {
+    for (std::size_t i = 0; i < n_; ++i) undetermined[i] = !held[i];
+    if (n_ == 0 || m_ == 0) return;
+    find_jacobian(state, held);
+    const auto squares = decomposed(m_);
+    for (std::size_t i = 0; i < squares.rank(); ++i) undetermined[squares.column_at(i)] = false;
+  }
+
+  /// A fault when an acceleration is not a finite number.
+  Fault require_finite(const StateOf<M>& state) const {
+    for (std::size_t i = 0; i < n_; ++i)
+      if (!std::isfinite(static_cast<double>(state.vdot[i])))
+        return {.cause = Cause::infinite_acceleration, .list = FaultList::speeds, .index = static_cast<int>(i),
+                .t = static_cast<double>(state.t), .value = static_cast<double>(state.vdot[i])};
+    return {};
+  }
+
+  /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay or only rounding is left to
+  /// change, 200 times at most.
+  void accelerate(StateOf<M>& state, Real motion) {
+    mechanism_.begin_step(state.t, motion);
+    Real last(0);
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      before_ = state.vdot;
+      mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction_.data());
+      for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += correction_[i];
+      Real change(0), size(1);
+      for (std::size_t i = 0; i < n_; ++i) {
+        using std::abs;
+        change = std::max(change, abs(state.vdot[i] - before_[i]));
+        size = std::max(size, abs(state.vdot[i]));
+      }
+      if (iteration > 1 && change <= (change < last ? Real(1e-12) : Real(1e-6)) * size) return;
+      last = change;
+    }
+  }
+
+  /// The pose near the given one in which nothing accelerates at rest: Newton's method on vdot(q) = 0 with differences and least-norm
+  /// steps, since directions without stiffness (a car's x, y and yaw) are free.  A held coordinate stays and may carry a force.
+  /// A fault names what still accelerates.
+  Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& held) {
+    std::fill(state.v.begin(), state.v.end(), Real(0));
+    std::fill(travel_.begin(), travel_.end(), Real(0));
+    seek_rest(state, held);
+    // Differences tell the free directions to some digits only, so the steps have drifted along them.
+    find_stiffness(state, held);
+    multiply(matrix_.data(), travel_.data(), right_.data());
+    least_norm(n_ + drawn_, right_.data());
+    for (std::size_t i = 0; i < n_; ++i) step_[i] = travel_[i] - step_[i];
+    move(state, step_.data(), Real(-1));
+    if (seek_rest(state, held) <= Real(1e-6)) return {};
+    const std::size_t worst = index_of_largest(a_.data(), n_ + drawn_);
+    const bool open = worst >= n_;
+    return {.cause = Cause::no_equilibrium, .list = open ? FaultList::equations : FaultList::speeds,
+            .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(size_of(a_.data(), n_ + drawn_))};
+  }
+
+ private:
+  static constexpr std::size_t n = static_sizes<M>().speeds, m = static_sizes<M>().equations;
+
+  static constexpr Real closed() { return Real(1e-14); }
+
+  static Real size_of(const Real* x, std::size_t length) { return largest(std::span<const Real>(x, length)); }
+
+  static std::size_t index_of_largest(const Real* x, std::size_t length) {
+    using std::abs;
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < length; ++i)
+      if (abs(x[i]) > abs(x[worst]) || x[i] != x[i]) worst = i;
+    return worst;
+  }
+
+  void find_residual(const StateOf<M>& state) { mechanism_.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data()); }
+
+  /// The Jacobian of the residual by the speeds, (equations, speeds), held columns zero; exact, since the rate is linear in the speeds.  phi_ is
+  /// the residual then.
+  void find_jacobian(const StateOf<M>& state, const SpeedFlags<M>& held) {
+    if (m_ == 0) return;
+    std::fill(step_.begin(), step_.end(), Real(0));
+    mechanism_.constraint_residual(state.q.data(), step_.data(), phi_.data(), still_.data());
+    for (std::size_t j = 0; j < n_; ++j) {
+      step_[j] = Real(1);
+      mechanism_.constraint_residual(state.q.data(), step_.data(), phi_.data(), phid_.data());
+      step_[j] = Real(0);
+      for (std::size_t i = 0; i < m_; ++i) matrix_[j * m_ + i] = held[j] ? Real(0) : phid_[i] - still_[i];
+    }
+  }
+
+  dense::LeastSquares<Real> decomposed(std::size_t rows) {
+    dense::LeastSquares<Real> squares({matrix_.data(), rows, n_}, order_.data(), left_.data(), beside_.data());
+    squares.decompose(Real(1e-7));
+    return squares;
+  }
+
+  /// step_ with the matrix of so many rows times it least apart from b, which is overwritten, as the matrix is.
+  void least_norm(std::size_t rows, Real* b) {
+    std::fill(step_.begin(), step_.end(), Real(0));
+    if (rows > 0 && n_ > 0) decomposed(rows).solve(b, step_.data(), room_.data());
+  }
+
+  /// y = A x of the derivative of the accelerations at rest.
+  void multiply(const Real* A, const Real* x, Real* y) const {
+    const std::size_t rows = n_ + drawn_;
+    std::fill(y, y + rows, Real(0));
+    for (std::size_t j = 0; j < n_; ++j)
+      for (std::size_t i = 0; i < rows; ++i) y[i] += A[j * rows + i] * x[j];
+  }
+
+  void move(StateOf<M>& state, const Real* step, Real factor) {
+    for (std::size_t i = 0; i < n_; ++i) room_[i] = factor * step[i];
+    from_ = state.q;
+    retract<Real>(charts_of(mechanism_), from_.data(), room_.data(), state.q.data());
+  }
+
+  /// The accelerations at rest of what is not held; below them what would draw open loops together at 10 1/s.
+  void read_rest(const StateOf<M>& state, const SpeedFlags<M>& held, Real* a) {
+    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : state.vdot[i];
+    if (drawn_ > 0) find_residual(state);
+    for (std::size_t i = 0; i < drawn_; ++i) a[n_ + i] = Real(100) * phi_[i];
+  }
+
+  /// The derivative of the accelerations at rest by q, by central differences, held columns zero.
+  void find_stiffness(const StateOf<M>& state, const SpeedFlags<M>& held) {
+    const std::size_t rows = n_ + drawn_;
+    const Real h(1e-5);
+    const auto put = [&](std::size_t j, const StateOf<M>& forward, const StateOf<M>& backward) {
+      Real* column = matrix_.data() + j * rows;
+      read_rest(backward, held, next_.data());
+      read_rest(forward, held, column);
+      for (std::size_t i = 0; i < rows; ++i) column[i] = held[j] ? Real(0) : (column[i] - next_[i]) / (2 * h);
+    };
+    std::fill(step_.begin(), step_.end(), Real(0));
+    if constexpr (requires(std::vector<StateOf<M>>& probes) { mechanism_.accelerate(probes, Real(0)); }) {
+      std::vector<StateOf<M>> probes;
+      for (std::size_t j = 0; j < n_; ++j) {
+        step_[j] = Real(1);
+        for (const Real side : {h, -h}) move(probes.emplace_back(state), step_.data(), side);
+        step_[j] = Real(0);
+      }
+      mechanism_.accelerate(probes, Real(0));
+      for (std::size_t j = 0; j < n_; ++j) put(j, probes[2 * j], probes[2 * j + 1]);
+    } else {
+      for (std::size_t j = 0; j < n_; ++j) {
+        probe_ = other_ = state;
+        step_[j] = Real(1);
+        move(probe_, step_.data(), h);
+        move(other_, step_.data(), -h);
+        step_[j] = Real(0);
+        accelerate(probe_, Real(0));
+        accelerate(other_, Real(0));
+        put(j, probe_, other_);
+      }
+    }
+  }
+
+  Real square_of(const Real* x) const {
+    Real sum(0);
+    for (std::size_t i = 0; i < n_ + drawn_; ++i) sum += x[i] * x[i];
+    return sum;
+  }
+
+  /// Newton's steps with halving while they lower the accelerations, the largest of which is returned; adds what it moves to `travel_`.
+  Real seek_rest(StateOf<M>& state, const SpeedFlags<M>& held) {
+    const std::size_t rows = n_ + drawn_;
+    accelerate(state, Real(0));
+    read_rest(state, held, a_.data());
+    for (int iteration = 0; iteration < 60 && size_of(a_.data(), rows) > Real(1e-9); ++iteration) {
+      find_stiffness(state, held);
+      std::copy(a_.begin(), a_.end(), right_.begin());
+      least_norm(rows, right_.data());
+      const StateOf<M>& start = other_ = state;
+      Real fraction = std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30)));
+      for (int halving = 0; halving < 12; ++halving, fraction /= 2) {
+        state = start;
+        move(state, step_.data(), -fraction);
+        accelerate(state, Real(0));
+        read_rest(state, held, next_.data());
+        if (square_of(next_.data()) < square_of(a_.data())) break;
+      }
+      if (!(square_of(next_.data()) < square_of(a_.data()))) {
+        state = start;
+        break;
+      }
+      for (std::size_t i = 0; i < n_; ++i) travel_[i] -= fraction * step_[i];
+      std::copy(next_.begin(), next_.end(), a_.begin());
+    }
+    return size_of(a_.data(), rows);
+  }
+
+  Fault open_loop(Cause cause, const StateOf<M>& state, const Equations<M>& gap) const {
+    const std::size_t worst = index_of_largest(gap.data(), m_);
+    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
+            .value = static_cast<double>(largest(gap))};
+  }
+
+  M& mechanism_;
+  Sizes sizes_;
+  std::size_t n_, m_, drawn_;
+  Array<M, (n + m) * n> matrix_;
+  Equations<M> phi_, phid_, still_;
+  Array<M, n + m> right_, a_, next_;
+  Speeds<M> step_, travel_, room_, left_, beside_;
+  Speeds<M, std::size_t> order_;
+  Equations<M> correction_;
+  Speeds<M> before_;
+  Coordinates<M> from_;
+  StateOf<M> probe_, other_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,41 @@
+"""The core's own dense kernels beside Eigen's."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from cutjoint.locations import runtime_folder
+from tests.conftest import needs_cpp
+
+pytestmark = needs_cpp
+
+
+@pytest.fixture(scope="module")
+def lines(tmp_path_factory: pytest.TempPathFactory) -> list[list[str]]:
+    built = tmp_path_factory.mktemp("dense") / "compare"
+    source = Path(__file__).with_name("dense.cpp")
+    subprocess.run(
+        ["g++", "-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-isystem", "/usr/include/eigen3", f"-I{runtime_folder() / 'include'}",
+         str(source), "-o", str(built)],
+        check=True,
+    )  # fmt: skip
+    done = subprocess.run([built], capture_output=True, text=True, check=True)
+    return [line.split() for line in done.stdout.splitlines()]
+
+
+def test_least_squares(lines: list[list[str]]) -> None:
+    compared = [words[1:] for words in lines if words[0] == "squares"]
+    assert len(compared) > 25
+    for known, rank, difference in compared:
+        assert rank == known
+        assert float(difference) < 1e-11
+
+
+def test_eigenvalues(lines: list[list[str]]) -> None:
+    compared = [words[1:] for words in lines if words[0] == "eigenvalues"]
+    assert len(compared) == 8
+    for difference, rebuilt in compared:
+        assert max(float(difference), float(rebuilt)) < 1e-13
