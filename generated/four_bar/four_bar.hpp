@@ -4,8 +4,8 @@
 
 #include <cmath>
 
+#include "cutjoint/core/road.hpp"
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/road.hpp"
 
 namespace cutjoint::generated {
 

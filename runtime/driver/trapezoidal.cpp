@@ -3,4 +3,6 @@
 #include "cutjoint/precision.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
 
+#include "cutjoint/mechanism.hpp"
+
 template class cutjoint::Trapezoidal<cutjoint::AnyMechanism<cutjoint::Precision>>;

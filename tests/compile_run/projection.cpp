@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cutjoint/core/start.hpp"
+#include "cutjoint/state.hpp"
 #include MECHANISM_HEADER
 
 using Mechanism = cutjoint::AnyMechanism<double>;
@@ -57,10 +58,7 @@ int main(int, char** argv) {
   const cutjoint::Description& d = mechanism.description();
   std::vector<double> parameters;
   for (const auto& p : d.parameters) parameters.push_back(p.value);
-  const cutjoint::Piece<double> flat{cutjoint::PieceKind::line, -1e3, 0, 0, 0};
-  std::vector<cutjoint::Road<double>> roads;
-  for (std::size_t i = 0; i < d.roads.size(); ++i)
-    roads.emplace_back(std::vector<cutjoint::Piece<double>>{flat}, std::vector<cutjoint::Piece<double>>{flat}, false);
+  const std::vector<cutjoint::Road<double>> roads(d.roads.size());
   const double penalty = std::atof(argv[1]);
   mechanism.load(parameters.data(), {penalty, 1.0, 10.0}, roads.data());
   mechanism.begin_step(0.0, 1.0);

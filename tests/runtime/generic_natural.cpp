@@ -53,10 +53,10 @@ int main(int, char** argv) {
   const Json task = cutjoint::read_json(argv[1]);
   System system(task.at("model"));
   const cutjoint::SystemDescription& d = system.description();
-  const std::vector<cutjoint::Road<double>> roads = cutjoint::read_roads<double>(d.roads, task);
+  const cutjoint::Roads<double> roads(d.roads, task);
   const Array parameters = cutjoint::read_parameters<double>(d.parameters, task);
   const long before = allocations;
-  system.load(parameters.data(), roads.data());
+  system.load(parameters.data(), roads.list().data());
   const long loading = allocations - before;
   Json results{{"first", d.pattern.first}, {"row", d.pattern.row}, {"symmetric", d.pattern.symmetric}, {"loading", loading},
                {"coordinates", d.coordinates}, {"equations", d.equations}, {"allocated", allocations}, {"states", Json::array()}};

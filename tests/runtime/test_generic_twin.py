@@ -52,7 +52,7 @@ EXACT = 1e-11
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of road, as in runtime/include/cutjoint/road.hpp."""
+    """A stretch of road, as in runtime/include/cutjoint/core/road.hpp."""
 
     kind: str
     begin: float

@@ -127,7 +127,7 @@ def _step(matrix: Array, right: Array) -> Array:
 
 
 def retract(equations: RecursiveEquations, q: Array, delta: Array) -> Array:
-    """q (+) delta as in runtime/include/cutjoint/retraction.hpp: scalars add, a quaternion is turned by (1, theta/2)."""
+    """q (+) delta as in runtime/include/cutjoint/core/retraction.hpp: scalars add, a quaternion is turned by (1, theta/2)."""
     result = q.copy()
     for chart in equations.charts:
         ball = chart.q + chart.scalars

@@ -112,11 +112,10 @@ def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[
 def _driver_parts(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
     """The cache entries of the driver's parts.
 
-    Integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts are, too.
+    Starts and integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts are, too.
     """
-    resolved = resolve(flags)
-    start = [runtime_digest(), *compiler.key, *(resolved if kind.comparison or source.driver == "batch" else ())]
-    driver = [*start, source.driver, runtime_digest(part=source.driver), *kind.definitions, *resolved]
+    start = [runtime_digest(), *compiler.key, *resolve(flags)]
+    driver = [*start, source.driver, runtime_digest(part=source.driver), *kind.definitions]
     keys = {"initial_state": start, "driver": driver}
     return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in keys.items()}
 

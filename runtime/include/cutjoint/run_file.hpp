@@ -10,7 +10,7 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/read_json.hpp"
-#include "cutjoint/road.hpp"
+#include "cutjoint/core/road.hpp"
 #include "cutjoint/settings.hpp"
 
 namespace cutjoint {
@@ -27,16 +27,38 @@ std::vector<Piece<Real>> read_pieces(const Json& list) {
   return pieces;
 }
 
-/// The road of each tyre.
+/// The road of each tyre, with the memory of its pieces.
 template <class Real>
-std::vector<Road<Real>> read_roads(const std::vector<std::string_view>& names, const Json& file) {
-  std::vector<Road<Real>> roads;
-  for (const std::string_view name : names) {
-    const Json& road = file.at("roads").at(std::string(name));
-    roads.emplace_back(read_pieces<Real>(road.at("left")), read_pieces<Real>(road.at("right")), road.at("disc").get<bool>());
+class Roads {
+ public:
+  Roads() = default;
+
+  Roads(const std::vector<std::string_view>& names, const Json& file) {
+    for (const std::string_view name : names) {
+      const Json& road = file.at("roads").at(std::string(name));
+      roads_.emplace_back(keep(road.at("left")), keep(road.at("right")), road.at("disc").get<bool>());
+    }
   }
-  return roads;
-}
+
+  Roads(Roads&&) = default;
+  Roads& operator=(Roads&&) = default;
+  Roads(const Roads&) = delete;
+  Roads& operator=(const Roads&) = delete;
+
+  const std::vector<Road<Real>>& list() const { return roads_; }
+
+ private:
+  Track<Real> keep(const Json& list) {
+    const std::vector<Piece<Real>>& pieces = pieces_.emplace_back(read_pieces<Real>(list));
+    std::vector<Real>& breaks = breaks_.emplace_back();
+    for (std::size_t i = 1; i < pieces.size(); ++i) breaks.push_back(pieces[i].begin);
+    return {.pieces = pieces, .breaks = breaks};
+  }
+
+  std::vector<std::vector<Piece<Real>>> pieces_;  ///< their elements stay where they are when this grows or moves
+  std::vector<std::vector<Real>> breaks_;
+  std::vector<Road<Real>> roads_;
+};
 
 /// The values of parameters.
 template <class Real>
@@ -59,34 +81,27 @@ class Inputs {
  public:
   template <class Described>
   Inputs(const Described& d, const Json& file)
-      : roads_(read_roads<Real>(d.roads, file)), parameters_(read_parameters<Real>(d.parameters, file)) {}
+      : roads_(d.roads, file), parameters_(read_parameters<Real>(d.parameters, file)) {}
 
   Inputs(const Inputs&) = delete;
   Inputs& operator=(const Inputs&) = delete;
 
-  const std::vector<Road<Real>>& roads() const { return roads_; }
+  const std::vector<Road<Real>>& roads() const { return roads_.list(); }
 
-  /// How the cut joints are held: by `penalties`, one for each, the same for all with the closure `penalty`.
+  const std::vector<Real>& parameters() const { return parameters_; }
+
   template <class M>
   void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) const {
-    if (stabilisation.closure == Closure::proximal) {
-      mechanism.load(parameters_.data(), {.penalties = penalties.data()}, roads_.data());
-      return;
-    }
-    mechanism.load(parameters_.data(),
-                   {.penalty = penalties.empty() ? Real(1) : penalties.front(),
-                    .damping_ratio = Real(stabilisation.damping_ratio),
-                    .frequency = Real(stabilisation.frequency)},
-                   roads_.data());
+    cutjoint::load_mechanism(mechanism, parameters_.data(), roads().data(), stabilisation, penalties);
   }
 
   template <class S>
   void load_system(S& system) const {
-    system.load(parameters_.data(), roads_.data());
+    system.load(parameters_.data(), roads().data());
   }
 
  private:
-  std::vector<Road<Real>> roads_;
+  Roads<Real> roads_;
   std::vector<Real> parameters_;
 };
 

@@ -4,23 +4,14 @@
 #include <optional>
 #include <string>
 
+#include "cutjoint/core/stabilisation.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
 
 namespace cutjoint {
 
 enum class Task { simulate, realtime, equilibrium, evaluate, factor, batch };
 enum class Pose { design, equilibrium };
-enum class Closure { penalty, proximal };
 enum class Integrator { trapezoidal, rk4, dormand_prince, sdirk4, sdirk4_fixed, generalised_alpha, reference };
-
-/// How the recursive equations, which start every run, hold cut joints.  Without a `penalty` it follows from the
-/// masses that the cut joints feel at the start; the closure `proximal` has one for each cut joint, up to this one if there is one.
-struct StabilisationSettings {
-  Closure closure;
-  std::optional<double> penalty;
-  double damping_ratio;
-  double frequency;
-};
 
 /// The settings of a run as its run file has them, each within its range; what has no value is found by the run, or not used by it.
 ///

@@ -50,11 +50,12 @@ class Group {
   /// What a case gives its instance.
   struct Case {
     std::vector<double> parameters;
-    std::vector<Road<double>> roads;
+    Roads<double> roads;
   };
 
   void start(std::span<const Json> cases) {
-    cases_.assign(width, {});
+    cases_.clear();
+    cases_.resize(width);
     for (std::size_t k = 0; k < cases.size() && !stop_requested(); ++k) {
       Json own = file_;
       own.update(cases[k]);
@@ -65,7 +66,7 @@ class Group {
         for (std::size_t lane = any(going_) ? k : 0; lane < width; ++lane) {
           SideBySide::put(state, static_cast<int>(lane), state_);
           if (!initial_state.penalties().empty()) penalty_.v[lane] = initial_state.penalties().front();
-          cases_[lane] = {read_parameters<double>(d_.parameters, own), read_roads<double>(d_.roads, own)};
+          cases_[lane] = {read_parameters<double>(d_.parameters, own), Roads<double>(d_.roads, own)};
         }
         results_[k]["undetermined"] = initial_state.undetermined();
         going_[static_cast<int>(k)] = -1;
@@ -79,7 +80,7 @@ class Group {
     roads_.clear();
     for (std::size_t i = 0; i < d_.roads.size(); ++i) {
       std::vector<Road<double>> roads;
-      for (const Case& own : cases_) roads.push_back(own.roads[i]);
+      for (const Case& own : cases_) roads.push_back(own.roads.list()[i]);
       roads_.emplace_back(std::move(roads));
     }
     for (std::size_t i = 0; i < parameters_.size(); ++i)
@@ -130,7 +131,7 @@ class Group {
   void take_alone(int k, State<double>& state) {
     const Case& own = cases_[static_cast<std::size_t>(k)];
     SideBySide::take(state_, k, state);
-    alone_.load(own.parameters.data(), {}, own.roads.data());
+    alone_.load(own.parameters.data(), {}, own.roads.list().data());
     alone_.begin_step(state.t, 1.0);
   }
 

@@ -7,7 +7,7 @@
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
 
-#include "cutjoint/lanes.hpp"
+#include "cutjoint/core/lanes.hpp"
 
 namespace cutjoint::batch {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "cutjoint/batch/real.hpp"
-#include "cutjoint/road.hpp"
+#include "cutjoint/core/road.hpp"
 
 namespace cutjoint {
 

@@ -22,9 +22,9 @@ Real largest(std::span<const Real> values) {
   typedef double Four __attribute__((vector_size(32)));
   typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
   Four most{}, least{}, odd{};
-  std::size_t i = 0;
-  for (; i + 4 <= values.size(); i += 4) {
-    const Four x = *reinterpret_cast<const Loose*>(values.data() + i);
+  const double* at = values.data();
+  for (std::size_t fours = values.size() / 4; fours > 0; --fours, at += 4) {
+    const Four x = *reinterpret_cast<const Loose*>(at);
     most = x > most ? x : most;
     least = x < least ? x : least;
     odd += x - x;  // zero unless one is no finite number
@@ -34,8 +34,8 @@ Real largest(std::span<const Real> values) {
     result = most[j] > result ? most[j] : result;
     result = -least[j] > result ? -least[j] : result;
   }
-  for (; i < values.size(); ++i) {
-    const double size = std::abs(values[i]);
+  for (std::size_t left = values.size() % 4; left > 0; --left, ++at) {
+    const double size = std::abs(*at);
     result = size > result ? size : result;
     rest += size - size;
   }

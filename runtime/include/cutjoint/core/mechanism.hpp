@@ -42,8 +42,9 @@ class Road;
 /// - `constraint_residual` the residual of the cut joints and its rate,
 /// - `report` the columns,
 /// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
-///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves,
-/// - `guard` of each force that was left out the smallest margin, which is negative where the force would act.
+///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves.
+///
+/// Where forces were left out, `guard` is the smallest margin of each, which is negative where the force would act.
 template <class M>
 concept Mechanism = requires(M& m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
                              const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
@@ -54,7 +55,6 @@ concept Mechanism = requires(M& m, typename M::real_type* out, const typename M:
   m.constraint_residual(in, in, out, out);
   m.report(in, in, in, in, out);
   m.project(in, in, out);
-  m.guard(in, in, out);
 };
 
 /// condition ? yes : no, both evaluated.

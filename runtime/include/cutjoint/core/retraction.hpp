@@ -6,7 +6,7 @@
 #include <span>
 #include <type_traits>
 
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/core/mechanism.hpp"
 
 namespace cutjoint {
 

@@ -6,7 +6,7 @@
 #include <tuple>
 
 #include "cutjoint/generic/kinematics.hpp"
-#include "cutjoint/road.hpp"
+#include "cutjoint/core/road.hpp"
 
 namespace cutjoint::generic {
 

@@ -7,7 +7,7 @@
 
 #include "cutjoint/core/projection.hpp"
 #include "cutjoint/relative.hpp"
-#include "cutjoint/road.hpp"
+#include "cutjoint/core/road.hpp"
 #include "cutjoint/stepping/regime.hpp"
 
 namespace cutjoint::runge_kutta {

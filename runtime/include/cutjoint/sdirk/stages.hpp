@@ -12,7 +12,7 @@
 
 #include "cutjoint/lagrangian/closing.hpp"
 #include "cutjoint/lagrangian/recursive_newton.hpp"
-#include "cutjoint/road.hpp"
+#include "cutjoint/core/road.hpp"
 #include "cutjoint/sdirk/table.hpp"
 #include "cutjoint/stepping/regime.hpp"
 #include "cutjoint/stepping/step_control.hpp"

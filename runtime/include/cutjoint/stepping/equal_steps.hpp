@@ -9,7 +9,7 @@
 
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
-#include "cutjoint/road.hpp"
+#include "cutjoint/core/road.hpp"
 #include "cutjoint/state.hpp"
 #include "cutjoint/stepping/regime.hpp"
 

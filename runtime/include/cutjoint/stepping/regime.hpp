@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "cutjoint/mechanism.hpp"
-#include "cutjoint/road.hpp"
+#include "cutjoint/core/road.hpp"
 
 namespace cutjoint::stepping {
 
@@ -21,7 +22,7 @@ template <class Real>
 class Regime {
  public:
   Regime(const std::vector<Switch>& switches, const std::vector<Road<Real>>& roads)
-      : switches_(switches), roads_(roads), zero_{Real(0)}, levels_(switches.size(), &zero_), cells_(switches.size(), undecided),
+      : switches_(switches), roads_(roads), levels_(switches.size(), zero), cells_(switches.size(), undecided),
         sought_(switches.size(), false), values_(switches.size()), start_(values_), previous_(values_), largest_(values_), noise_(values_) {}
 
   bool empty() const { return switches_.empty(); }
@@ -33,7 +34,7 @@ class Regime {
   void adopt() {
     for (std::size_t i = 0; i < cells_.size(); ++i) {
       if (const auto [element, place, road, across] = switches_[i]; road >= 0)
-        levels_[i] = &roads_[static_cast<std::size_t>(road)].breaks(across >= 0 ? values_[static_cast<std::size_t>(across)] : Real(0));
+        levels_[i] = roads_[static_cast<std::size_t>(road)].breaks(across >= 0 ? values_[static_cast<std::size_t>(across)] : Real(0));
       weigh(i);
       cells_[i] = sought_[i] && is_out(i, Real(0)) ? cell_of(i) : decided_cell_of(i);
       sought_[i] = false;
@@ -112,6 +113,7 @@ class Regime {
 
  private:
   static constexpr int undecided = -1;
+  static inline const Real zero[1] = {Real(0)};
 
   /// What rounding may do to a value until the next step begins.
   void weigh(std::size_t i) {
@@ -120,7 +122,7 @@ class Regime {
     noise_[i] = std::numeric_limits<Real>::epsilon() * std::max(4096 * std::max(Real(1), abs(values_[i])), 4 * largest_[i]);
   }
 
-  const std::vector<Real>& levels(std::size_t i) const { return *levels_[i]; }
+  std::span<const Real> levels(std::size_t i) const { return levels_[i]; }
 
   /// The number of levels up to the value.
   int cell_of(std::size_t i) const {
@@ -164,8 +166,7 @@ class Regime {
 
   const std::vector<Switch>& switches_;
   const std::vector<Road<Real>>& roads_;
-  std::vector<Real> zero_;
-  std::vector<const std::vector<Real>*> levels_;
+  std::vector<std::span<const Real>> levels_;
   std::vector<int> cells_;
   std::vector<bool> sought_;
   std::vector<Real> values_, start_, previous_, largest_, noise_;

@@ -7,7 +7,7 @@
 
 #include "cutjoint/generic/natural/forms.hpp"
 #include "cutjoint/generic/natural/places.hpp"
-#include "cutjoint/road.hpp"
+#include "cutjoint/core/road.hpp"
 
 namespace cutjoint::generic::natural {
 

@@ -5,8 +5,9 @@
 #include <cstring>
 #include <type_traits>
 
+#include "cutjoint/core/intrinsics.hpp"
+
 #if defined(__x86_64__) && defined(__GLIBC__)
-#include <immintrin.h>
 #define CUTJOINT_IN_LIBMVEC(of) of(sin) of(cos) of(tan) of(atan) of(exp) of(log)
 extern "C" {  // glibc's vector mathematics, errors of at most 4 units in the last place
 #define CUTJOINT_DECLARE(name) __m128d _ZGVbN2v_##name(__m128d);

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
-#include <vector>
+#include <cstddef>
+#include <span>
 
 namespace cutjoint {
 
@@ -54,44 +54,43 @@ struct Piece {
   }
 };
 
+/// One side of a road: its pieces in the order of x, of which the first also holds before its begin, and where all others begin; both belong to
+/// somebody else.
+template <class Real>
+struct Track {
+  std::span<const Piece<Real>> pieces;
+  std::span<const Real> breaks;
+
+  const Piece<Real>& at(Real x) const {
+    const auto after = std::upper_bound(breaks.begin(), breaks.end(), x);
+    return pieces[static_cast<std::size_t>(after - breaks.begin())];
+  }
+};
+
 /// A road as one wheel meets it.  A point follower sees height and slope; a rigid disc sees its envelope and no slope.
 template <class Real>
 class Road {
  public:
-  Road() : left_{flat()}, right_{flat()} {}
+  constexpr Road() : Road({.pieces = flat, .breaks = {}}, {.pieces = flat, .breaks = {}}, false) {}
+  constexpr Road(const Track<Real>& left, const Track<Real>& right, bool disc) : left_(left), right_(right), disc_(disc) {}
 
-  /// Pieces in the order of x; the first also holds before its begin.
-  Road(std::vector<Piece<Real>> left, std::vector<Piece<Real>> right, bool disc)
-      : left_(std::move(left)), right_(std::move(right)), left_breaks_(breaks_of(left_)), right_breaks_(breaks_of(right_)), disc_(disc) {}
-
-  Real height(Real x, Real y) const { return at(x, y).height(x); }
-  Real slope(Real x, Real y) const { return disc_ ? Real(0) : at(x, y).slope(x); }
+  Real height(Real x, Real y) const { return track(y).at(x).height(x); }
+  Real slope(Real x, Real y) const { return disc_ ? Real(0) : track(y).at(x).slope(x); }
 
   /// Where one piece ends and the next begins, on the side of y.
-  const std::vector<Real>& breaks(Real y) const { return y > Real(0) ? left_breaks_ : right_breaks_; }
+  std::span<const Real> breaks(Real y) const { return track(y).breaks; }
 
   /// The derivatives of height and slope by x.
-  Real height_dx(Real x, Real y) const { return at(x, y).slope(x); }
-  Real slope_dx(Real x, Real y) const { return disc_ ? Real(0) : at(x, y).curvature(x); }
+  Real height_dx(Real x, Real y) const { return track(y).at(x).slope(x); }
+  Real slope_dx(Real x, Real y) const { return disc_ ? Real(0) : track(y).at(x).curvature(x); }
 
  private:
-  static Piece<Real> flat() { return {PieceKind::line, Real(0), Real(0), Real(0), Real(0)}; }
+  static constexpr Piece<Real> flat[1] = {{PieceKind::line, Real(0), Real(0), Real(0), Real(0)}};
 
-  static std::vector<Real> breaks_of(const std::vector<Piece<Real>>& pieces) {
-    std::vector<Real> begins;
-    for (std::size_t i = 1; i < pieces.size(); ++i) begins.push_back(pieces[i].begin);
-    return begins;
-  }
+  const Track<Real>& track(Real y) const { return y > Real(0) ? left_ : right_; }
 
-  const Piece<Real>& at(Real x, Real y) const {
-    const auto& pieces = y > Real(0) ? left_ : right_;
-    const auto after = std::upper_bound(pieces.begin(), pieces.end(), x, [](Real value, const Piece<Real>& p) { return value < p.begin; });
-    return after == pieces.begin() ? pieces.front() : *(after - 1);
-  }
-
-  std::vector<Piece<Real>> left_, right_;
-  std::vector<Real> left_breaks_, right_breaks_;
-  bool disc_ = false;
+  Track<Real> left_, right_;
+  bool disc_;
 };
 
 }  // namespace cutjoint

@@ -1,0 +1,164 @@
+"""Program -> a folder that needs a compiler and nothing else: a C header and one C++ file, with an example and a simulator in C."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from typing import Any
+
+from cutjoint.emit.amalgamate import amalgamate
+from cutjoint.emit.source import Page, members
+from cutjoint.emit.view import Viewer, on_one_line
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.locations import runtime_folder
+from cutjoint.program.records import Program
+
+#: The header of the runtime with all that a simulation needs.
+_CORE = "cutjoint/core/simulation.hpp"
+_LANES = "cutjoint/core/lanes.hpp"
+
+#: The headers of the standard library that the C interface needs besides those of the core.
+_OF_INTERFACE = ("cstdint", "cstring", "iterator", "new")
+
+_CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
+
+
+def emit_standalone(program: Program, equations: RecursiveEquations, run_file: Mapping[str, Any], digest: str) -> dict[str, str]:
+    """The files by name; ``run_file`` has the settings, parameters and start that a simulation begins with, ``digest`` tells its snapshots
+    from those of other models."""
+    page = Page.of(equations, "recursive")
+    view = _view(program, equations, run_file, digest)
+    p = page.stem
+    return {
+        f"{p}.h": page.render("standalone/api.h.jinja", **_in_c(page), **view),
+        f"{p}.cpp": _source(page, program, equations, view),
+        "CMakeLists.txt": page.render("standalone/CMakeLists.txt.jinja", **view),
+        "example.c": page.render("standalone/example.c.jinja", **_in_c(page), **view),
+        f"{p}_simulator.c": page.render("standalone/simulator.c.jinja", **_in_c(page), **view),
+        f"{p}.run": page.render("standalone/run.jinja", **view),
+        "README.md": page.render("standalone/README.md.jinja", **view),
+    }
+
+
+def _in_c(page: Page) -> dict[str, object]:
+    return {"banner": "\n".join(f"/* {line} */" for line in page.banner)}
+
+
+def _source(page: Page, program: Program, equations: RecursiveEquations, view: Mapping[str, object]) -> str:
+    """The one C++ file."""
+    viewer = Viewer(program, equations)
+    names = [f.name for f in equations.functions]
+    core = amalgamate([*([_LANES] if viewer.lane_types() else []), _CORE])
+    functions = page.functions(viewer, names, header=page.header, core=True)
+    mechanism = page.render(
+        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", core=True, conditions="bool",
+        operations={name: program.operations(name) for name in names}, charts=equations.charts, cuts=[c.first for c in equations.closures],
+        **members(viewer, equations), **_sizes(equations),
+    )  # fmt: skip
+    standard = sorted({*core.standard, *_OF_INTERFACE})
+    p = page.stem
+    return "\n".join([
+        "\n".join(f"// {line}" for line in page.banner), f'#include "{p}.h"\n', *(f"#include <{name}>" for name in standard), "",
+        core.top, f"namespace {p}_code {{\n", core.body, "namespace cutjoint::generated {\n", mechanism,
+        *(functions[name] for name in sorted(functions)), "}  // namespace cutjoint::generated\n", "namespace {\n",
+        page.render("standalone/api.cpp.jinja", **view),
+    ])  # fmt: skip
+
+
+def _sizes(equations: RecursiveEquations) -> dict[str, dict[str, int]]:
+    return {"sizes": {
+        "coordinates": equations.coordinates, "speeds": equations.speeds, "equations": len(equations.equation_names),
+        "cuts": len(equations.closures), "parameters": len(equations.parameters), "roads": len(equations.roads),
+        "columns": len(equations.columns),
+    }}  # fmt: skip
+
+
+def _view(program: Program, equations: RecursiveEquations, run_file: Mapping[str, Any], digest: str) -> dict[str, object]:
+    """What the templates of the folder are given."""
+    model = equations.topology.model
+    tables = _tables(equations)
+    names = {table["name"]: list(table["entries"]) for table in tables}
+    return {
+        **_sizes(equations), "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": (),
+        "class_name": Page.of(equations, "recursive").class_name, "bytes": _bytes(program, equations), "causes": _causes(), "mark": digest[:16],
+        "settings": _settings(run_file), "tables": tables, "end": repr(float(run_file["end"])), "output_step": repr(float(run_file["output_step"])),
+        "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
+        "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
+        "columns": equations.columns, "has_lanes": any(node.lanes for node in program.graph.nodes),
+        "positions": _given(run_file["positions"], names["coordinate_names"]), "rates": _given(run_file["rates"], names["speed_names"]),
+        **_roads(equations, run_file),
+    }  # fmt: skip
+
+
+def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, object]]:
+    return [{"index": names.index(name), "name": name, "value": repr(float(value))} for name, value in values.items()]
+
+
+def _settings(run_file: Mapping[str, Any]) -> dict[str, object]:
+    numerics, held = run_file["numerics"], run_file["stabilisation"]
+    is_proximal = held["closure"] == "proximal"
+    return {
+        "closure": held["closure"], "penalty": "std::nullopt" if held["penalty"] is None else repr(float(held["penalty"])),
+        "damping_ratio": repr(float(held["damping_ratio"])), "frequency": repr(float(held["frequency"])),
+        "tolerance": repr(float(numerics["tolerance"])), "iterations": numerics["iterations"],
+        "multiplier_updates": numerics["multiplier_updates"], "proximal": _truth(is_proximal), "fixed_cost": _truth(numerics["fixed_cost"]),
+        "dt": repr(float(numerics["dt"])), "equilibrium": _truth(run_file["pose"] == "equilibrium"),
+    }  # fmt: skip
+
+
+def _truth(value: object) -> str:
+    return "true" if value else "false"
+
+
+def _tables(equations: RecursiveEquations) -> list[dict[str, Any]]:
+    """Names, units and places in the model's file."""
+    spans = equations.topology.model.constraint_spans
+    place = {name: on_one_line(span.place).replace('"', "?") for name, span in spans.items()}
+    tables = {
+        "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
+        "coordinate_names": equations.coordinate_names, "speed_names": equations.speed_names, "equation_names": equations.equation_names,
+        "speed_places": [place[c.joint] for c in equations.charts for _ in c.speed_names],
+        "equation_places": [place[c.joint] for c in equations.closures for _ in c.names],
+        "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
+    }  # fmt: skip
+    return [{"name": name, "entries": list(items)} for name, items in tables.items()]
+
+
+def _roads(equations: RecursiveEquations, run_file: Mapping[str, Any]) -> dict[str, object]:
+    """The tracks that the tyres' roads have, each once, and the road of each tyre."""
+    tracks: dict[str, dict[str, object]] = {}
+    known: dict[tuple[object, ...], str] = {}
+    roads = []
+    for tyre in equations.roads:
+        road = run_file["roads"][tyre]
+        names = {}
+        for side in ("left", "right"):
+            key = tuple(chain.from_iterable(piece.values() for piece in road[side]))
+            names[side] = name = known.setdefault(key, f"track_{len(known)}")
+            tracks[name] = {"name": name, "pieces": [_piece(x) for x in road[side]], "breaks": [repr(float(x["begin"])) for x in road[side][1:]]}
+        breaks = {f"{side}_breaks": f"{name}_breaks" if tracks[name]["breaks"] else "{}" for side, name in names.items()}
+        roads.append({"tyre": tyre, **names, **breaks, "disc": _truth(road["disc"])})
+    return {"tracks": list(tracks.values()), "roads": roads}
+
+
+def _piece(piece: Mapping[str, Any]) -> dict[str, str]:
+    return {"kind": piece["kind"], **{name: repr(float(piece[name])) for name in ("begin", "a", "b", "c")}}
+
+
+def _causes() -> list[dict[str, str]]:
+    """The faults of the core, as its header lists them."""
+    text = (runtime_folder() / "include/cutjoint/core/fault.hpp").read_text(encoding="utf-8")
+    return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
+
+
+def _bytes(program: Program, equations: RecursiveEquations) -> int:
+    """An upper bound of what a simulation takes, which the C++ checks when it is compiled."""
+    n, m, q = equations.speeds, len(equations.equation_names), equations.coordinates
+    stored = sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
+    state = 2 + q + 2 * n + m
+    start = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
+    masses = 3 * m * m + 6 * m + 3 * n
+    steps = 6 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
+    others = 4 * state + 8 * (len(equations.parameters) + len(equations.columns) + len(equations.closures))
+    return 8 * (stored + start + masses + steps + others + 512)

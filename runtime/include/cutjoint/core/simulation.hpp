@@ -1,0 +1,170 @@
+// One simulation of a mechanism whose class knows its sizes: all its memory is inside, it throws nothing and prints nothing.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <optional>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/initialisation.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/stabilisation.hpp"
+#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
+
+namespace cutjoint {
+
+/// What a simulation needs to know besides its parameters.
+struct SimulationSettings {
+  StabilisationSettings stabilisation;
+  FixedPoint fixed_point;
+  double dt;
+  bool equilibrium;
+};
+
+/// The recursive method with the trapezoidal rule.
+///
+/// Settings, parameters, and coordinates and speeds to start with are those of the scene until others are given.  `start` finds a consistent
+/// state from them; `step` and `advance` go on from there.
+template <Sized M>
+class Simulation {
+ public:
+  using Real = typename M::real_type;
+
+  Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads)
+      : settings_(settings), roads_(roads), start_(blank(mechanism_)), state_(start_), columns_(sizes.columns) {
+    for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
+  }
+
+  Simulation(const Simulation&) = delete;
+  Simulation& operator=(const Simulation&) = delete;
+
+  SimulationSettings& settings() { return settings_; }
+  auto& parameters() { return parameters_; }
+  const auto& parameters() const { return parameters_; }
+
+  /// Coordinates and speeds to start with, and which of them are given.
+  StateOf<M>& start_state() { return start_; }
+  Coordinates<M, unsigned char>& given_coordinates() { return given_coordinates_; }
+  SpeedFlags<M>& given_speeds() { return given_speeds_; }
+
+  /// Find a consistent state.
+  Fault start() {
+    is_started_ = false;
+    state_ = start_;
+    Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
+    if (const Fault fault = how.place(state_, given_coordinates_)) return fault;
+    state_.v = start_.v;  // a pose at rest has none
+    if (const Fault fault = how.move(state_, given_speeds_)) return fault;
+    penalties_ = how.penalties();
+    origin_ = state_.t;
+    number_ = 0;
+    is_started_ = true;
+    enter();
+    return {};
+  }
+
+  bool is_started() const { return is_started_; }
+
+  /// A step of the settings' length; the state stays where it fails.
+  Fault step() {
+    const Fault fault = integrate(settings_.dt);
+    if (!fault) state_.t = origin_ + Real(++number_) * Real(settings_.dt);
+    return fault;
+  }
+
+  /// Steps to a time, the last one shorter where they do not end there.
+  Fault advance(double until) {
+    const Real rounding = Real(1e-9) * Real(settings_.dt);
+    while (Real(until) - state_.t > rounding) {
+      const Real left = Real(until) - state_.t;
+      if (left + rounding >= Real(settings_.dt)) {
+        if (const Fault fault = step()) return fault;
+        continue;
+      }
+      if (const Fault fault = integrate(static_cast<double>(left))) return fault;
+      state_.t = origin_ = Real(until);
+      number_ = 0;
+    }
+    return {};
+  }
+
+  /// What changed parameters mean from now on; the state stays.
+  void load() {
+    load_mechanism(mechanism_, parameters_.data(), roads_, settings_.stabilisation, penalties_);
+    mechanism_.begin_step(state_.t, Real(1));
+    is_reported_ = false;
+  }
+
+  /// The columns at the present state.
+  const Real* report() {
+    if (!is_reported_) mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), columns_.data());
+    is_reported_ = true;
+    return columns_.data();
+  }
+
+  const StateOf<M>& state() const { return state_; }
+
+  /// Everything that the next steps follow from.
+  struct Memory {
+    SimulationSettings settings;
+    Fixed<Real, M::sizes.parameters> parameters;
+    StateOf<M> state;
+    Cuts<M> penalties;
+    Real origin;
+    long number;
+  };
+
+  Memory memory() const {
+    return {.settings = settings_, .parameters = parameters_, .state = state_, .penalties = penalties_, .origin = origin_, .number = number_};
+  }
+
+  /// Go on from what another moment, or another simulation, remembers.
+  void restore(const Memory& memory) {
+    settings_ = memory.settings;
+    parameters_ = memory.parameters;
+    state_ = memory.state;
+    penalties_ = memory.penalties;
+    origin_ = memory.origin;
+    number_ = memory.number;
+    is_started_ = true;
+    enter();
+  }
+
+ private:
+  static constexpr Sizes sizes = M::sizes;
+
+  typename Initialisation<M>::Settings how_to_start() const {
+    return {.stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Real(settings_.dt)};
+  }
+
+  void enter() {
+    load();
+    steps_.emplace(mechanism_, Real(settings_.dt), settings_.fixed_point);
+  }
+
+  Fault integrate(double h) {
+    steps_->set_step(Real(h));
+    is_reported_ = false;
+    return steps_->step(state_, number_ + 1);
+  }
+
+  M mechanism_;
+  SimulationSettings settings_;
+  const Road<Real>* roads_;
+  Fixed<Real, M::sizes.parameters> parameters_;
+  StateOf<M> start_, state_;
+  Coordinates<M, unsigned char> given_coordinates_;
+  SpeedFlags<M> given_speeds_;
+  Cuts<M> penalties_;
+  Fixed<Real, M::sizes.columns> columns_;
+  std::optional<Initialisation<M>> initialisation_;
+  std::optional<Trapezoidal<M>> steps_;
+  Real origin_{0};
+  long number_ = 0;
+  bool is_started_ = false, is_reported_ = false;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,38 @@
+// How cut joints are held together.
+#pragma once
+
+#include <optional>
+
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/road.hpp"
+
+namespace cutjoint {
+
+enum class Closure { penalty, proximal };
+
+/// How the recursive equations, which start every run, hold cut joints.  Without a `penalty` it follows from the
+/// masses that the cut joints feel at the start; the closure `proximal` has one for each cut joint, up to this one if there is one.
+struct StabilisationSettings {
+  Closure closure;
+  std::optional<double> penalty;
+  double damping_ratio;
+  double frequency;
+};
+
+/// Load a mechanism whose cut joints are held by `penalties`, one for each, the same for all with the closure `penalty`.
+template <class M, class Penalties>
+void load_mechanism(M& mechanism, const typename M::real_type* parameters, const Road<typename M::real_type>* roads,
+                    const StabilisationSettings& stabilisation, const Penalties& penalties) {
+  using Real = typename M::real_type;
+  if (stabilisation.closure == Closure::proximal) {
+    mechanism.load(parameters, {.penalties = penalties.data()}, roads);
+    return;
+  }
+  mechanism.load(parameters,
+                 {.penalty = penalties.empty() ? Real(1) : penalties.front(),
+                  .damping_ratio = Real(stabilisation.damping_ratio),
+                  .frequency = Real(stabilisation.frequency)},
+                 roads);
+}
+
+}  // namespace cutjoint
