@@ -91,10 +91,18 @@ def test_simulate_takes_a_closure(tmp_path: Path) -> None:
     assert result.output.strip() == "--closure proximal: only the recursive method has one; use --method recursive"
 
 
-def test_compile_leaves_source_and_a_simulator_that_runs_alone(tmp_path: Path) -> None:
-    result = call("compile", FOUR_BAR, "--out", tmp_path / "fb")
+@pytest.mark.parametrize(
+    ("method", "names"),
+    [
+        ("recursive", {"CMakeLists.txt", "README.md", "example.c", "four_bar.cpp", "four_bar.h", "four_bar.run", "four_bar_simulator",
+                       "four_bar_simulator.c"}),
+        ("augmented", {"CMakeLists.txt", "linearise.cpp", "four_bar.hpp", "main.cpp", "simulator"}),
+    ],
+)  # fmt: skip
+def test_compile_leaves_source_and_a_simulator(tmp_path: Path, method: str, names: set[str]) -> None:
+    result = call("compile", FOUR_BAR, "--method", method, "--out", tmp_path / "fb")
     assert result.exit_code == 0, result.output
-    assert {"CMakeLists.txt", "evaluate.cpp", "four_bar.hpp", "main.cpp", "simulator"} <= {p.name for p in (tmp_path / "fb").iterdir()}
+    assert names <= {p.name for p in (tmp_path / "fb").iterdir()}
 
 
 def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from cutjoint.run.failures import FailedBatchError, FailedRunError
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.simulator import SimulatorError
+    from cutjoint.simulation import Simulation, SimulationError, load, rollout
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
     from cutjoint.toolchain.errors import ToolchainError
@@ -35,9 +36,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError", "ModelError",
-    "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "SimulatorError", "ToolchainError", "TopologyError",
-    "build_topology", "compile_batch", "compile_model", "find_equilibrium", "find_initial_state", "find_modes", "read_model",
-    "read_model_text", "run_in_real_time", "simulate", "simulate_batch",
+    "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError",
+    "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_equilibrium", "find_initial_state",
+    "find_modes", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch",
 ]  # fmt: skip
 
 _HOMES = {
@@ -53,6 +54,7 @@ _HOMES = {
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError"),
     "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.run.simulator": ("SimulatorError",),
+    "cutjoint.simulation": ("Simulation", "SimulationError", "load", "rollout"),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
     "cutjoint.toolchain.errors": ("ToolchainError",),

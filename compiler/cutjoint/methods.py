@@ -54,7 +54,7 @@ class Method:
     ``own_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
     where none are given; the penalty then follows from masses and step.  ``fixed_cost`` is whether steps can have a fixed number of
     iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report the Jacobians of its
-    accelerations.
+    accelerations, ``stands_alone`` whether it is compiled into folders that need nothing else.
     """
 
     name: str
@@ -69,6 +69,7 @@ class Method:
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
+    stands_alone: bool = False
 
     @property
     def has_system(self) -> bool:
@@ -177,7 +178,7 @@ def _catalogue(*records: R) -> Mapping[str, R]:
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, instead=("recursive-newton",),
-        twin=Twin(), fixed_cost=True, batch=True, tangents=True,
+        twin=Twin(), fixed_cost=True, batch=True, tangents=True, stands_alone=True,
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), own_updates=20,

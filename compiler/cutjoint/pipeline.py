@@ -28,6 +28,7 @@ from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulator import Progress
+from cutjoint.standalone import make_standalone
 from cutjoint.systems import generate_system
 from cutjoint.toolchain.build import FLAGS, Kind, build
 from cutjoint.topology.build import build_topology
@@ -43,7 +44,8 @@ def compile_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, out: AnyPath | None = None, flags: Sequence[str] = FLAGS,
     outputs: Sequence[Output] | None = None, lanes: bool = True, comparison: bool = False, precision: str = DEFAULT_PRECISION,
 ) -> Artifact:  # fmt: skip
-    """Compile a model for a scene; ``out`` receives the generated source and the simulator.
+    """Compile a model for a scene; ``out`` receives a folder that stands alone (`standalone`), or where the method has none the source
+    and the simulator.
 
     ``outputs`` are instead of the scene's.  ``comparison`` links the solvers of SuiteSparse too.  ``precision`` is one of PRECISIONS, the
     number type of the run; the start is found in double.
@@ -59,13 +61,18 @@ def compile_scene(
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs
     equations, program, source = generate(model, scene, outputs, method=method, lanes=lanes, precision=precision)
+    folder, files, name = path_of(out), source.files, "simulator"
+    alone = folder is not None and METHODS[method].stands_alone and precision == DEFAULT_PRECISION
+    if alone:
+        standalone = make_standalone(equations.mechanism, program, source)
+        files, name = standalone.files, standalone.simulator
+    if folder is not None:
+        require_no_model((*files, name), folder, Path(model.span.file))
     generated = perf_counter()
-    if (folder := path_of(out)) is not None:
-        require_no_model(source.files, folder, Path(model.span.file))
     # Source -> Binary
     binary = build(source, flags=(*flags, *PRECISIONS[precision].flags), kind=Kind(comparison=comparison, precision=precision))
     if folder is not None:
-        write_compiled(source.files, binary.path, folder)
+        write_compiled(files, name, standalone.build_simulator(flags) if alone else binary.path, folder)
     return Artifact(
         scene=scene, equations=equations, program=program, source=source, binary=binary, method=method, precision=precision,
         implementation=Implementation.GENERATED, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,

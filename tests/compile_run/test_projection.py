@@ -10,6 +10,7 @@ import pytest
 
 from cutjoint.locations import runtime_folder
 from cutjoint.pipeline import compile_model
+from cutjoint.toolchain.build import write_source
 from tests.conftest import MODELS, with_heavy
 
 PENALTIES = (1e4, 1e6, 1e9, 1e12)
@@ -24,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def program(folder: Path, model: str, scene: str, class_name: str) -> Path:
     """A program that projects disturbed states of a model."""
     own = folder / model
-    compile_model(MODELS / f"{model}.yaml", scene=scene, out=own)
+    write_source(compile_model(MODELS / f"{model}.yaml", scene=scene).source, own)
     sources = [str(p) for p in own.glob("*.cpp") if p.name not in ("main.cpp", "report.cpp")]
     built = own / "project"
     subprocess.run(

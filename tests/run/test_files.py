@@ -108,7 +108,7 @@ def test_compiled_files_replace_earlier_ones_as_a_whole(folder: Path) -> None:
     assert call("compile", "driven.yaml", "--out", "made").exit_code == 0
     assert {path: path.read_bytes() for path in sorted(Path("made").iterdir())} == before
     assert all((folder / path.name).read_bytes() == b"an earlier one" for path in before)
-    assert os.access("made/simulator", os.X_OK)
+    assert os.access(next(Path("made").glob("*_simulator")), os.X_OK)
 
 
 # Two outputs

@@ -103,7 +103,8 @@ class Page:
         """One file."""
         common = {
             "stem": self.header, "class_name": self.class_name, "name": self.stem,
-            "banner": "\n".join(f"// {line}" for line in self.banner), "banner_hash": "\n".join(f"# {line}" for line in self.banner), "core": False,
+            "banner": "\n".join(f"// {line}" for line in self.banner), "banner_hash": "\n".join(f"# {line}" for line in self.banner),
+            "core": False,
         }  # fmt: skip
         return environment().get_template(template).render(**{**common, **view})
 

@@ -81,8 +81,10 @@ def _view(program: Program, equations: RecursiveEquations, run_file: Mapping[str
     names = {table["name"]: list(table["entries"]) for table in tables}
     return {
         **_sizes(equations), "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": (),
-        "class_name": Page.of(equations, "recursive").class_name, "bytes": _bytes(program, equations), "causes": _causes(), "mark": digest[:16],
-        "settings": _settings(run_file), "tables": tables, "end": repr(float(run_file["end"])), "output_step": repr(float(run_file["output_step"])),
+        "class_name": Page.of(equations, "recursive").class_name, "bytes": simulation_size(program, equations), "causes": _causes(),
+        "mark": digest[:16],
+        "settings": _settings(run_file), "tables": tables, "end": repr(float(run_file["end"])),
+        "output_step": repr(float(run_file["output_step"])),
         "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
         "columns": equations.columns, "has_lanes": any(node.lanes for node in program.graph.nodes),
@@ -136,9 +138,10 @@ def _roads(equations: RecursiveEquations, run_file: Mapping[str, Any]) -> dict[s
         for side in ("left", "right"):
             key = tuple(chain.from_iterable(piece.values() for piece in road[side]))
             names[side] = name = known.setdefault(key, f"track_{len(known)}")
-            tracks[name] = {"name": name, "pieces": [_piece(x) for x in road[side]], "breaks": [repr(float(x["begin"])) for x in road[side][1:]]}
-        breaks = {f"{side}_breaks": f"{name}_breaks" if tracks[name]["breaks"] else "{}" for side, name in names.items()}
-        roads.append({"tyre": tyre, **names, **breaks, "disc": _truth(road["disc"])})
+            breaks = [repr(float(x["begin"])) for x in road[side][1:]]
+            tracks[name] = {"name": name, "pieces": [_piece(x) for x in road[side]], "breaks": breaks}
+        named = {f"{side}_breaks": f"{name}_breaks" if tracks[name]["breaks"] else "{}" for side, name in names.items()}
+        roads.append({"tyre": tyre, **names, **named, "disc": _truth(road["disc"])})
     return {"tracks": list(tracks.values()), "roads": roads}
 
 
@@ -152,8 +155,8 @@ def _causes() -> list[dict[str, str]]:
     return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
 
 
-def _bytes(program: Program, equations: RecursiveEquations) -> int:
-    """An upper bound of what a simulation takes, which the C++ checks when it is compiled."""
+def simulation_size(program: Program, equations: RecursiveEquations) -> int:
+    """An upper bound of the bytes that a simulation takes, which the C++ checks when it is compiled."""
     n, m, q = equations.speeds, len(equations.equation_names), equations.coordinates
     stored = sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
     state = 2 + q + 2 * n + m

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache
@@ -53,8 +53,13 @@ _PLAIN = Kind()
 def write_source(source: Source, folder: Path) -> None:
     """Put the generated files into a folder."""
     for name, text in source.files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
+
+
+def write_text(file: Path, text: str) -> None:
+    """A file with its folders."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(text, encoding="utf-8")
 
 
 def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> Binary:
@@ -86,6 +91,36 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
 
 
+def simulator_of(name: str) -> str:
+    """The program that the folder of a model makes."""
+    return f"{name}_simulator"
+
+
+def build_folder(
+    name: str, files: Mapping[str, str], digest: str, *, shared: bool, flags: Sequence[str] = FLAGS
+) -> Path:  # fmt: skip
+    """Build a folder that stands alone by its CMake project, or find what it makes in the cache: the simulator, or ``shared`` the
+    library.
+
+    Raises:
+        ToolchainError: a tool is missing, or the compiler refused the code.
+    """
+    compiler = find_compiler()
+    made = f"lib{name}.so" if shared else simulator_of(name)
+    key = _digest([digest, *files.values(), *compiler.key, *resolve(flags)])
+    cached = cache_folder() / f"alone-{key}" / made
+
+    def make(folder: Path) -> Path:
+        for file, text in files.items():
+            write_text(folder / "source" / file, text)
+        settings = (f"-D{name}_FLAGS={' '.join(flags)}", f"-DBUILD_SHARED_LIBS={'ON' if shared else 'OFF'}")
+        build_project(folder / "source", folder / "out", compiler, flags, *settings)
+        return folder / "out" / made
+
+    find_or_make(cached, make)
+    return cached
+
+
 def _build_generic_in(folder: Path, compiler: Compiler, flags: Sequence[str]) -> Path:
     build_project(plain_runtime(folder), folder / "out", compiler, flags)
     return folder / "out" / "generic"
@@ -112,7 +147,8 @@ def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[
 def _driver_parts(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
     """The cache entries of the driver's parts.
 
-    Starts and integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts are, too.
+    Starts and integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts
+    are, too.
     """
     start = [runtime_digest(), *compiler.key, *resolve(flags)]
     driver = [*start, source.driver, runtime_digest(part=source.driver), *kind.definitions]

@@ -68,6 +68,8 @@ class Initialisation {
     starter_.find_undetermined(state, given, undetermined);
   }
 
+  Starter<M>& starter() { return starter_; }
+
   /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
   const Cuts<M>& penalties() const { return penalties_; }
 

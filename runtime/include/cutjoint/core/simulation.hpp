@@ -1,7 +1,7 @@
 // One simulation of a mechanism whose class knows its sizes: all its memory is inside, it throws nothing and prints nothing.
 #pragma once
 
-#include <cmath>
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 
@@ -61,8 +61,8 @@ class Simulation {
     penalties_ = how.penalties();
     origin_ = state_.t;
     number_ = 0;
+    load();
     is_started_ = true;
-    enter();
     return {};
   }
 
@@ -91,15 +91,22 @@ class Simulation {
     return {};
   }
 
-  /// What changed parameters mean from now on; the state stays.
-  void load() {
-    load_mechanism(mechanism_, parameters_.data(), roads_, settings_.stabilisation, penalties_);
-    mechanism_.begin_step(state_.t, Real(1));
+  /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them.
+  Fault go_to(Real t, const Real* q, const Real* v) {
+    for (std::size_t i = 0; i < sizes.coordinates; ++i) state_.q[i] = q[i];
+    for (std::size_t i = 0; i < sizes.speeds; ++i) state_.v[i] = v[i];
+    state_.t = origin_ = t;
+    number_ = 0;
     is_reported_ = false;
+    heed_parameters();
+    Starter<M>& starter = initialisation_->starter();
+    starter.accelerate(state_, Real(1));
+    return starter.require_finite(state_);
   }
 
   /// The columns at the present state.
   const Real* report() {
+    heed_parameters();
     if (!is_reported_) mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), columns_.data());
     is_reported_ = true;
     return columns_.data();
@@ -129,8 +136,9 @@ class Simulation {
     penalties_ = memory.penalties;
     origin_ = memory.origin;
     number_ = memory.number;
+    initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
+    load();
     is_started_ = true;
-    enter();
   }
 
  private:
@@ -140,12 +148,22 @@ class Simulation {
     return {.stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Real(settings_.dt)};
   }
 
-  void enter() {
-    load();
+  /// Load the mechanism and get ready for steps; the state stays.
+  void load() {
+    loaded_ = parameters_;
+    load_mechanism(mechanism_, parameters_.data(), roads_, settings_.stabilisation, penalties_);
+    mechanism_.begin_step(state_.t, Real(1));
     steps_.emplace(mechanism_, Real(settings_.dt), settings_.fixed_point);
+    is_reported_ = false;
+  }
+
+  /// Parameters that have changed count from now on.
+  void heed_parameters() {
+    if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) load();
   }
 
   Fault integrate(double h) {
+    heed_parameters();
     steps_->set_step(Real(h));
     is_reported_ = false;
     return steps_->step(state_, number_ + 1);
@@ -154,7 +172,7 @@ class Simulation {
   M mechanism_;
   SimulationSettings settings_;
   const Road<Real>* roads_;
-  Fixed<Real, M::sizes.parameters> parameters_;
+  Fixed<Real, M::sizes.parameters> parameters_, loaded_;
   StateOf<M> start_, state_;
   Coordinates<M, unsigned char> given_coordinates_;
   SpeedFlags<M> given_speeds_;

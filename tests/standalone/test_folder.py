@@ -1,0 +1,133 @@
+"""Folders that stand alone: what they need, what they link, and that their C interface does what its header says."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.pipeline import compile_model, simulate
+from cutjoint.standalone import Standalone
+from tests.conftest import MODELS, needs_cpp, with_heavy
+
+from .folders import compile_object, folder_of, link, run, write
+
+pytestmark = needs_cpp
+
+HERE = Path(__file__).parent
+
+#: What the code of a model may call: mathematics, and what compilers make of loops.
+CALLS = {"memcmp", "memcpy", "memmove", "memset", "strcmp", "sin", "cos", "sincos", "tan", "atan", "atan2", "sqrt", "exp", "log", "pow"}
+
+#: Random calls under sanitizers; 1e6 of them take half a minute.
+RANDOM_CALLS = 50_000
+
+
+def model(name: str, scene: str | None = None) -> Standalone:
+    return folder_of((MODELS / f"{name}.yaml").read_text(encoding="utf-8"), f"{name}.yaml", scene)
+
+
+def symbols(made: Path, *which: str) -> list[list[str]]:
+    """What nm says of an object file."""
+    return [line.split() for line in subprocess.run(["nm", *which, made], capture_output=True, text=True, check=True).stdout.splitlines()]
+
+
+@pytest.fixture(scope="module")
+def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the press with its object file."""
+    place = write(model("press"), tmp_path_factory.mktemp("press"))
+    compile_object(place, "press")
+    return place
+
+
+def test_files_include_the_standard_library_alone(press: Path) -> None:
+    texts = [path.read_text(encoding="utf-8") for path in press.glob("*.[ch]*")]
+    included = {name for text in texts for name in re.findall(r"#include ([<\"][^>\"]+)", text)}
+    assert '"press.h' in included
+    assert not [name for name in included if "/" in name or "Eigen" in name or (name[0] == '"' and name != '"press.h')]
+
+
+@pytest.mark.parametrize(("name", "scene"), with_heavy([("press", None), ("iltis", "simul1")], ("iltis", "simul1")))
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_the_code_calls_mathematics_and_nothing_else(compiler: str, name: str, scene: str | None, tmp_path: Path) -> None:
+    made = compile_object(write(model(name, scene), tmp_path), name, compiler=compiler)
+    called = [words[-1] for words in symbols(made, "-u")]
+    assert not [x for x in called if x not in CALLS and not x.startswith("_ZGV") and x != "_GLOBAL_OFFSET_TABLE_"]
+    own = [words[-1] for words in symbols(made, "-g", "--defined-only")]
+    assert own
+    assert not [x for x in own if not x.startswith(f"{name}_") and f"{name}_code" not in x]
+
+
+def test_calls_right_and_wrong(press: Path) -> None:
+    program = link(press, "calls", ["-I.", HERE / "calls.c", "press.o"])
+    assert run(program) == ""
+
+
+def test_random_calls_under_sanitizers(tmp_path: Path) -> None:
+    place = write(model("press"), tmp_path)
+    sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    compile_object(place, "press", flags=sanitize)
+    program = link(place, "random", ["-I.", HERE / "random_calls.c", "press.o"], flags=sanitize)
+    good, _, calls, _ = run(program, str(RANDOM_CALLS)).split()
+    assert int(calls) == RANDOM_CALLS
+    assert RANDOM_CALLS / 4 < int(good) < RANDOM_CALLS
+
+
+def test_two_models_in_one_program(press: Path, tmp_path: Path) -> None:
+    write(model("four_bar"), tmp_path)
+    compile_object(tmp_path, "four_bar")
+    (tmp_path / "both.c").write_text(
+        '#include "press.h"\n#include "four_bar.h"\n'
+        "static double one[PRESS_SIZE / sizeof(double)], other[FOUR_BAR_SIZE / sizeof(double)];\n"
+        "int main(void) {\n  press_sim* a = press_create(one, sizeof one);\n  four_bar_sim* b = four_bar_create(other, sizeof other);\n"
+        "  return press_start(a) || four_bar_start(b) || press_play(a, 10, 0) || four_bar_play(b, 10, 0);\n}\n"
+    )
+    run(link(tmp_path, "both", ["-I.", f"-I{press}", "both.c", "four_bar.o", press / "press.o"]))
+
+
+@pytest.mark.parametrize(("name", "scene"), with_heavy([("press", None), ("iltis", "simul1")], ("iltis", "simul1")))
+def test_its_table_is_that_of_the_command_line_bit_by_bit(name: str, scene: str | None, tmp_path: Path) -> None:
+    artifact = compile_model(MODELS / f"{name}.yaml", scene=scene, out=tmp_path)
+    table = run(tmp_path / f"{name}_simulator", f"{name}.run").splitlines()
+    rows = np.array([[float(x) for x in line.split(",")] for line in table[1:]])
+    known = simulate(artifact, integrator="trapezoidal", events="crossed", error=False)
+    assert table[0].split(",") == ["t", *known.columns]
+    assert np.array_equal(rows[:, 0], known.t)
+    for i, column in enumerate(known.columns, start=1):
+        assert np.array_equal(rows[:, i], known[column]), column
+
+
+def test_a_run_file_changes_the_run(press: Path) -> None:
+    program = link(press, "press_simulator", ["press_simulator.c", "press.o"])
+    (press / "other.run").write_text("end 0.02 # s\nparameter stiffness 4000\nspeed pin.angle_rate 5\n")
+    known = simulate(compile_model(MODELS / "press.yaml"), error=False, end=0.02, parameters={"stiffness": 4000})
+    rows = [[float(x) for x in line.split(",")] for line in run(program, "other.run").splitlines()[1:]]
+    assert rows[0][3] == pytest.approx(known["slider.vx"][0] / 2, rel=1e-9)
+    (press / "wrong.run").write_text("end 1\nparameter stifness 3\n")
+    done = subprocess.run([program, "wrong.run"], cwd=press, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (1, "wrong.run:2: an index is not that of any: parameter stifness 3\n")
+
+
+def test_a_project_takes_it_in_both_ways(tmp_path: Path) -> None:
+    write(model("press"), tmp_path / "press")
+    write(model("four_bar"), tmp_path / "four_bar")
+    (tmp_path / "main.c").write_text(
+        '#include "press.h"\n#include "four_bar.h"\nint main(void) { return !press_status_text(0) || !four_bar_status_text(0); }\n'
+    )
+    build = ["-G", "Ninja", "-DCMAKE_BUILD_TYPE=Debug", "-Dpress_FLAGS=-O0", "-Dfour_bar_FLAGS=-O0"]
+    project = "cmake_minimum_required(VERSION 3.20)\nproject(host LANGUAGES C CXX)\n"
+    added = f"{project}add_subdirectory(press)\nadd_subdirectory(four_bar)\n"
+    linked = "add_executable(host main.c)\ntarget_link_libraries(host press::press four_bar::four_bar)\n"
+    (tmp_path / "CMakeLists.txt").write_text(added + linked + "install(TARGETS host)\n")
+    install = ["cmake", "--install", "out", "--prefix", "place"]
+    for command in (["cmake", "-S", ".", "-B", "out", *build], ["cmake", "--build", "out"], install, ["out/host"]):
+        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    found = f"{project}find_package(press REQUIRED)\nfind_package(four_bar REQUIRED)\n"
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "CMakeLists.txt").write_text(found + linked.replace("main.c", "../main.c"))
+    configure = ["cmake", "-S", "other", "-B", "second", *build, f"-DCMAKE_PREFIX_PATH={tmp_path}/place"]
+    for command in (configure, ["cmake", "--build", "second"], ["second/host"]):
+        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)

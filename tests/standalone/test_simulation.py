@@ -1,0 +1,123 @@
+"""Stepping from Python."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+import cutjoint
+from tests.conftest import MODELS, needs_cpp
+
+pytestmark = needs_cpp
+
+PRESS = MODELS / "press.yaml"
+
+
+@pytest.fixture
+def press() -> cutjoint.Simulation:
+    return cutjoint.load(PRESS)
+
+
+def test_steps_are_those_of_the_command_line_bit_by_bit(press: cutjoint.Simulation) -> None:
+    run = cutjoint.simulate(cutjoint.compile_model(PRESS), integrator="trapezoidal", events="crossed", error=False, end=0.1)
+    press.reset()
+    for t, x in zip(run.t, run["slider.x"], strict=True):
+        press.advance(t)
+        assert (press.time, press.outputs["slider.x"]) == (t, x)
+
+
+def test_step_advance_and_play_are_the_same(press: cutjoint.Simulation) -> None:
+    press.reset(dt=1e-3)
+    start = press.snapshot()
+    played = press.play(20)
+    press.restore(start)
+    for _ in range(20):
+        press.step()
+    assert np.array_equal(press.outputs.array, played[-1])
+    press.restore(start)
+    press.advance(0.02)
+    assert np.array_equal(press.outputs.array, played[-1])
+    press.advance(0.0205)
+    assert press.time == 0.0205
+
+
+def test_values_are_views_by_name(press: cutjoint.Simulation) -> None:
+    press.reset()
+    assert np.shares_memory(press.outputs.array, press.outputs.array)
+    before = press.outputs.array.copy()
+    outputs = press.outputs
+    press.step()
+    assert press.outputs.array is outputs.array
+    assert not np.array_equal(press.outputs.array, before)
+    assert press.outputs.units == {"pin.angle": "rad", "slider.x": "m", "slider.vx": "m/s", "spring.force": "N"}
+    assert list(press.coordinates) == [name.replace("_rate", "") for name in press.speeds]
+    with pytest.raises(KeyError, match="no 'stifness'; did you mean 'stiffness'"):
+        press.parameters["stifness"] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        press.speeds["pin.angle_rate"] = 3.0
+
+
+def test_parameters_change_between_steps(press: cutjoint.Simulation) -> None:
+    known = cutjoint.simulate(
+        cutjoint.compile_model(PRESS), integrator="trapezoidal", events="crossed", error=False, end=0.1, parameters={"stiffness": 3000.0}
+    )
+    press.parameters["stiffness"] = 3000.0
+    press.reset().advance(0.1)
+    assert press.outputs["slider.x"] == known["slider.x"][-1]
+    force = press.outputs["spring.force"]
+    press.parameters["stiffness"] = 6000.0
+    speed = 20 * press.outputs["slider.vx"]
+    assert abs(press.outputs["spring.force"] + speed) == pytest.approx(2 * abs(force + speed), rel=1e-9) or abs(
+        press.outputs["spring.force"] - speed
+    ) == pytest.approx(2 * abs(force - speed), rel=1e-9)
+
+
+def test_a_state_is_set(press: cutjoint.Simulation) -> None:
+    press.reset().advance(0.05)
+    other = cutjoint.load(PRESS).reset()
+    other.set_state(press.time, press.coordinates.array, press.speeds.array)
+    assert other.time == press.time
+    assert np.array_equal(other.coordinates.array, press.coordinates.array)
+    assert other.accelerations.array == pytest.approx(press.accelerations.array, rel=1e-5)
+    with pytest.raises(ValueError, match="coordinates and"):
+        other.set_state(0.0, np.zeros(1), np.zeros(2))
+
+
+def test_copies_are_apart(press: cutjoint.Simulation) -> None:
+    press.reset().advance(0.05)
+    other = press.copy()
+    other.step()
+    assert (press.time, other.time) == (0.05, pytest.approx(0.05 + 1e-3))
+    with pytest.raises(ValueError, match="no snapshot of 'press'"):
+        press.restore(b"nothing")
+
+
+def test_what_cannot_go_on_is_told(press: cutjoint.Simulation) -> None:
+    with pytest.raises(cutjoint.SimulationError, match=r"the simulation has not been started; call reset\(\)"):
+        press.step()
+    with pytest.raises(cutjoint.SimulationError, match="has not been started"):
+        _ = press.outputs
+    with pytest.raises(cutjoint.SimulationError, match="the time to advance to has passed") as error:
+        press.reset().advance(-1.0)
+    assert error.value.status == -6
+    assert pickle.loads(pickle.dumps(error.value)).status == -6
+    with pytest.raises(cutjoint.SimulationError, match="not finite, or out of its range"):
+        press.reset(dt=-1.0)
+    with pytest.raises(cutjoint.SimulationError, match=r"cannot close.*'.*' \(press.yaml:\d+.*check the joints"):
+        press.reset(coordinates={"pin.angle": 0.0, "rail.displacement": 5.0})
+
+
+def test_rollout_is_what_each_would_do_alone(press: cutjoint.Simulation) -> None:
+    press.reset(dt=1e-3).advance(0.01)
+    values = [1000.0, 2000.0, 5000.0]
+    rows = cutjoint.rollout(press, 30, parameters={"stiffness": values}, threads=2)
+    assert rows.shape == (3, 30, 4)
+    assert press.time == 0.01
+    for value, own in zip(values, rows, strict=True):
+        one = press.copy()
+        one.parameters["stiffness"] = value
+        assert np.array_equal(one.play(30), own)
+    with pytest.raises(ValueError, match="same number of simulations"):
+        cutjoint.rollout(press, 3, parameters={"stiffness": values}, snapshots=[press.snapshot()])
