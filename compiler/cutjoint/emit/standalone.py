@@ -7,11 +7,14 @@ from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
+import sympy
+
 from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.source import Page, members
 from cutjoint.emit.view import Viewer, on_one_line
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.locations import runtime_folder
+from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 
 #: The header of the runtime with all that a simulation needs.
@@ -83,7 +86,7 @@ def _view(program: Program, equations: RecursiveEquations, run_file: Mapping[str
         **_sizes(equations), "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": (),
         "class_name": Page.of(equations, "recursive").class_name, "bytes": simulation_size(program, equations), "causes": _causes(),
         "mark": digest[:16],
-        "settings": _settings(run_file), "tables": tables, "end": repr(float(run_file["end"])),
+        "settings": _settings(run_file), "by_step": _by_step(equations.scene), "tables": tables, "end": repr(float(run_file["end"])),
         "output_step": repr(float(run_file["output_step"])),
         "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
@@ -107,6 +110,12 @@ def _settings(run_file: Mapping[str, Any]) -> dict[str, object]:
         "multiplier_updates": numerics["multiplier_updates"], "proximal": _truth(is_proximal), "fixed_cost": _truth(numerics["fixed_cost"]),
         "dt": repr(float(numerics["dt"])), "equilibrium": _truth(run_file["pose"] == "equilibrium"),
     }  # fmt: skip
+
+
+def _by_step(scene: Scene) -> dict[str, str]:
+    """C++ of the settings that are expressions of the step."""
+    laws = scene.numerics.by_step
+    return {name: sympy.cxxcode(law.subs(dict.fromkeys(law.free_symbols, sympy.Symbol("dt")))) for name, law in laws.items()}
 
 
 def _truth(value: object) -> str:

@@ -1,0 +1,16 @@
+"""Settings of a folder that stands alone follow its steps as those of a run do."""
+
+from __future__ import annotations
+
+import cutjoint
+from tests.conftest import MODELS, needs_cpp
+
+pytestmark = needs_cpp
+
+
+def test_expressions_of_the_step_follow_it() -> None:
+    path = MODELS / "four_bar.yaml"
+    run = cutjoint.simulate(cutjoint.compile_model(path), integrator="trapezoidal", events="crossed", error=False, dt=0.005, end=1)
+    sim = cutjoint.load(path).reset(dt=0.005)
+    sim.advance(run.t[-1])
+    assert sim.outputs["tip.x"] == run["tip.x"][-1]
