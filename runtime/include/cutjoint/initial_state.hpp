@@ -24,9 +24,9 @@ class InitialState {
   using Real = typename M::real_type;
 
   InitialState(M& mechanism, const RunSettings& settings, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), state_(d_), inputs_(d_, file) {
+      : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), state_(d_), data_(d_, file) {
     penalties_.assign(d_.cuts.size(), finds_penalties() ? Real(1) : Real(*settings_.stabilisation.penalty));  // until a pose is known
-    inputs_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
+    data_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
   }
 
   InitialState(const InitialState&) = delete;
@@ -66,7 +66,7 @@ class InitialState {
   void load(const std::vector<Real>& masses, Real times, Real most) {
     for (std::size_t i = 0; i < masses.size(); ++i) penalties_[i] = std::min(times * masses[i], most);
     if (!is_proximal()) penalties_.assign(penalties_.size(), common_penalty(penalties_));
-    inputs_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
+    data_.load_mechanism(mechanism_, settings_.stabilisation, penalties_);
     mechanism_.begin_step(state_.t, Real(0));
   }
 
@@ -97,7 +97,7 @@ class InitialState {
   const RunSettings& settings_;
   const Json& file_;
   State<Real> state_;
-  Inputs<Real> inputs_;
+  ModelData<Real> data_;
   std::vector<Real> penalties_;
   std::vector<std::string> undetermined_;
 };

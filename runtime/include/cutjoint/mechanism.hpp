@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/inputs.hpp"
 #include "cutjoint/precision.hpp"
 
 namespace cutjoint {
@@ -66,6 +67,7 @@ struct Description {
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
   std::vector<int> cuts{};                    ///< first equation of each cut joint
+  std::vector<Named> inputs{};                ///< inputs with the model's values, SI units
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change
@@ -87,7 +89,9 @@ class Road;
 /// A mechanism.  All arrays belong to the caller and have the lengths of its description's lists; nothing allocates.
 ///
 /// - `load` computes what depends on parameters alone,
-/// - `begin_step` what depends on time; `motion` is 1 in a run and 0 where a mechanism is held at rest, which stops guides and drives,
+/// - `begin_step` what depends on time and on inputs, which their source gives (inputs.hpp); `motion` is 1 in a run and 0 where a mechanism
+///   is held at rest, which stops guides and drives,
+/// - `drive_by` sets the source of the inputs; the scene's laws are the source of a mechanism that has no other,
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `constraint_residual` the residual of the cut joints and its rate,
 /// - `report` the columns,
@@ -101,6 +105,7 @@ concept Mechanism = requires(M& m, typename M::real_type* out, const typename M:
   { m.description() } -> std::convertible_to<const Description&>;
   m.load(in, s, roads);
   m.begin_step(t, t);
+  m.drive_by(InputSource<typename M::real_type>{});
   m.evaluate(in, in, in, out, out);
   m.constraint_residual(in, in, out, out);
   m.report(in, in, in, in, out);
@@ -123,6 +128,7 @@ class AnyMechanism {
   virtual const Description& description() const = 0;
   virtual void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) = 0;
   virtual void begin_step(Real t, Real motion) = 0;
+  virtual void drive_by(const InputSource<Real>&) {}  ///< only models with inputs have it
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
   virtual void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;

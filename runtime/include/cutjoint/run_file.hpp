@@ -1,4 +1,4 @@
-// What a run file says of roads, parameters and states.
+// What a run file says of roads, parameters, inputs and states.
 #pragma once
 
 #include <array>
@@ -11,6 +11,7 @@
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/read_json.hpp"
 #include "cutjoint/road.hpp"
+#include "cutjoint/run_inputs.hpp"
 #include "cutjoint/settings.hpp"
 
 namespace cutjoint {
@@ -53,22 +54,23 @@ const std::vector<Switch>& switches_of(const Described& d, const RunSettings& se
   return settings.events ? d.switches : none;
 }
 
-/// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads.
+/// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads and to the inputs.
 template <class Real>
-class Inputs {
+class ModelData {
  public:
   template <class Described>
-  Inputs(const Described& d, const Json& file)
-      : roads_(read_roads<Real>(d.roads, file)), parameters_(read_parameters<Real>(d.parameters, file)) {}
+  ModelData(const Described& d, const Json& file)
+      : roads_(read_roads<Real>(d.roads, file)), parameters_(read_parameters<Real>(d.parameters, file)), inputs_(d.inputs, file) {}
 
-  Inputs(const Inputs&) = delete;
-  Inputs& operator=(const Inputs&) = delete;
+  ModelData(const ModelData&) = delete;
+  ModelData& operator=(const ModelData&) = delete;
 
   const std::vector<Road<Real>>& roads() const { return roads_; }
 
   /// How the cut joints are held: by `penalties`, one for each, the same for all with the closure `penalty`.
   template <class M>
-  void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) const {
+  void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) {
+    mechanism.drive_by(inputs_.source());
     if (stabilisation.closure == Closure::proximal) {
       mechanism.load(parameters_.data(), {.penalties = penalties.data()}, roads_.data());
       return;
@@ -81,13 +83,15 @@ class Inputs {
   }
 
   template <class S>
-  void load_system(S& system) const {
+  void load_system(S& system) {
+    system.drive_by(inputs_.source());
     system.load(parameters_.data(), roads_.data());
   }
 
  private:
   std::vector<Road<Real>> roads_;
   std::vector<Real> parameters_;
+  RunInputs<Real> inputs_;
 };
 
 /// Values by name into an array; true where one was given.
