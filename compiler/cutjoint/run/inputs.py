@@ -12,7 +12,6 @@ import sympy
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.model.ranges import fault_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.model.reduced import is_reduced
 from cutjoint.run.errors import RunError
 
 #: A constant, or a table: times ``t`` (s) and as many of ``value``, ``interpolation`` "cubic" (the default) or "linear", and of a cubic one
@@ -27,15 +26,12 @@ def input_entries(model: Model, scene: Scene, given: Mapping[str, GivenInput]) -
     """The entry "inputs" of a run file, by name; inputs that are not given follow the scene.  Values are in SI units.
 
     Raises:
-        RunError: a name is no input, a value is not finite, a table does not hold together or is shorter than the scene; or the model is
-            reduced, which holds for the scene's laws alone.
+        RunError: a name is no input, a value is not finite, or a table does not hold together or is shorter than the scene.
     """
     names = [p.name for p in input_parameters(model)]
     for name in given:
         if name not in names:
             raise RunError(f"model '{model.name}' has no input '{name}'; it has {', '.join(names) or 'none'}")
-        if is_reduced(model, scene):
-            raise RunError(f"input '{name}': a reduced model holds for the inputs of its scene; change the scene's, or run the full model")
     return {name: _entry(f"input '{name}'", given[name], scene.end) for name in names if name in given}
 
 
