@@ -24,9 +24,10 @@ from cutjoint.run.artifact import start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
+from cutjoint.run.inputs import input_entries
 from cutjoint.run.options import Options
 from cutjoint.run.results import Array, Batch, Columns
-from cutjoint.run.run_file import changing, following, make_run_file, parameter_values
+from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
@@ -104,7 +105,8 @@ def simulate_batch(
     tolerance: float | None = None, threads: int | None = None, out: AnyPath | None = None, progress: Progress | None = None,
     check: bool = True,
 ) -> Batch:  # fmt: skip
-    """Run a scene once for each of ``cases``, parameters by name (SI units); ``threads`` are as many as processors by default.
+    """Run a scene once for each of ``cases``, values (SI units) of parameters, or of inputs held constant, by name;
+    ``threads`` are as many as processors by default.
 
     ``out`` receives a table of the results (`CaseTable`), each row when its run is done.  Results do not depend on the number of threads.
     A run that fails does not stop the others; with ``check`` it is an error once all have ended.
@@ -155,7 +157,11 @@ def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]])
     """The entries of a run file that parameters change, for each case."""
     parts = changing(model, scene)
     values = [parameter_values(model, case) for case in cases]
-    return [{"parameters": own, **following(model, scene, own, parts)} for own in values]
+    inputs = [input_entries(model, scene, given_inputs(model, case)) for case in cases]
+    return [
+        {"parameters": own, **({"inputs": held} if held else {}), **following(model, scene, own, parts)}
+        for own, held in zip(values, inputs, strict=True)
+    ]  # fmt: skip
 
 
 def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> Columns[Array]:

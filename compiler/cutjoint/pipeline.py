@@ -24,6 +24,7 @@ from cutjoint.program.records import Program
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_choice, require_end
 from cutjoint.run.compiled_files import require_no_model, write_compiled
+from cutjoint.run.inputs import GivenInput
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
@@ -107,21 +108,26 @@ def simulate(
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
     penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
     integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
+    inputs: Mapping[str, GivenInput] | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model with ``parameters`` (SI units); settings from ``dt`` on are those of `Options`, by default the scene's.
+
+    ``inputs`` are what drives the run instead of the scene's laws: by name a number, which ``parameters`` may have too, or a table with
+    times "t" and as many of "value", between which the input is "interpolation" "cubic" (the default; through the given "rate" if there is
+    one) or "linear".
 
     ``out`` receives the table, with its units beside it, ``steps`` a CSV file with iterations and residuals of each step, ``tangents`` a
     line of JSON for each row, the Jacobians of the accelerations.  With ``error`` the run keeps the scene's tolerance and has an ``error``.
     Without ``check`` a run that fails is returned with its failure; its files are those of `partial_of`.
 
     Raises:
-        RunError: a parameter that cannot be set, or settings that no run has or that do not go together.
+        RunError: a parameter or an input that cannot be set, or settings that no run has or that do not go together.
         SimulatorError, OutputError: the simulator could not begin, or a file cannot be written.
         FailedRunError, Interrupted, Terminated: the run failed (the error has its trajectory), or a signal has ended it.
     """
     options = Options(
         dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events
     )  # fmt: skip
-    plan = make_simulator_run(artifact, options, parameters, tangents=tangents is not None)
+    plan = make_simulator_run(artifact, options, parameters, inputs=inputs, tangents=tangents is not None)
     run = run_accurately(plan, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error, advise=check)
     return require_end(run, artifact) if check else run

@@ -52,6 +52,7 @@ class PreparedRun:
 
     ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
     file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
+    ``inputs`` are the names of the model's inputs, which can be held constant there too.
     """
 
     model: str
@@ -59,11 +60,13 @@ class PreparedRun:
     places: Mapping[str, str]
     compilation: Compilation
     following: tuple[str, ...]
+    inputs: tuple[str, ...]
     run: SimulatorRun
 
     def takes(self, parameters: Mapping[str, float]) -> bool:
-        """Whether parameters can be changed without the model."""
-        return not parameters or (not self.following and parameters.keys() <= self.run.run_file["parameters"].keys())
+        """Whether parameters can be changed, and inputs held, without the model."""
+        changed = parameters.keys() - set(self.inputs)
+        return not changed or (not self.following and changed <= self.run.run_file["parameters"].keys())
 
 
 def find_cached_run(request: Request, parameters: Mapping[str, float]) -> PreparedRun | None:
@@ -137,6 +140,6 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
     return PreparedRun(
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
-        following=tuple(data["following"]),
+        following=tuple(data["following"]), inputs=tuple(data["inputs"]),
         run=SimulatorRun(**{**run, "simulator": cache_folder() / run["simulator"] / "simulator"}),
     )  # fmt: skip

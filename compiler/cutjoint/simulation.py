@@ -45,7 +45,7 @@ class Library:
         OSError: the file is no library.
     """
 
-    def __init__(self, path: Path, model: str, size: int) -> None:
+    def __init__(self, path: Path, model: str, size: int, *, has_inputs: bool) -> None:
         self.model, self.size = model, size
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
@@ -70,7 +70,12 @@ class Library:
         self.explain = self._function("explain", index, sim, text, ctypes.c_size_t)
         self.arrays = {name: self._function(name, pointer, sim) for name in ("coordinates", "speeds", "accelerations", "parameters")}
         self.names = {kind: self._table(f"{kind}_name") for kind in ("parameter", "coordinate", "speed", "output")}
-        self.units = {kind: dict(zip(self.names[kind], self._table(f"{kind}_unit"), strict=True)) for kind in ("parameter", "output")}
+        self.names["input"] = self._table("input_name") if has_inputs else ()
+        kinds = ("parameter", "output", *(["input"] if has_inputs else []))
+        self.units = {kind: dict(zip(self.names[kind], self._table(f"{kind}_unit"), strict=True)) for kind in kinds}
+        if has_inputs:
+            self.arrays["inputs"] = self._function("inputs", pointer, sim)
+            self.set_input = self._function("set_input", index, sim, index, number, number, number)
 
     def _function(self, name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
         function = getattr(self._library, f"{self.model}_{name}")
@@ -128,8 +133,8 @@ class Values(MutableMapping[str, float]):
 class Simulation:
     """One simulation of a model: `reset` finds a consistent start, `step` and `advance` go on.
 
-    ``parameters`` may change between steps.  ``coordinates``, ``speeds`` and ``outputs`` are those of the present state.  All are views of
-    the simulation's own memory, in SI units.
+    ``inputs`` and ``parameters`` may change between steps; an input that is NaN follows the scene.  ``coordinates``, ``speeds`` and
+    ``outputs`` are those of the present state.  All are views of the simulation's own memory, in SI units.
     """
 
     def __init__(self, library: Library) -> None:
@@ -138,6 +143,7 @@ class Simulation:
         self._memory = np.zeros(size // 8)
         self._sim = library.create(self._memory.ctypes.data, size)
         self.parameters = Values(library.names["parameter"], self._view("parameters", "parameter"), library.units["parameter"])
+        self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units.get("input"))
         self._is_started = False
 
     def __repr__(self) -> str:
@@ -256,6 +262,16 @@ class Simulation:
         view.flags.writeable = False
         return Values(self._library.names[kind], view)
 
+    def set_input(self, name: str, value: float, rate: float = 0.0, acceleration: float = 0.0) -> None:
+        """Give an input now, and the derivatives (SI units and s) by which it goes on until it is given again, as a guide needs them.
+
+        Raises:
+            KeyError: there is no such input.
+            SimulationError: a number is not finite.
+        """
+        place = find_place({each: i for i, each in enumerate(self._library.names["input"])}, name)
+        self._call(self._library.set_input, place, value, rate, acceleration)
+
     def set_state(self, time: float, coordinates: Array, speeds: Array) -> None:
         """Go on from a time (s), coordinates and speeds as they are, in the order of those of the simulation.
 
@@ -330,7 +346,7 @@ def load(path: AnyPath, *, scene: str | None = None, flags: Sequence[str] = FLAG
     chosen = find_scene(model, scene)
     equations, program, source = generate(model, chosen, chosen.outputs)
     standalone = make_standalone(equations.mechanism, program, source)
-    return Simulation(Library(standalone.build_library(flags), standalone.name, standalone.size))
+    return Simulation(Library(standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(equations.inputs)))
 
 
 def rollout(

@@ -194,8 +194,8 @@ PROBLEMS = [
     (LEFT, LEFT.replace("span/2", "§2*spam"),
      "@: instance 'left': with.length_1: unknown symbol 'spam'; did you mean 'span'?"),
     (LEFT, LEFT.replace("span/2", "§gust"),
-     "@: instance 'left': with.length_1: the input 'gust' cannot stand here, it may change with time; "
-     "use binding: param"),
+     "17:18: point 'left.tip': the input 'length_1' cannot stand here, it may change with time; "
+     "use binding: param, or give the submodel a value that does not change with time"),
     (LEFT, "§trunk" + LEFT.removeprefix("left"),
      "@: instance 'trunk': duplicate name 'trunk', first defined at line 8; rename one of them"),
     ("mirror: y", "mirror: §w", "@: instance 'right': mirror: must be 'x', 'y' or 'z', not 'w'"),

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cutjoint.analysis.closing import evaluate_scene_inputs
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import Output, Scene
@@ -37,6 +38,7 @@ class BlockMechanism:
     ) -> dict[str, Array]:  # fmt: skip
         """The columns of the program's inputs by symbol name."""
         columns = {
+            **evaluate_scene_inputs(self.equations, self.parameters, at.t),
             "t": np.array([at.t]), "motion": np.array([at.motion]), "parameters": self.parameters,
             "numerics": np.array([numerics.penalty, numerics.damping_ratio, numerics.frequency]),
             "penalties": np.full(max(len(self.equations.closures), 1), numerics.penalty),

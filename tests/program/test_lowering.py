@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.formulate.inputs import INPUTS
+from cutjoint.formulate.scene_inputs import LAW_TIME, LAW_VALUES
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene, Tyre
 from cutjoint.program.interpret import FUNCTIONS, interpret_blocks, interpret_scalars
@@ -53,6 +55,7 @@ class Tried:
         self.roads = roads
         self.condition = dense.solve(at, multipliers, NUMERICS).condition
         self.inputs = blocks.inputs(at, multipliers, NUMERICS, rng.standard_normal(dense.nv), rng.standard_normal(dense.m))
+        self.inputs[LAW_TIME] = np.array([at.t])
         functions = blocks.equations.functions
         self.program: Program = schedule(blocks.equations.builder, [(f.name, f.results) for f in functions])
         results = [b for f in functions for b in f.results.values()]
@@ -97,14 +100,14 @@ def test_stages_run_in_turn(tried: Tried) -> None:
     program, graph = tried.program, tried.program.graph
     known = {n: node.data for n, node in enumerate(graph.nodes) if node.op == "const"}
     run(tried, program.loaded, known, {"parameters", "numerics"})
-    run(tried, program.stepped, known, {"t", "motion"})
+    run(tried, program.stepped, known, {"t", "motion", INPUTS, LAW_VALUES})
     kept = {n: value for n, value in known.items() if n in program.stored or graph.nodes[n].op == "const"}
     for n, node in enumerate(graph.nodes):  # the negation of what is kept is written out where it is read
         if node.op == "neg" and node.args[0] in kept:
             kept[n] = -kept[node.args[0]]
     for function in program.functions:
         values = dict(kept)
-        run(tried, function.statements, values, set(tried.inputs) - {"parameters", "numerics", "t", "motion"})
+        run(tried, function.statements, values, set(tried.inputs) - {"parameters", "numerics", "t", "motion", INPUTS, LAW_VALUES})
         direct = interpret_scalars(graph, [r.scalar for r in function.results], tried.inputs, tried.roads)
         assert [values[r.scalar] for r in function.results] == [direct[r.scalar] for r in function.results]
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.analysis.closing import evaluate_scene_inputs
 from cutjoint.analysis.natural import closed_states, dependent_equations
 from cutjoint.analysis.poses import explore
 from cutjoint.elements.joints import JOINTS
@@ -167,6 +168,7 @@ def interpret(case: Case, function: str, state: Mapping[str, np.ndarray]) -> dic
     for symbol, slot in equations.slots.items():
         array = state.get(ARRAYS.get(symbol.partition(":")[0], ""))
         inputs[symbol] = np.zeros(len(slot.names)) if array is None else array[slot.offset : slot.offset + len(slot.names)]
+    inputs |= evaluate_scene_inputs(equations, inputs["parameters"], float(inputs["t"][0]))
     results = equations.function(function).results
     values = interpret_blocks(results.values(), inputs, dict.fromkeys(equations.roads, Ground(case.road)))
     n, m, c = len(equations.coordinate_names), len(equations.equation_names), len(equations.columns)

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.analysis.closing import evaluate_scene_inputs
 from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.formulate.scene_inputs import LAW_TIME
 from cutjoint.locations import runtime_folder
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
@@ -206,8 +208,10 @@ def interpret(case: Case, state: Mapping[str, Any], vdot: np.ndarray) -> dict[st
 def block_inputs(case: Case, state: Mapping[str, Any], vdot: np.ndarray) -> dict[str, np.ndarray]:
     equations = case.equations
     q, v, multipliers = (np.array(state[key]) for key in ("q", "v", "lambda"))
+    parameters = np.array(list(case.parameters.values()))
     inputs = {
-        "t": np.array([state["t"]]), "motion": np.ones(1), "parameters": np.array(list(case.parameters.values())),
+        **evaluate_scene_inputs(equations, parameters, state["t"]), LAW_TIME: np.array([state["t"]]),
+        "t": np.array([state["t"]]), "motion": np.ones(1), "parameters": parameters,
         "numerics": np.array(list(case.numerics.values())),
     }  # fmt: skip
     for chart in equations.charts:

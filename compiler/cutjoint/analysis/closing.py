@@ -8,7 +8,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.inputs import INPUTS
+from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.scene_inputs import LAW_TIME, LAW_VALUES
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 
@@ -84,10 +86,12 @@ def _by_speeds(equations: RecursiveEquations, rates: Array) -> Array:
 def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.0) -> dict[str, Array]:
     """The interpreter's inputs for coordinates (..., coordinates) and speeds (..., speeds) at ``t`` (s), everything else at its default."""
     numerics = equations.scene.numerics
+    parameters = np.array([p.value for p in equations.parameters])
     inputs = {
+        **evaluate_scene_inputs(equations, parameters, t),
         "t": np.full(1, t),
         "motion": np.zeros(1),
-        "parameters": np.array([p.value for p in equations.parameters]),
+        "parameters": parameters,
         "numerics": np.array([1.0 if numerics.penalty is None else numerics.penalty, numerics.damping_ratio, numerics.frequency]),
     }
     for chart in equations.charts:
@@ -97,6 +101,17 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
     for closure in equations.closures:
         inputs[f"lambda:{closure.joint}"] = np.zeros(len(closure.names))
     return inputs
+
+
+def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:
+    """What a step of a mechanism or system reads of its scene's laws at ``t`` (s), by symbol; nothing of a model without inputs."""
+    if not equations.inputs:
+        return {}
+    results = equations.function("scene_inputs").results
+    values = interpret_blocks(results.values(), {LAW_TIME: np.full(1, t), "parameters": parameters}, {})
+    numbers = np.array([values[block][0, 0] for block in results.values()])
+    given = len(equations.slots[INPUTS].names)
+    return {INPUTS: numbers[:given], LAW_VALUES: numbers[given:]}
 
 
 def close_loops(equations: RecursiveEquations, q: Array, across: Array | None = None, t: float = 0.0) -> tuple[Array, Array] | None:

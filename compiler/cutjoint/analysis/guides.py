@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import sympy
 
 from cutjoint.analysis.closing import Array, close_loops, design_coordinates, evaluate_closures, evaluate_guided_rates
-from cutjoint.formulate.inputs import guide_rates
+from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Joint
 
@@ -57,8 +58,9 @@ def _moving(equations: RecursiveEquations) -> list[Joint]:
 
 
 def _rates(equations: RecursiveEquations, joint: Joint) -> Iterator[object]:
+    laws = input_functions(equations.topology.model, equations.scene)
     for guide in joint.guide or ():
-        yield guide_rates(guide, equations.topology.model, equations.scene)[1]
+        yield sympy.diff(guide.subs(laws), TIME)
 
 
 def _not_made_up_for(jacobian: Array, rates: Array) -> Array:

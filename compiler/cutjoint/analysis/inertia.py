@@ -105,7 +105,7 @@ def _effects(equations: RecursiveEquations) -> list[Block]:
     """What the masses resist: each body's momentum and angular momentum about its centre of mass in its own axes."""
     b, model = Builder(), equations.topology.model
     charts = {c.joint: c for c in equations.charts}
-    k = derive_kinematics(b, make_translator(b, model, equations.scene), equations.topology, equations.scene, charts)
+    k = derive_kinematics(b, make_translator(b, model), equations.topology, charts)
     return [block for body in model.bodies for block in _momenta(k, body)]
 
 

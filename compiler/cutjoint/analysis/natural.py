@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
+from cutjoint.analysis.closing import Array, FlatRoad, evaluate_scene_inputs, make_inputs
 from cutjoint.analysis.poses import Pose, explore
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
@@ -53,6 +53,7 @@ def _inputs(equations: SystemEquations, arrays: Mapping[str, Array]) -> dict[str
     start = equations.start
     inputs = make_inputs(start, np.zeros(start.coordinates), np.zeros(start.speeds))
     inputs |= {name: arrays[name] for name in ("parameters", "penalty", "weights", "t", "motion") if name in arrays}
+    inputs |= evaluate_scene_inputs(equations, inputs["parameters"], float(inputs["t"][0]))
     for symbol, slot in equations.slots.items():
         if slot.array in _ARRAYS:
             size = len(slot.names)

@@ -66,7 +66,8 @@ model = click.argument("model", type=click.Path(exists=True, dir_okay=False, pat
 scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
 some_scene = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
 method = click.option("--method", type=click.Choice(list(METHODS)), default=DEFAULT_METHOD, show_default=True, help="Formulation.")
-changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter without recompiling (SI units).")
+changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, 
+                       help="Change a parameter, or hold an input constant, without recompiling (SI units).")  # fmt: skip
 dt = click.option("--dt", type=Setting("dt"), help="Step in s; the scene's otherwise.")
 end = click.option("--end", type=Setting("end", positive=True), help="End time in s; the scene's otherwise.")
 iterations = click.option("--iterations", type=Setting("iterations"),

@@ -14,6 +14,7 @@ from cutjoint.reduce.choose import choose, chosen_model
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.reductions import choice_table
 from cutjoint.run.errors import RunError
+from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 
@@ -23,6 +24,7 @@ def pick_and_play(
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Let method auto pick model, scene and method; nothing is cached, since what it picks was measured."""
     asked = request.options
+    scene, parameters = with_held_inputs(model, scene, parameters)
     require_own(
         "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=asked.solver,
         integrator=asked.integrator, events=asked.events, precision=request.precision, dt=asked.dt, end=asked.end,

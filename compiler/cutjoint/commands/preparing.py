@@ -8,6 +8,7 @@ from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.commands import options
+from cutjoint.formulate.inputs import input_parameters
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
@@ -91,7 +92,8 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
     model = artifact.topology.model
     return PreparedRun(
         model=model.name, counts=topology_facts(artifact.topology, find_mobility(artifact.mechanism)), places=artifact.places,
-        compilation=artifact.compilation, following=changing(model, artifact.scene), run=make_simulator_run(artifact, asked, parameters),
+        compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
+        run=make_simulator_run(artifact, asked, parameters),
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from cutjoint.model.read import read_model
 from cutjoint.reduce.measure import measure_reduced
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.reductions import note_lines, reduction_table
+from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.scenes import find_scene
 
 
@@ -26,8 +27,9 @@ def command(model: Path, scene: str | None, method: str, approximate: bool, dt: 
     """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every reduced model."""
     checked = read_model(model)
     with options.progress_bar(f"reducing {model.name}"):
-        variants = reduction_sequence(checked, find_scene(checked, scene), method, approximate=approximate)
-        costs = measure_reduced(variants, dt=dt, parameters=options.read_parameters(changes))
+        driven, parameters = with_held_inputs(checked, find_scene(checked, scene), options.read_parameters(changes))
+        variants = reduction_sequence(checked, driven, method, approximate=approximate)
+        costs = measure_reduced(variants, dt=dt, parameters=parameters)
     options.out.print(reduction_table(variants, costs))
     for line in note_lines(variants[-1]):
         options.out.print(line, markup=False)

@@ -57,8 +57,8 @@ from cutjoint.run.results import Trajectory
 @options.iterations
 @options.changes
 @click.option("--batch", type=click.Path(exists=True, dir_okay=False, path_type=Path),
-              help="CSV file of parameters, a row for each run (SI units): many runs side by side; --out has a row for each, with end, "
-              "smallest and largest value of each output over the scene's rows.")
+              help="CSV file of parameters and constant inputs, a row for each run (SI units): many runs side by side; --out has a row for "
+              "each, with end, smallest and largest value of each output over the scene's rows.")
 @click.option("--threads", type=options.Setting("threads"), help="Of a batch; as many as processors otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")

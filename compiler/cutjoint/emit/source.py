@@ -16,6 +16,7 @@ from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.locations import templates_folder
 from cutjoint.methods import METHODS
+from cutjoint.model.records import Parameter
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.version import __version__
@@ -25,7 +26,7 @@ LARGE = 40_000
 
 #: Names of the runtime that generated code uses, and of the generated class's own members.
 _TAKEN = frozenset((
-    "AnyMechanism", "AnySystem", "Chart", "Column", "Description", "Loaded", "Mask", "Parameter", "Precision", "Real", "Road",
+    "AnyMechanism", "AnySystem", "Chart", "Column", "Description", "Driven", "Loaded", "Mask", "Parameter", "Precision", "Real", "Road",
     "Stabilisation", "Step", "SystemDescription", "Weights",
 ))  # fmt: skip
 
@@ -110,7 +111,7 @@ class Page:
 
     def functions(self, viewer: Viewer, names: Sequence[str], **view: object) -> dict[str, str]:
         """A file for each function of a class, with what it loads and does at each step."""
-        views = {name: viewer.function(name) for name in names} | {"load": viewer.load(), "begin_step": viewer.begin_step()}
+        views = {name: viewer.function(name) for name in names} | {"load": viewer.load(), viewer.step_name: viewer.step()}
         return {f"{name}.cpp": self.render("function.cpp.jinja", **_function(v), **view) for name, v in views.items()}
 
     def source(self, files: Mapping[str, str]) -> Source:
@@ -141,6 +142,7 @@ def members(viewer: Viewer, equations: Equations) -> dict[str, object]:
     return {
         "loaded": viewer.members(BindingTime.PARAM), "stepped": viewer.members(BindingTime.STEP), "lane_types": viewer.lane_types(),
         "roads": [{"name": name, "index": i} for i, name in enumerate(road_names(equations.roads).values())],
+        "input_values": equations.input_values,
     }  # fmt: skip
 
 
@@ -148,7 +150,8 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
     """What a generated class says of itself; ``lists`` are its fields of names."""
     return {
         "name_lists": [{"field": field, "names": names} for field, names in lists],
-        "parameters": [{"name": p.name, "unit": p.unit, "value": repr(p.value)} for p in equations.parameters],
+        "parameters": _named(equations.parameters),
+        "inputs": _named(equations.inputs),
         "roads": equations.roads,
         "guards": [
             {"name": guard.force.name, "place": _quotable(guard.force.span.place)}
@@ -160,6 +163,10 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
             for d in equations.domains
         ],
     }
+
+
+def _named(parameters: Sequence[Parameter]) -> list[dict[str, str]]:
+    return [{"name": p.name, "unit": p.unit, "value": repr(p.value)} for p in parameters]
 
 
 def switches_of(equations: RecursiveEquations | ImplicitEquations) -> list[dict[str, object]]:

@@ -72,7 +72,8 @@ def _source(page: Page, program: Program, equations: RecursiveEquations, view: M
 def _sizes(equations: RecursiveEquations) -> dict[str, dict[str, int]]:
     return {"sizes": {
         "coordinates": equations.coordinates, "speeds": equations.speeds, "equations": len(equations.equation_names),
-        "cuts": len(equations.closures), "parameters": len(equations.parameters), "roads": len(equations.roads),
+        "cuts": len(equations.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
+        "roads": len(equations.roads),
         "columns": len(equations.columns),
     }}  # fmt: skip
 
@@ -83,7 +84,7 @@ def _view(program: Program, equations: RecursiveEquations, run_file: Mapping[str
     tables = _tables(equations)
     names = {table["name"]: list(table["entries"]) for table in tables}
     return {
-        **_sizes(equations), "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": (),
+        **_sizes(equations), "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, "recursive").class_name, "bytes": simulation_size(program, equations), "causes": _causes(),
         "mark": digest[:16],
         "settings": _settings(run_file), "by_step": _by_step(equations.scene), "tables": tables, "end": repr(float(run_file["end"])),
@@ -128,6 +129,7 @@ def _tables(equations: RecursiveEquations) -> list[dict[str, Any]]:
     place = {name: on_one_line(span.place).replace('"', "?") for name, span in spans.items()}
     tables = {
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
+        "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
         "coordinate_names": equations.coordinate_names, "speed_names": equations.speed_names, "equation_names": equations.equation_names,
         "speed_places": [place[c.joint] for c in equations.charts for _ in c.speed_names],
         "equation_places": [place[c.joint] for c in equations.closures for _ in c.names],

@@ -23,6 +23,7 @@ _ABOUT = {
     "report": "The reported columns.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
     "events": "The values of the switches, at whose changes of sign formulas change.",
+    "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
     "domains": "The margins of the arguments of laws: negative where a law has no value.",
 }
 

@@ -11,7 +11,9 @@ from types import MappingProxyType
 from cutjoint.emit.loops import Written, index, read_by_loops, write_loops
 from cutjoint.emit.names import MACROS, common_name, identifier, name_scalars, road_names, unique
 from cutjoint.emit.printer import STANDARD, Printer, Statement, kept_type, lanes_type
+from cutjoint.formulate.inputs import INPUTS
 from cutjoint.formulate.records import Equations
+from cutjoint.formulate.scene_inputs import LAW_TIME, LAW_VALUES
 from cutjoint.program.blocks import BindingTime, Section
 from cutjoint.program.loops import TO, Rolled, roll
 from cutjoint.program.records import Program, Result
@@ -106,6 +108,8 @@ class Viewer:
             return f"{_MEMBERS[symbol][0]}.{_MEMBERS[symbol][1][index]}"
         if symbol == "penalties":
             return f"stabilisation.penalties[{index}]"
+        if symbol == LAW_TIME:
+            return "t"
         return f"parameters[{index}]" if symbol == "parameters" else symbol
 
     def _kept_names(self) -> dict[int, str]:
@@ -124,6 +128,8 @@ class Viewer:
         symbol, index = node.data
         if symbol in _MEMBERS:
             return _MEMBERS[symbol][1][index]
+        if symbol in (INPUTS, LAW_VALUES):
+            return identifier(self._equations.slots[symbol].names[index])
         if symbol == "penalties":
             return f"penalty_{self._equations.topology.closing[index].name.replace('.', '_')}"
         return f"p_{self._equations.parameters[index].name}" if symbol == "parameters" else f"{symbol}_now"
@@ -147,10 +153,16 @@ class Viewer:
         known = dict(self._inputs)
         return self._early("load", self._equations.load_arguments, self._program.loaded, BindingTime.PARAM, known, ("roads_ = roads;",))
 
-    def begin_step(self) -> FunctionView:
-        """The stage of time."""
+    @property
+    def step_name(self) -> str:
+        """The function that begins a step; with inputs, what `Driven` calls (runtime/include/cutjoint/core/inputs.hpp)."""
+        return "start_step" if self._equations.inputs else "begin_step"
+
+    def step(self) -> FunctionView:
+        """The stage of time, and of inputs where there are some."""
         known = {**self._inputs, **self._known(BindingTime.PARAM)}
-        return self._early("begin_step", ("Real t", "Real motion"), self._program.stepped, BindingTime.STEP, known, ())
+        arguments = ("Real t", "Real motion", *(["const Real* input"] if self._equations.inputs else []))
+        return self._early(self.step_name, arguments, self._program.stepped, BindingTime.STEP, known, ())
 
     def _known(self, latest: BindingTime) -> dict[int, str]:
         nodes = self._program.graph.nodes
@@ -233,7 +245,7 @@ class Viewer:
     ) -> FunctionView:  # fmt: skip
         text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *results])
         names = [a.rpartition(" ")[2] for a in arguments]
-        const = "" if name in ("load", "begin_step") else " const"
+        const = "" if name in ("load", "begin_step", "start_step") else " const"
         return FunctionView(
             signature=f"{name}({', '.join(arguments)}){const}",
             instance=f"{name}({', '.join(a.replace('Real', 'Precision') for a in arguments)}){const}",

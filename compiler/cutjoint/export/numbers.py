@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import sympy
 
 from cutjoint.export.records import Triple
-from cutjoint.formulate.inputs import input_functions
+from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Binding, Model, Scalar, Scene
-from cutjoint.run.run_file import parameter_values
+from cutjoint.run.run_file import given_inputs, parameter_values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,14 +23,16 @@ class Numbers:
 
     @classmethod
     def of(cls, model: Model, scene: Scene, parameters: Mapping[str, float]) -> Numbers:
-        """The numbers of a scene after changes of parameters (SI units).
+        """The numbers of a scene after changes of parameters (SI units), and with inputs that these hold constant.
 
         Raises:
-            RunError: a change names no open parameter.
+            RunError: a change names neither an open parameter nor an input.
         """
         changed = parameter_values(model, parameters)
         values = {p.symbol: changed.get(p.name, p.value) for p in model.parameters if p.binding is not Binding.INPUT}
-        return cls(values=values, inputs=input_functions(model, scene))
+        held = given_inputs(model, parameters)
+        inputs = {p.symbol: sympy.Float(held[p.name]) for p in input_parameters(model) if p.name in held}
+        return cls(values=values, inputs={**input_functions(model, scene), **inputs})
 
     def number(self, expression: Scalar) -> float:
         """The value of an expression over parameters."""

@@ -1,9 +1,10 @@
-"""The inputs of the program: parameters, time, inputs as functions of time, coordinates and speeds."""
+"""The inputs of the program: parameters, time, the model's inputs, coordinates and speeds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import sympy
 
@@ -16,6 +17,10 @@ from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.topology.records import Topology
 
 TIME = sympy.Symbol("t", real=True)
+
+#: The program's symbol of the model's inputs: of each one in turn the numbers of these orders.
+INPUTS = "inputs"
+INPUT_ORDERS = ("value", "rate", "acceleration")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +37,35 @@ def open_parameters(model: Model) -> tuple[Parameter, ...]:
     return tuple(p for p in model.parameters if p.binding is Binding.PARAM)
 
 
-def make_translator(builder: Builder, model: Model, scene: Scene) -> Translator:
-    """A translator that knows time, parameters, and inputs as the scene's functions of time."""
+def input_parameters(model: Model) -> tuple[Parameter, ...]:
+    """The parameters that are read at every step."""
+    return tuple(p for p in model.parameters if p.binding is Binding.INPUT)
+
+
+def input_symbols(parameter: Parameter) -> tuple[Scalar, Scalar, Scalar]:
+    """The symbols of an input's value, rate and acceleration; dots keep the latter two apart from the names of parameters."""
+    return parameter.symbol, *(sympy.Symbol(f"{parameter.name}.{order}", real=True) for order in INPUT_ORDERS[1:])
+
+
+def make_translator(builder: Builder, model: Model) -> Translator:
+    """A translator that knows time, parameters, and inputs with their rates."""
+    values: dict[Scalar, Block] = {TIME: builder.symbol("t", 1, BindingTime.STEP), **parameter_blocks(builder, model)}
+    inputs = input_parameters(model)
+    if inputs:
+        given = builder.symbol(INPUTS, len(INPUT_ORDERS) * len(inputs), BindingTime.STEP)
+        symbols = [symbol for p in inputs for symbol in input_symbols(p)]
+        values |= {symbol: builder.label(builder.element(given, i), _name_of(symbol)) for i, symbol in enumerate(symbols)}
+    return Translator(builder, values)
+
+
+def _name_of(symbol: Scalar) -> str:
+    return str(symbol).replace(".", "_")
+
+
+def parameter_blocks(builder: Builder, model: Model) -> dict[Scalar, Block]:
+    """The blocks of the parameters that do not change in a run."""
     column = open_parameters(model)
-    values: dict[Scalar, Block] = {TIME: builder.symbol("t", 1, BindingTime.STEP)}
+    values: dict[Scalar, Block] = {}
     if column:
         loaded = builder.symbol("parameters", len(column), BindingTime.PARAM)
         for i, parameter in enumerate(column):
@@ -43,23 +73,26 @@ def make_translator(builder: Builder, model: Model, scene: Scene) -> Translator:
     for parameter in model.parameters:
         if parameter.binding is Binding.CONST:
             values[parameter.symbol] = builder.number(parameter.value)
-    translator = Translator(builder, values)
-    inputs = {symbol: translator.scalar(e) for symbol, e in input_functions(model, scene).items()}
-    return translator.with_values(inputs)
+    return values
 
 
 def input_functions(model: Model, scene: Scene) -> Mapping[Scalar, Scalar]:
     """Each input's symbol and its function of time in the scene; constant where the scene does not say."""
-    return {
-        p.symbol: scene.inputs.get(p.name, sympy.Float(p.value)) for p in model.parameters if p.binding is Binding.INPUT
-    }
+    return {p.symbol: scene.inputs.get(p.name, sympy.Float(p.value)) for p in input_parameters(model)}
 
 
-def guide_rates(guide: Scalar, model: Model, scene: Scene) -> tuple[Scalar, Scalar, Scalar]:
-    """A guide's position, rate and acceleration as expressions of time and parameters."""
-    position = guide.subs(input_functions(model, scene))
-    rate = sympy.diff(position, TIME)
-    return position, rate, sympy.diff(rate, TIME)
+def guide_rates(guide: Scalar, model: Model) -> tuple[Scalar, Scalar, Scalar]:
+    """A guide's position, rate and acceleration as expressions of time, parameters, and inputs with their rates."""
+    orders = [input_symbols(p) for p in input_parameters(model)]
+    rate = _time_derivative(guide, orders)
+    return guide, rate, _time_derivative(rate, orders)
+
+
+def _time_derivative(expression: Scalar, inputs: Sequence[tuple[Scalar, Scalar, Scalar]]) -> Scalar:
+    """The total derivative: d/dt + u' d/du + u'' d/du'."""
+    parts = [sympy.diff(expression, TIME)]
+    parts += [sympy.diff(expression, x) * faster for orders in inputs for x, faster in pairwise(orders) if expression.has(x)]
+    return sympy.Add(*parts)
 
 
 def make_numbers(builder: Builder, closing: Sequence[Joint | Gear], closure: str) -> Numbers:

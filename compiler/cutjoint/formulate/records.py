@@ -105,7 +105,8 @@ class Equations:
 
     ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables,
     ``columns`` the outputs with their units, ``slots`` the places of inputs and results, ``load_arguments`` what the generated
-    ``load`` takes.
+    ``load`` takes.  ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that
+    ``scene_inputs`` fills.
     """
 
     topology: Topology
@@ -119,6 +120,8 @@ class Equations:
     slots: Mapping[str, Slot]
     load_arguments: tuple[str, ...]
     domains: tuple[DomainPlace, ...] = ()
+    inputs: tuple[Parameter, ...] = ()
+    input_values: int = 0
 
     def __repr__(self) -> str:
         sizes = f"{self.unknowns} unknowns, {len(self.equation_names)} equations of loops, {len(self.columns)} columns"

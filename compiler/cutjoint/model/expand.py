@@ -94,7 +94,6 @@ def _instance(where: Element, instance: document.Instance, submodel: document.Su
     scope = replace(
         where.scope,
         names={**where.scope.names, **_arguments(where, instance, submodel)},
-        inputs=where.scope.inputs - set(submodel.parameters),
         path=("submodels", instance.use),
         prefix=f"{where.name}.",
         connectors=_connectors(where, instance, submodel),
@@ -106,8 +105,7 @@ def _instance(where: Element, instance: document.Instance, submodel: document.Su
 def _arguments(where: Element, instance: document.Instance, submodel: document.Submodel) -> dict[str, Term]:
     """The values that the instance gives to the submodel's parameters."""
     _match_keys(where, "with", instance.with_, submodel.parameters, "parameter", instance.use)
-    names = where.scope.constants()
-    given = {name: where.term(value, ("with", name), names) for name, value in instance.with_.items()}
+    given = {name: where.term(value, ("with", name), where.scope.names) for name, value in instance.with_.items()}
     return {name: given.get(name, FAILED_TERM) for name in submodel.parameters}
 
 

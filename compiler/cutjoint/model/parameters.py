@@ -29,11 +29,10 @@ class Parameters:
 
     def extend(self, scope: Scope) -> Scope:
         """The scope of a model that has these parameters."""
-        moving = {p.symbol for p in self.own if p.binding is Binding.INPUT}
         return replace(
             scope, names=self.terms, values={p.symbol: p.value for p in self.own},
             settled={p.symbol: sympy.Float(p.value) for p in self.own if p.binding is Binding.CONST},
-            inputs=frozenset(name for name, term in self.terms.items() if term.value.free_symbols & moving),
+            moving=frozenset(p.symbol for p in self.own if p.binding is Binding.INPUT),
         )  # fmt: skip
 
 

@@ -48,8 +48,8 @@ class Directory:
 class Scope:
     """Where elements are read: the model itself (empty ``prefix``) or one instance of a submodel.
 
-    ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``inputs``
-    those of them that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
+    ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
+    the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
     that never change.  ``connectors`` maps local body names to full ones.
     """
 
@@ -58,7 +58,7 @@ class Scope:
     directory: Directory
     names: Mapping[str, Term]
     values: Mapping[Scalar, float]
-    inputs: frozenset[str] = frozenset()
+    moving: frozenset[Scalar] = frozenset()
     settled: Mapping[Scalar, Scalar] = field(default_factory=dict)
     path: Path = ()
     prefix: str = ""
@@ -70,8 +70,8 @@ class Scope:
         return self.connectors.get(name, self.prefix + name)
 
     def constants(self) -> dict[str, Term]:
-        """The symbols without inputs."""
-        return {name: term for name, term in self.names.items() if name not in self.inputs}
+        """The symbols without inputs, and without what follows from these."""
+        return {name: term for name, term in self.names.items() if self.moving.isdisjoint(term.value.free_symbols)}
 
 
 @dataclass(frozen=True)
@@ -110,11 +110,10 @@ class Element:
         """Message and hint; a parameter that is known elsewhere is named as such."""
         for name in self.scope.names.keys() - names.keys():
             if error.message == f"unknown symbol '{name}'":
-                if names:
-                    return (
-                        f"the input '{name}' cannot stand here, it may change with time",
-                        "use binding: param",
-                    )
+                takes_parameters = names or not self.scope.constants()
+                if takes_parameters and not self.scope.moving.isdisjoint(self.scope.names[name].value.free_symbols):
+                    own = "" if not self.scope.prefix else ", or give the submodel a value that does not change with time"
+                    return f"the input '{name}' cannot stand here, it may change with time", f"use binding: param{own}"
                 return f"the parameter '{name}' cannot stand here", "write a number"
         return error.message, error.hint
 

@@ -22,6 +22,7 @@ from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
 from cutjoint.reduce.rolling import roll_straight
+from cutjoint.reduce.settled import settle_inputs
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.errors import RunError
 from cutjoint.topology.spanning_tree import TopologyError
@@ -160,6 +161,7 @@ def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> N
 
 
 def _variant(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedModel:
+    outcome = settle_inputs(outcome) if outcome.done else outcome
     equations, program, _ = generate(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
     return ReducedModel(
         name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=equations.unknowns,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import sympy
 
-from cutjoint.formulate.inputs import guide_rates
+from cutjoint.formulate.inputs import input_functions
 from cutjoint.model.records import GROUND, Body, Joint, Marker, Model, Output, Scene
 from cutjoint.reduce.records import Note, Outcome
 from cutjoint.reduce.rename import hand_over
@@ -25,7 +25,7 @@ def weld_bodies(model: Model, scene: Scene) -> Outcome:
 
 def _at_rest(joint: Joint, model: Model, scene: Scene) -> bool:
     """Whether a guide is nought whatever the time and the open parameters are."""
-    return joint.guide is not None and all(bool(guide_rates(law, model, scene)[0].is_zero) for law in joint.guide)
+    return joint.guide is not None and all(bool(law.subs(input_functions(model, scene)).is_zero) for law in joint.guide)
 
 
 def _weld(outcome: Outcome, joint: Joint) -> Outcome:

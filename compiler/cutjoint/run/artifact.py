@@ -15,6 +15,7 @@ from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest
+from cutjoint.run.inputs import GivenInput
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
@@ -102,18 +103,19 @@ def start_of(equations: RecursiveEquations) -> Start:
 
 
 def make_simulator_run(
-    artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *, tangents: bool = False
+    artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *,
+    inputs: Mapping[str, GivenInput] | None = None, tangents: bool = False,
 ) -> SimulatorRun:  # fmt: skip
-    """The run of a compiled model with options and ``parameters`` (SI units); one with ``tangents`` reports Jacobians.
+    """The run of a compiled model with options, ``parameters`` and ``inputs`` (SI units); one with ``tangents`` reports Jacobians.
 
     Raises:
-        RunError: a parameter that cannot be set, options that do not go together, or that no run has.
+        RunError: a parameter or an input that cannot be set, options that do not go together, or that no run has.
     """
     if tangents:
         _require_tangents(artifact, options)
     run_file = make_run_file(
         artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
-        implementation=artifact.implementation, options=options,
+        implementation=artifact.implementation, options=options, inputs=inputs or {},
     )  # fmt: skip
     goal = find_goal(artifact.scene, artifact.method, run_file["integrator"], options)
     return SimulatorRun(

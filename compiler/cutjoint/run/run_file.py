@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
+from types import MappingProxyType
 from typing import Any
 
 import sympy
 
 from cutjoint.elements.joint import ATTITUDE
-from cutjoint.formulate.inputs import open_parameters
+from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Implementation
 from cutjoint.model.attitudes import fault_of_quaternion, normalised
 from cutjoint.model.evaluate import evaluate
@@ -19,6 +20,7 @@ from cutjoint.model.ranges import fault_of, fault_of_state
 from cutjoint.model.records import Binding, Model, Scalar, Scene, Tyre
 from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.run.errors import RunError
+from cutjoint.run.inputs import GivenInput, input_entries
 from cutjoint.run.options import Options
 from cutjoint.run.roads import road_pieces
 from cutjoint.run.settings import Settings, find_settings, with_options
@@ -27,19 +29,26 @@ _NOTHING_ASKED = Options()
 
 
 def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
-    """The open parameters with their values after ``changes`` (SI units).
+    """The open parameters with their values after ``changes`` (SI units); changes of inputs have no part in them.
 
     Raises:
-        RunError: a change names no open parameter, or has no finite value.
+        RunError: a change names neither an open parameter nor an input, or has no finite value.
     """
-    values = {p.name: p.value for p in open_parameters(model)}
+    values, inputs = {p.name: p.value for p in open_parameters(model)}, {p.name for p in input_parameters(model)}
     for name, value in changes.items():
+        if name in inputs:
+            continue
         if name not in values:
-            raise RunError(_unknown(model, name, sorted(values)))
+            raise RunError(_unknown(model, name, sorted({*values, *inputs})))
         if fault := fault_of(value):
             raise RunError(f"parameter '{name}': {fault}")
         values[name] = value
     return values
+
+
+def given_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
+    """Those of ``changes`` that are inputs: they hold them constant."""
+    return {p.name: changes[p.name] for p in input_parameters(model) if p.name in changes}
 
 
 def _unknown(model: Model, name: str, known: list[str]) -> str:
@@ -56,27 +65,32 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
 def make_run_file(
     model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "", method: str = DEFAULT_METHOD,
     implementation: Implementation = Implementation.GENERATED, options: Options = _NOTHING_ASKED,
+    inputs: Mapping[str, GivenInput] = MappingProxyType({}),
 ) -> dict[str, Any]:  # fmt: skip
     """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of methods with a linear system also "factor", of
     batches "batch".
 
-    ``changes`` are values (SI units) of open parameters.  "steps_out" may be added, where iterations and residuals of each step go,
+    ``changes`` are values (SI units) of open parameters, and of inputs that are held constant; ``inputs`` are constants or tables over
+    time.  Inputs that neither names follow the scene.  "steps_out" may be added, where iterations and residuals of each step go,
     "tangents_out", where the recursive method's Jacobians at each row do, and "states", of which "evaluate" evaluates; a batch needs
     "cases", what each run has of its own, and "threads".  "numerics" are the settings of steps, "stabilisation" those of the cut joints
     of the recursive equations, which start every run.
 
     Raises:
-        RunError: a change names no open parameter, has no finite value, or leaves the start or a road without a finite value; settings
-            do not go together, or one is out of its range; the run has no steps, or too many.
+        RunError: a change names neither an open parameter nor an input, has no finite value, or leaves the start or a road
+            without a finite value; an input is given wrongly; settings do not go together, or one is out of its range; the run has no
+            steps, or too many.
     """
     scene = with_options(scene, method, options, has_rows=task != "realtime")
     settings = find_settings(scene, METHODS[method], implementation, options)
     parameters = parameter_values(model, changes)
+    given = input_entries(model, scene, _joined(given_inputs(model, changes), inputs))
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
     return {
         "task": task,
         "parameters": parameters,
+        **({"inputs": given} if input_parameters(model) else {}),
         **settings.parts(),
         "end": scene.end,
         "output_step": scene.output_step,
@@ -84,6 +98,12 @@ def make_run_file(
         **following(model, scene, parameters, tuple(_sources(model, scene))),
         "out": out,
     }
+
+
+def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict[str, GivenInput]:
+    if twice := [name for name in inputs if name in held]:
+        raise RunError(f"input '{twice[0]}' is given twice; give it in one of the two ways")
+    return {**held, **inputs}
 
 
 def changing(model: Model, scene: Scene) -> tuple[str, ...]:

@@ -38,8 +38,12 @@ class SimulatorRun:
     is_free: bool = False
 
     def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
-        """The run with other values (SI units) of open parameters that nothing else in the run file follows from."""
-        return replace(self, run_file={**self.run_file, "parameters": {**self.run_file["parameters"], **changes}})
+        """The run with other values (SI units) of open parameters that nothing else in the run file follows from, and of inputs."""
+        changed = dict(self.run_file)
+        for name, value in changes.items():
+            part = "parameters" if name in self.run_file["parameters"] else "inputs"
+            changed[part] = {**changed[part], name: value}
+        return replace(self, run_file=changed)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -79,6 +79,7 @@ def heading(trees: Trees) -> Json:
         "scene": trees.scene.name,
         "gravity": trees.all(model.gravity),
         "parameters": [{"name": p.name, "unit": p.unit, "default": p.value} for p in open_parameters(model)],
+        "inputs": trees.inputs(),
         "roads": [force.name for force in model.forces if isinstance(force, Tyre)],
     }
 

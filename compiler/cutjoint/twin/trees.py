@@ -1,7 +1,8 @@
 """Expressions as trees in the descriptions (JSON) for the generic twins, which interpret a model at run time.
 
-A tree is a number, ``["p", i]`` for parameter i, ``["t"]``, ``["motion"]`` (0 where the mechanism is held at rest, else 1), a variable of
-the law by name, or ``[operation, tree, ...]`` with the operations of the block IR.  Parameters of binding const are numbers.
+A tree is a number, ``["p", i]`` for parameter i, ``["u", i]`` for number i of the inputs (three of each), ``["t"]``, ``["motion"]`` (0
+where the mechanism is held at rest, else 1), a variable of the law by name, or ``[operation, tree, ...]`` with the operations of the block
+IR.  Parameters of binding const are numbers.
 """
 
 from __future__ import annotations
@@ -12,7 +13,15 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.formulate.inputs import guide_rates, make_translator
+from cutjoint.formulate.inputs import (
+    INPUT_ORDERS,
+    INPUTS,
+    TIME,
+    guide_rates,
+    input_functions,
+    input_parameters,
+    make_translator,
+)
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.expressions import variable
 from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, JointForce, Model, PointSpring, Scalar, Scene, Tyre
@@ -37,7 +46,7 @@ class Trees:
         """The trees of a model in a scene."""
         builder = Builder()
         variables = {variable(n): builder.symbol(n, 1, BindingTime.ITERATION) for n in VARIABLES}
-        return cls(make_translator(builder, model, scene).with_values(variables), model, scene)
+        return cls(make_translator(builder, model).with_values(variables), model, scene)
 
     def one(self, expression: Scalar) -> Any:
         """One expression."""
@@ -49,8 +58,19 @@ class Trees:
 
     def guide(self, guide: Scalar) -> list[Any]:
         """A guided coordinate and its first two rates."""
-        position, *rates = self.all(guide_rates(guide, self.model, self.scene))
+        position, *rates = self.all(guide_rates(guide, self.model))
         return [position, *map(in_motion, rates)]
+
+    def inputs(self) -> list[Json]:
+        """The inputs, each with its law in the scene and the law's first and second derivative."""
+        laws = input_functions(self.model, self.scene)
+        return [
+            {
+                "name": p.name, "unit": p.unit, "default": p.value,
+                "law": self.all(sympy.diff(laws[p.symbol], TIME, order) for order in range(len(INPUT_ORDERS))),
+            }
+            for p in input_parameters(self.model)
+        ]  # fmt: skip
 
     def law(self, law: Scalar, position: str) -> Json:
         """A law with its partial derivatives by a position and its rate."""
@@ -83,8 +103,8 @@ def _tree(block: Block) -> Any:
             return data[0][0]
         case "symbol":
             return ["p", 0] if data == "parameters" else [data]
-        case "take":  # of the column of parameters
-            return ["p", data[0][0]]
+        case "take":  # of the column of parameters, or of that of inputs
+            return ["u" if block.args[0].data == INPUTS else "p", data[0][0]]
         case "call":
             return [data[0], *map(_tree, block.args)]
         case "add" | "sub" | "mul" | "neg":

@@ -21,12 +21,12 @@ class InitialState {
   using Real = typename M::real_type;
 
   InitialState(M& mechanism, const RunSettings& settings, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), inputs_(d_, file),
-        initialisation_(mechanism,
+      : mechanism_(mechanism), d_(mechanism.description()), file_(file), state_(d_), data_(d_, file),
+        initialisation_(driven(mechanism),
                         {.stabilisation = settings.stabilisation,
                          .equilibrium = settings.pose == Pose::equilibrium,
                          .fixed_point_step = settings.integrator == Integrator::trapezoidal ? Real(settings.dt) : Real(0)},
-                        inputs_.parameters().data(), inputs_.roads().data()) {}
+                        data_.parameters().data(), data_.roads().data()) {}
 
   InitialState(const InitialState&) = delete;
   InitialState& operator=(const InitialState&) = delete;
@@ -50,6 +50,12 @@ class InitialState {
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
  private:
+  /// The mechanism with the inputs of the run.
+  M& driven(M& mechanism) {
+    data_.drive(mechanism);
+    return mechanism;
+  }
+
   /// Values that the run file gives, and which they are.
   std::vector<unsigned char> read(const char* key, const std::vector<std::string_view>& names, std::vector<Real>& values) const {
     const std::vector<bool> given = read_given(file_.at(key), names, values);
@@ -60,7 +66,7 @@ class InitialState {
   const Description& d_;
   const Json& file_;
   State<Real> state_;
-  Inputs<Real> inputs_;
+  ModelData<Real> data_;
   Initialisation<M> initialisation_;
   std::vector<std::string> undetermined_;
 };

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/precision.hpp"
 
@@ -54,6 +55,7 @@ struct Description {
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
   std::vector<int> cuts{};                    ///< first equation of each cut joint
+  std::vector<Named> inputs{};                ///< inputs with the model's values, SI units
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change
@@ -74,6 +76,7 @@ class AnyMechanism {
   virtual const Description& description() const = 0;
   virtual void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) = 0;
   virtual void begin_step(Real t, Real motion) = 0;
+  virtual void drive_by(const InputSource<Real>&) {}  ///< only models with inputs have it
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
   virtual void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;

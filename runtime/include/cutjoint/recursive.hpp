@@ -29,14 +29,14 @@ class Recursive {
   using Real = typename M::real_type;
 
   Recursive(M& mechanism, const RunSettings& settings, const Json& file)
-      : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), inputs_(d_, file), state_(d_), guards_(mechanism),
+      : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), data_(d_, file), state_(d_), guards_(mechanism),
         dt_(settings.dt), residual_(d_.equations.size()), rate_(d_.equations.size()) {
     load_penalties(std::vector<double>(d_.cuts.size(), settings.stabilisation.penalty.value_or(1.0)));
   }
 
   /// Load the mechanism with the penalties of its cut joints, which its start has found.
   void load_penalties(const std::vector<double>& penalties) {
-    inputs_.load_mechanism(mechanism_, settings_.stabilisation, converted<Real>(penalties));
+    data_.load_mechanism(mechanism_, settings_.stabilisation, converted<Real>(penalties));
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
@@ -147,7 +147,7 @@ class Recursive {
   const Description& d_;
   const RunSettings& settings_;
   const Json& file_;
-  Inputs<Real> inputs_;
+  ModelData<Real> data_;
   State<Real> state_;
   Guards<M> guards_;
   Real origin_{0}, dt_;

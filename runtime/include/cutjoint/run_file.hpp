@@ -1,4 +1,4 @@
-// What a run file says of roads, parameters and states.
+// What a run file says of roads, parameters, inputs and states.
 #pragma once
 
 #include <array>
@@ -11,6 +11,7 @@
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/read_json.hpp"
 #include "cutjoint/core/road.hpp"
+#include "cutjoint/run_inputs.hpp"
 #include "cutjoint/settings.hpp"
 
 namespace cutjoint {
@@ -75,34 +76,42 @@ const std::vector<Switch>& switches_of(const Described& d, const RunSettings& se
   return settings.events ? d.switches : none;
 }
 
-/// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads.
+/// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads and to the inputs.
 template <class Real>
-class Inputs {
+class ModelData {
  public:
   template <class Described>
-  Inputs(const Described& d, const Json& file)
-      : roads_(d.roads, file), parameters_(read_parameters<Real>(d.parameters, file)) {}
+  ModelData(const Described& d, const Json& file)
+      : roads_(d.roads, file), parameters_(read_parameters<Real>(d.parameters, file)), inputs_(d.inputs, file) {}
 
-  Inputs(const Inputs&) = delete;
-  Inputs& operator=(const Inputs&) = delete;
+  ModelData(const ModelData&) = delete;
+  ModelData& operator=(const ModelData&) = delete;
 
   const std::vector<Road<Real>>& roads() const { return roads_.list(); }
 
   const std::vector<Real>& parameters() const { return parameters_; }
 
   template <class M>
-  void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) const {
+  void drive(M& mechanism) {
+    mechanism.drive_by(inputs_.source());
+  }
+
+  template <class M>
+  void load_mechanism(M& mechanism, const StabilisationSettings& stabilisation, const std::vector<Real>& penalties) {
+    drive(mechanism);
     cutjoint::load_mechanism(mechanism, parameters_.data(), roads().data(), stabilisation, penalties);
   }
 
   template <class S>
-  void load_system(S& system) const {
+  void load_system(S& system) {
+    drive(system);
     system.load(parameters_.data(), roads().data());
   }
 
  private:
   Roads<Real> roads_;
   std::vector<Real> parameters_;
+  RunInputs<Real> inputs_;
 };
 
 /// Values by name into an array; true where one was given.

@@ -35,6 +35,7 @@ from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematic
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
 from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
 from cutjoint.formulate.recursive.reactions import Reactions
+from cutjoint.formulate.scene_inputs import derive_scene_inputs
 from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output, Tyre
@@ -50,7 +51,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     """
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
-    k = derive_kinematics(b, make_translator(b, model, scene), topology, scene, {c.joint: c for c in start.charts})
+    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in start.charts})
     system = SharedForces(builder=b)
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
@@ -72,8 +73,9 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         model=model, kinematics=k, forces=forces, loops=loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
     )  # fmt: skip
     dynamic_residual = system_of.dynamic_residual()
-    switches = find_switches(b, dynamic_residual.values())
-    domains = find_domains(b, dynamic_residual.values())
+    laws = derive_scene_inputs(b, model, scene, dynamic_residual.values())
+    switches = [*find_switches(b, dynamic_residual.values()), *laws.switches]
+    domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
     functions = system_functions(
         initial_coordinates=_initial_coordinates(b, start), dynamic_residual=dynamic_residual, tangent=system_of.tangent(),
         constraint_residual=system_of.constraint_residual(), apply_jacobian_transposed=system_of.apply_jacobian_transposed(),
@@ -83,12 +85,15 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
-        functions=(*functions, *guard_function(margins), *events_function(switches), *domains_function(domains)), method="recursive-newton",
+        functions=(
+            *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions
+        ), method="recursive-newton",
         slots={
             **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
+            **laws.slots,
         },
         start=start, load_arguments=LOAD_ARGUMENTS,
-        switches=describe_switches(b, switches), domains=describe_domains(b, domains),
+        switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
     )  # fmt: skip
 
 

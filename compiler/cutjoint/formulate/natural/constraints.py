@@ -21,7 +21,7 @@ from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses, total
 from cutjoint.kernels.directions import slide_axis
-from cutjoint.model.records import GROUND, Gear, Joint, Model, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Gear, Joint, Model, Scalar, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
@@ -122,14 +122,13 @@ def multipliers(b: Builder, constraint: Constraint) -> Block:
 
 
 class ConstraintMaker:
-    """Derives the constraints of all groups, joints and gears in a scene."""
+    """Derives the constraints of all groups, joints and gears."""
 
-    def __init__(self, motions: NodeMotions, model: Model, scene: Scene) -> None:
+    def __init__(self, motions: NodeMotions, model: Model) -> None:
         self._b = motions.builder
         self._m = motions
         self._layout = motions.layout
         self._model = model
-        self._scene = scene
 
     def all(self) -> list[Constraint]:
         """The constraints, bodies first."""
@@ -319,7 +318,7 @@ class ConstraintMaker:
     def _course(self, guide: Scalar) -> tuple[Block, Block, Block]:
         """A guide's position, rate and acceleration; the latter are nought where the mechanism is held at rest."""
         b, motion = self._b, self._b.symbol("motion", 1, BindingTime.STEP)
-        place, rate, acceleration = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model, self._scene))
+        place, rate, acceleration = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model))
         return place, b.mul(motion, rate), b.mul(motion, acceleration)
 
 

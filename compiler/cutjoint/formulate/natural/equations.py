@@ -29,6 +29,7 @@ from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.natural.start import place_nodes
 from cutjoint.formulate.records import Column, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
+from cutjoint.formulate.scene_inputs import derive_scene_inputs
 from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
 from cutjoint.methods import METHODS
 from cutjoint.model.quantities import unit_of
@@ -51,19 +52,19 @@ def formulate_lagrangian(
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
     require_coordinates(model, scene, outputs)
-    translator = make_translator(b, model, scene)
-    k = derive_kinematics(b, translator, topology, scene, {c.joint: c for c in start.charts})
+    translator = make_translator(b, model)
+    k = derive_kinematics(b, translator, topology, {c.joint: c for c in start.charts})
     layout = lay_out(topology, scene, outputs)
     motions = NodeMotions(builder=b, translator=translator, layout=layout)
     maker = ForceMaker(motions, model, scene)
     system = _System(
-        b=b, motions=motions, layout=layout, constraints=tuple(_without(b, ConstraintMaker(motions, model, scene).all(), left_out)),
+        b=b, motions=motions, layout=layout, constraints=tuple(_without(b, ConstraintMaker(motions, model).all(), left_out)),
         elements={e.name: e for e in maker.all()}, masses=tuple(_masses(layout, model)), maker=maker, start=start,
     )  # fmt: skip
     guarded, margins = maker.guarded()
     reported = system.elements | {e.name: e for e in guarded}
     reporter = NaturalReporter(
-        model=model, scene=scene, motions=motions, elements=reported, constraints=system.constraints
+        model=model, motions=motions, elements=reported, constraints=system.constraints
     )  # fmt: skip
     tangent = system.classical() if METHODS[method].saddle_point else system.augmented()
     placed = {
@@ -71,7 +72,8 @@ def formulate_lagrangian(
         for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
     }  # fmt: skip
     dynamic_residual = system.dynamic_residual()
-    domains = find_domains(b, dynamic_residual.values())
+    laws = derive_scene_inputs(b, model, scene, dynamic_residual.values(), events=False)
+    domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
     functions = system_functions(
         initial_coordinates=placed, dynamic_residual=dynamic_residual, tangent=tangent, constraint_residual=system.constraint_residual(),
         apply_jacobian_transposed=system.apply_jacobian_transposed(), apply_jacobian=system.apply_jacobian(),
@@ -81,12 +83,12 @@ def formulate_lagrangian(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
-        functions=(*functions, *guard_function(margins), *domains_function(domains)), method=method,
+        functions=(*functions, *guard_function(margins), *domains_function(domains), *laws.functions), method=method,
         slots={
             **chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs), **margin_slots(model, scene),
-            **domain_slots(domains),
+            **domain_slots(domains), **laws.slots,
         },
-        domains=describe_domains(b, domains),
+        domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         start=start, layout=layout, constraints=system.constraints,
         load_arguments=LOAD_ARGUMENTS,
     )  # fmt: skip

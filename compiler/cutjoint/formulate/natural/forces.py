@@ -235,7 +235,7 @@ class ForceMaker:
         assert joint.guide is not None
         guide = joint.guide[joint.element.coordinates.index(force.coordinate)]
         motion = self._b.symbol("motion", 1, BindingTime.STEP)
-        position, rate, _ = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model, self._scene))
+        position, rate, _ = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model))
         return {POSITION: position, RATE: self._b.mul(motion, rate)}
 
     def _bushing(self, force: Bushing) -> Element:

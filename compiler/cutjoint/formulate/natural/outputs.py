@@ -15,7 +15,7 @@ from cutjoint.formulate.natural.reactions import ReactionMaker
 from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reaction_component
-from cutjoint.model.records import Joint, Model, Output, Reaction, RodForce, Scene, Vector
+from cutjoint.model.records import Joint, Model, Output, Reaction, RodForce, Vector
 from cutjoint.program.blocks import BindingTime, Block
 
 
@@ -24,7 +24,6 @@ class NaturalReporter:
     """Knows every quantity of a system in natural coordinates."""
 
     model: Model
-    scene: Scene
     motions: NodeMotions
     elements: Mapping[str, Element]
     constraints: tuple[Constraint, ...]
@@ -98,7 +97,7 @@ class NaturalReporter:
     def _guided(self, joint: Joint, coordinate: str, is_rate: bool) -> Block:
         assert joint.guide is not None
         guide = joint.guide[joint.element.coordinates.index(coordinate)]
-        place, rate, _ = (self.motions.translator.scalar(e) for e in guide_rates(guide, self.model, self.scene))
+        place, rate, _ = (self.motions.translator.scalar(e) for e in guide_rates(guide, self.model))
         return self.motions.builder.mul(self.motions.builder.symbol("motion", 1, BindingTime.STEP), rate) if is_rate else place
 
     def _slide(self, joint: Joint, coordinate: str) -> Motion:

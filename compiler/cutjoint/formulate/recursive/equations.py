@@ -23,6 +23,7 @@ from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
 from cutjoint.formulate.recursive.reactions import Reactions
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
+from cutjoint.formulate.scene_inputs import derive_scene_inputs
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene, Tyre
@@ -46,12 +47,12 @@ def formulate_recursive(
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``constraint_residual``: q, v -> residual and its
     rate; ``report``: q, v, vdot, lambda -> the outputs; ``project``: q, gap -> the step of the speeds' integrals that closes the gaps of
     the cut joints and moves the masses least; with guards ``guard``: q, v -> margins; with switches ``events``: q, v -> their values; with
-    laws that may have no value ``domains``: q, v -> the margins of their arguments.
+    laws that may have no value ``domains``: q, v -> the margins of their arguments; with inputs ``scene_inputs``: t -> the scene's inputs.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
     numbers = make_numbers(b, topology.closing, closure)
-    k = derive_kinematics(b, make_translator(b, model, scene), topology, scene, {c.joint: c for c in charts})
+    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in charts})
     system = BodySystem(builder=b)
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
@@ -74,8 +75,9 @@ def formulate_recursive(
     )  # fmt: skip
     closures = _closures(loops)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
-    switches = find_switches(b, accelerations.values())
-    domains = find_domains(b, accelerations.values())
+    laws = derive_scene_inputs(b, model, scene, accelerations.values())
+    switches = [*find_switches(b, accelerations.values()), *laws.switches]
+    domains = [*find_domains(b, accelerations.values()), *laws.domains]
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={
             **accelerations, **{f"correction:{loop.element.name}": correction[loop.element.name] for loop in loops},
@@ -94,6 +96,7 @@ def formulate_recursive(
         *guard_function(margins),
         *events_function(switches),
         *domains_function(domains),
+        *laws.functions,
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
@@ -101,9 +104,9 @@ def formulate_recursive(
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
             **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),
-            **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
+            **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots,
         },
-        switches=describe_switches(b, switches), domains=describe_domains(b, domains),
+        switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip
 

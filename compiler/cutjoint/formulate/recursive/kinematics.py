@@ -16,7 +16,7 @@ from cutjoint.formulate.inputs import guide_rates, reference_point
 from cutjoint.formulate.records import Chart
 from cutjoint.formulate.translate import Translator
 from cutjoint.kernels.joints import QUATERNION, JointKernel, derive_joint, inner_point
-from cutjoint.model.records import GROUND, Model, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Model, Scalar, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint
 
@@ -127,7 +127,7 @@ def motion_cross(builder: Builder, twist: Block, motion: Block) -> Block:
 
 
 def derive_kinematics(
-    builder: Builder, translator: Translator, topology: Topology, scene: Scene, charts: Mapping[str, Chart]
+    builder: Builder, translator: Translator, topology: Topology, charts: Mapping[str, Chart]
 ) -> Kinematics:
     """The frames and motions of all bodies."""
     b = builder
@@ -138,14 +138,14 @@ def derive_kinematics(
     for t in topology.tree:
         equation = "R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)"
         with b.section("kinematics", t.joint.name, equation, t.joint.span.place):
-            _add_joint(k, t, topology.model, scene, charts.get(t.joint.name))
+            _add_joint(k, t, topology.model, charts.get(t.joint.name))
     return k
 
 
-def _add_joint(k: Kinematics, t: TreeJoint, model: Model, scene: Scene, chart: Chart | None) -> None:
+def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -> None:
     b = k.builder
     kernel = derive_joint(t)
-    position, quaternion, rate, acceleration = _coordinates(k, t, kernel, model, scene, chart)
+    position, quaternion, rate, acceleration = _coordinates(k, t, kernel, model, chart)
     local = k.translator.with_values(dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False)))
     local = local.with_values(dict(zip(kernel.u, rate, strict=True)))
     turn = b.name(local.matrix(kernel.rotation), "R", t.joint.name)
@@ -169,12 +169,12 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, scene: Scene, chart: C
 
 
 def _coordinates(
-    k: Kinematics, t: TreeJoint, kernel: JointKernel, model: Model, scene: Scene, chart: Chart | None
+    k: Kinematics, t: TreeJoint, kernel: JointKernel, model: Model, chart: Chart | None
 ) -> tuple[tuple[Block, ...], tuple[Block, ...], tuple[Block, ...], tuple[Block, ...]]:
     """Scalar coordinates, quaternion, speeds, and (of a guided joint) accelerations."""
     b, name = k.builder, t.joint.name
     if t.joint.guide is not None:
-        columns = [_guided(k, guide, model, scene) for guide in t.joint.guide]
+        columns = [_guided(k, guide, model) for guide in t.joint.guide]
         for coordinate, column in zip(kernel.q, columns, strict=True):
             which = () if len(columns) == 1 else (str(coordinate).removeprefix("q_"),)
             for block, symbol in zip(column, ("q", "v", "vdot"), strict=True):
@@ -190,11 +190,11 @@ def _coordinates(
     return position[: chart.scalars], position[chart.scalars :], rate, ()
 
 
-def _guided(k: Kinematics, guide: Scalar, model: Model, scene: Scene) -> tuple[Block, Block, Block]:
+def _guided(k: Kinematics, guide: Scalar, model: Model) -> tuple[Block, Block, Block]:
     """A guided coordinate with its rate and acceleration, which are nought where the mechanism is held at rest."""
     b = k.builder
     motion = b.symbol("motion", 1, BindingTime.STEP)
-    place, rate, acceleration = (k.translator.scalar(e) for e in guide_rates(guide, model, scene))
+    place, rate, acceleration = (k.translator.scalar(e) for e in guide_rates(guide, model))
     return place, b.mul(motion, rate), b.mul(motion, acceleration)
 
 

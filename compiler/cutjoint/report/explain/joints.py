@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import sympy
 
 from cutjoint.elements.joint import JointElement
-from cutjoint.formulate.inputs import TIME, guide_rates
+from cutjoint.formulate.inputs import TIME, guide_rates, input_functions
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.kernels.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
 from cutjoint.model.records import Joint, Model, Scalar
@@ -104,16 +104,21 @@ def _row(t: TreeJoint, model: Model) -> tuple[str, ...]:
 
 
 def explain_guide(joint: Joint, equations: Equations) -> tuple[str, ...]:
-    """A guided coordinate, its rate and acceleration as functions of time; nothing of a free one."""
+    """A guided coordinate, its rate and acceleration as functions of time and of inputs, and the scene's laws of these; nothing of a free
+    one."""
     if joint.guide is None:
         return ()
     model = equations.topology.model
     symbols = {**parameter_symbols(model), TIME: "t"}
     marks = ("", r"\dot ", r"\ddot ")
-    return tuple(
-        f"{mark}{coordinate_symbol(name)} = {latex(rate, symbols)}"
-        for name, guide in zip(joint.element.coordinates, joint.guide, strict=True)
-        for mark, rate in zip(marks, guide_rates(guide, model, equations.scene), strict=True)
+    used = set().union(*(guide.free_symbols for guide in joint.guide))
+    return (
+        *(
+            f"{mark}{coordinate_symbol(name)} = {latex(rate, symbols)}"
+            for name, guide in zip(joint.element.coordinates, joint.guide, strict=True)
+            for mark, rate in zip(marks, guide_rates(guide, model), strict=True)
+        ),
+        *(f"{symbols[u]} = {latex(law, symbols)}" for u, law in input_functions(model, equations.scene).items() if u in used),
     )
 
 

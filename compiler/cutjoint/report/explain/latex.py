@@ -13,6 +13,7 @@ import sympy
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
+from cutjoint.formulate.inputs import input_parameters, input_symbols
 from cutjoint.model.records import Model, Scalar, Vector
 
 #: Digits of a number in the text.
@@ -142,8 +143,11 @@ def sum_lines(name: str, law: Scalar, symbols: Symbols) -> str:
 
 
 def parameter_symbols(model: Model) -> dict[Scalar, str]:
-    """The LaTeX of the model's parameters."""
-    return {p.symbol: rf"\text{{ {p.name.replace('_', ' ')} }}" for p in model.parameters}
+    """The LaTeX of the model's parameters, and of the rates and accelerations of its inputs."""
+    symbols = {p.symbol: rf"\text{{ {p.name.replace('_', ' ')} }}" for p in model.parameters}
+    for value, rate, acceleration in map(input_symbols, input_parameters(model)):
+        symbols |= {rate: rf"\dot {{{symbols[value]}}}", acceleration: rf"\ddot {{{symbols[value]}}}"}
+    return symbols
 
 
 def text(expression: Scalar, model: Model) -> str:

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "cutjoint/batch/inputs.hpp"
 #include "cutjoint/batch/side_by_side.hpp"
 #include "cutjoint/batch/road.hpp"
 #include "cutjoint/batch/trapezoidal.hpp"
@@ -29,7 +30,7 @@ namespace cutjoint::batch {
 class Group {
  public:
   Group(AnyMechanism<double>& alone, Instances& instances, const RunSettings& settings, const Json& file)
-      : alone_(alone), side_by_side_(alone, instances), instances_(instances), d_(instances.description()), settings_(settings), file_(file), state_(d_),
+      : alone_(alone), side_by_side_(alone, instances), instances_(instances), d_(instances.description()), settings_(settings), file_(file), lanes_(d_), state_(d_),
         parameters_(d_.parameters.size()), penalty_(1.0), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
         largest_(values_) {}
 
@@ -51,6 +52,7 @@ class Group {
   struct Case {
     std::vector<double> parameters;
     Roads<double> roads;
+    RunInputs<double> inputs;
   };
 
   void start(std::span<const Json> cases) {
@@ -66,7 +68,7 @@ class Group {
         for (std::size_t lane = any(going_) ? k : 0; lane < width; ++lane) {
           SideBySide::put(state, static_cast<int>(lane), state_);
           if (!initial_state.penalties().empty()) penalty_.v[lane] = initial_state.penalties().front();
-          cases_[lane] = {read_parameters<double>(d_.parameters, own), Roads<double>(d_.roads, own)};
+          cases_[lane] = {read_parameters<double>(d_.parameters, own), Roads<double>(d_.roads, own), {d_.inputs, own}};
         }
         results_[k]["undetermined"] = initial_state.undetermined();
         going_[static_cast<int>(k)] = -1;
@@ -88,6 +90,7 @@ class Group {
     const StabilisationSettings& s = settings_.stabilisation;
     instances_.load(parameters_.data(), {.penalty = penalty_, .damping_ratio = Real(s.damping_ratio), .frequency = Real(s.frequency)},
                     roads_.data());
+    lanes_.drive(instances_, [this](int k) { return cases_[static_cast<std::size_t>(k)].inputs.source(); });
     instances_.begin_step(state_.t, Real(1));
   }
 
@@ -129,9 +132,10 @@ class Group {
 
   /// The state of a case, and the mechanism alone with its inputs.
   void take_alone(int k, State<double>& state) {
-    const Case& own = cases_[static_cast<std::size_t>(k)];
+    Case& own = cases_[static_cast<std::size_t>(k)];
     SideBySide::take(state_, k, state);
     alone_.load(own.parameters.data(), {}, own.roads.list().data());
+    alone_.drive_by(own.inputs.source());
     alone_.begin_step(state.t, 1.0);
   }
 
@@ -189,6 +193,7 @@ class Group {
   const RunSettings& settings_;
   const Json& file_;
   std::vector<Case> cases_;
+  LaneInputs lanes_;
   State<Real> state_;
   std::vector<Real> parameters_;
   Real penalty_;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "cutjoint/batch/inputs.hpp"
 #include "cutjoint/batch/road.hpp"
 #include "cutjoint/batch/trapezoidal.hpp"
 #include "cutjoint/mechanism.hpp"
@@ -17,7 +18,7 @@ class SideBySide {
  public:
   using real_type = double;
 
-  SideBySide(AnyMechanism<double>& alone, Instances& instances) : alone_(alone), instances_(instances) {}
+  SideBySide(AnyMechanism<double>& alone, Instances& instances) : alone_(alone), instances_(instances), lanes_(alone.description()) {}
 
   const Description& description() const { return alone_.description(); }
 
@@ -27,6 +28,11 @@ class SideBySide {
     roads_.clear();
     for (std::size_t i = 0; i < description().roads.size(); ++i) roads_.emplace_back(std::vector<Road<double>>(width, roads[i]));
     instances_.load(parameters_.data(), {.penalty = s.penalty, .damping_ratio = s.damping_ratio, .frequency = s.frequency}, roads_.data());
+  }
+
+  void drive_by(const InputSource<double>& source) {
+    alone_.drive_by(source);
+    lanes_.drive(instances_, [&](int) { return source; });
   }
 
   void begin_step(double t, double motion) { alone_.begin_step(t, motion); }
@@ -104,6 +110,7 @@ class SideBySide {
 
   AnyMechanism<double>& alone_;
   Instances& instances_;
+  LaneInputs lanes_;
   std::vector<Real> parameters_;
   std::vector<Road<Real>> roads_;
 };

@@ -37,7 +37,8 @@ class Road;
 /// a `description`.
 ///
 /// - `load` computes what depends on parameters alone,
-/// - `begin_step` what depends on time; `motion` is 1 in a run and 0 where a mechanism is held at rest, which stops guides and drives,
+/// - `begin_step` what depends on time and on inputs, which their source gives (inputs.hpp); `motion` is 1 in a run and 0 where a mechanism
+///   is held at rest, which stops guides and drives,
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `constraint_residual` the residual of the cut joints and its rate,
 /// - `report` the columns,

@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 #include <optional>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/initialisation.hpp"
+#include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/stabilisation.hpp"
@@ -24,6 +26,26 @@ struct SimulationSettings {
   bool equilibrium;
 };
 
+/// What a host gives of its inputs: value, rate and acceleration at a time, from which on an input goes on like that.  An input whose value is no
+/// number follows the scene.
+template <class Real, std::size_t n>
+struct HostInputs {
+  Fixed<Real, n> values, rates, accelerations, times;
+
+  HostInputs() { values.fill(std::numeric_limits<Real>::quiet_NaN()); }
+
+  static void fill(void* host, Real t, Real* input) {
+    const HostInputs& given = *static_cast<const HostInputs*>(host);
+    for (std::size_t i = 0; i < n; ++i, input += numbers_per_input) {
+      if (!(given.values[i] == given.values[i])) continue;
+      const Real since = t - given.times[i];
+      input[0] = given.values[i] + since * (given.rates[i] + since / 2 * given.accelerations[i]);
+      input[1] = given.rates[i] + since * given.accelerations[i];
+      input[2] = given.accelerations[i];
+    }
+  }
+};
+
 /// The recursive method with the trapezoidal rule.
 ///
 /// Settings, parameters, and coordinates and speeds to start with are those of the scene until others are given.  `start` finds a consistent
@@ -36,6 +58,7 @@ class Simulation {
   Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads)
       : settings_(settings), roads_(roads), start_(blank(mechanism_)), state_(start_), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
+    if constexpr (sizes.inputs > 0) mechanism_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs_});
   }
 
   Simulation(const Simulation&) = delete;
@@ -44,6 +67,9 @@ class Simulation {
   SimulationSettings& settings() { return settings_; }
   auto& parameters() { return parameters_; }
   const auto& parameters() const { return parameters_; }
+
+  /// Inputs, from the next step on.
+  auto& inputs() { return inputs_; }
 
   /// Coordinates and speeds to start with, and which of them are given.
   StateOf<M>& start_state() { return start_; }
@@ -118,6 +144,7 @@ class Simulation {
   struct Memory {
     SimulationSettings settings;
     Fixed<Real, M::sizes.parameters> parameters;
+    HostInputs<Real, M::sizes.inputs> inputs;
     StateOf<M> state;
     Cuts<M> penalties;
     Real origin;
@@ -125,13 +152,14 @@ class Simulation {
   };
 
   Memory memory() const {
-    return {.settings = settings_, .parameters = parameters_, .state = state_, .penalties = penalties_, .origin = origin_, .number = number_};
+    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .state = state_, .penalties = penalties_, .origin = origin_, .number = number_};
   }
 
   /// Go on from what another moment, or another simulation, remembers.
   void restore(const Memory& memory) {
     settings_ = memory.settings;
     parameters_ = memory.parameters;
+    inputs_ = memory.inputs;
     state_ = memory.state;
     penalties_ = memory.penalties;
     origin_ = memory.origin;
@@ -173,6 +201,7 @@ class Simulation {
   SimulationSettings settings_;
   const Road<Real>* roads_;
   Fixed<Real, M::sizes.parameters> parameters_, loaded_;
+  HostInputs<Real, M::sizes.inputs> inputs_;
   StateOf<M> start_, state_;
   Coordinates<M, unsigned char> given_coordinates_;
   SpeedFlags<M> given_speeds_;

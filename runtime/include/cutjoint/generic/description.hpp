@@ -37,6 +37,7 @@ Description describe(const Model<Real>& model) {
   for (const Cut& cut : model.cuts) d.cuts.push_back(cut.first);
   std::sort(d.cuts.begin(), d.cuts.end());
   d.parameters = views_of(names.parameters);
+  d.inputs = views_of(names.inputs);
   d.roads = views_of(names.roads);
   d.columns = views_of(names.columns);
   return d;

@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "cutjoint/core/inputs.hpp"
+
 namespace cutjoint::generic {
 
 using Json = nlohmann::ordered_json;
@@ -42,26 +44,34 @@ struct Routine {
   std::size_t first = 0, last = 0;
 };
 
-/// All expressions of a model.  Instructions on parameters alone run when these are loaded, those on time when a step begins, the
-/// others in routines.  Equal expressions share a register.
+/// All expressions of a model.  Instructions on parameters alone run when these are loaded, those on time and on inputs when a step begins,
+/// the others in routines.  Equal expressions share a register.  Inputs come from the scene's laws, which depend on parameters and time, and
+/// from a source.
 template <class Real>
 class Expressions {
  public:
-  explicit Expressions(std::size_t parameters) : parameters_(parameters) {
+  explicit Expressions(std::size_t parameters, const Json& inputs = Json::array()) : parameters_(parameters) {
     for (std::size_t i = 0; i < parameters; ++i) make_register(Stage::load);
-    names_["t"] = time_ = make_register(Stage::step);
+    names_["t"] = time_ = make_register(Stage::time);
     names_["motion"] = motion_ = make_register(Stage::step);
+    for (const Json& input : inputs)
+      for (const Json& law : input.at("law")) laws_.push_back(read(law));
+    input_.resize(laws_.size());
+    for (std::size_t i = 0; i < laws_.size(); ++i) inputs_.push_back(make_register(Stage::step));
   }
+
+  void drive_by(const InputSource<Real>& source) { source_ = source; }
 
   /// A register that the caller sets before a routine runs; trees read from now on know it by this name.
   int variable(const std::string& name) { return names_[name] = make_register(Stage::routine); }
 
-  /// The register that will hold the value of a tree: a number, ["p", i], ["t"], ["motion"] (0 where the mechanism is held at rest,
+  /// The register that will hold the value of a tree: a number, ["p", i], ["u", i], ["t"], ["motion"] (0 where the mechanism is held at rest,
   /// else 1), another [variable], or [operation, tree ...].
   int read(const Json& tree) {
     if (tree.is_number()) return constant(tree.get<double>());
     const std::string name = tree.at(0);
     if (name == "p") return parameter(tree.at(1).get<std::size_t>());
+    if (name == "u") return inputs_.at(tree.at(1).get<std::size_t>());
     if (tree.size() == 1) return names_.at(name);
     if (name == "pow" && tree.at(2).is_number()) return power(read(tree.at(1)), tree.at(2).get<double>());
     std::array<int, 3> arguments{-1, -1, -1};
@@ -85,6 +95,8 @@ class Expressions {
   void begin_step(Real t, Real motion) {
     set(time_, t);
     set(motion_, motion);
+    for (const Instruction& i : timing_) execute(i);
+    fill_inputs(t);
     for (const Instruction& i : stepping_) execute(i);
   }
 
@@ -107,7 +119,7 @@ class Expressions {
   }
 
  private:
-  enum class Stage : std::uint8_t { load, step, routine };
+  enum class Stage : std::uint8_t { load, time, step, routine };
 
   struct Instruction {
     Operation operation;
@@ -150,9 +162,24 @@ class Expressions {
     for (const int a : arguments)
       if (a >= 0) stage = std::max(stage, stages_[static_cast<std::size_t>(a)]);
     const int result = make_register(stage);
-    auto& code = stage == Stage::load ? loading_ : stage == Stage::step ? stepping_ : running_;
-    code.push_back({operation, result, arguments});
+    code_of(stage).push_back({operation, result, arguments});
     return known_[key] = result;
+  }
+
+  std::vector<Instruction>& code_of(Stage stage) {
+    switch (stage) {
+      case Stage::load: return loading_;
+      case Stage::time: return timing_;
+      case Stage::step: return stepping_;
+      case Stage::routine: return running_;
+    }
+    return running_;
+  }
+
+  void fill_inputs(Real t) {
+    for (std::size_t i = 0; i < laws_.size(); ++i) input_[i] = (*this)[laws_[i]];
+    if (source_.fill) source_.fill(source_.host, t, input_.data());
+    for (std::size_t i = 0; i < inputs_.size(); ++i) set(inputs_[i], input_[i]);
   }
 
   void execute(const Instruction& i) {
@@ -200,7 +227,10 @@ class Expressions {
   int time_, motion_;
   std::vector<Real> registers_;
   std::vector<Stage> stages_;
-  std::vector<Instruction> loading_, stepping_, running_;
+  std::vector<Instruction> loading_, timing_, stepping_, running_;
+  std::vector<int> laws_, inputs_;
+  std::vector<Real> input_;
+  InputSource<Real> source_;
   std::map<std::string, int> names_;
   std::map<double, int> constants_;
   std::map<std::array<int, 4>, int> known_;

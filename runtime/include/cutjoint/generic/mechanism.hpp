@@ -42,7 +42,9 @@ class GenericMechanism {
     for (std::size_t i = 1; i < inertias_.size(); ++i) inertias_[i] = inertia_of(model_.expressions, model_.bodies[i]);
   }
 
-  /// What depends on time.
+  void drive_by(const InputSource<Real>& source) { model_.expressions.drive_by(source); }
+
+  /// What depends on time and on inputs.
   void begin_step(Real t, Real motion) {
     model_.expressions.begin_step(t, motion);
     kinematics_.begin_step();

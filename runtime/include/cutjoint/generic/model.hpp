@@ -228,7 +228,7 @@ struct Names {
   };
   std::string model;
   std::vector<std::string> coordinates, speeds, equations, roads;
-  std::vector<Item> parameters, columns;
+  std::vector<Item> parameters, inputs, columns;
 };
 
 /// Points and directions of the design position, computed when parameters are loaded; a body's points from the body's origin.
@@ -270,7 +270,7 @@ class DesignVectors {
 /// A model in a scene.
 template <class Real>
 struct Model {
-  explicit Model(std::size_t parameters) : expressions(parameters) {}
+  Model(std::size_t parameters, const Json& inputs) : expressions(parameters, inputs) {}
 
   Expressions<Real> expressions;
   DesignVectors<Real> vectors;

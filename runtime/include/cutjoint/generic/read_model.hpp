@@ -70,9 +70,10 @@ TyreConstants read_constants(Expressions<Real>& e, const Json& c) {
           of("B1"), of("B3"), of("B4"), of("SN"), of("AF1"), of("AF2")};
 }
 
-inline std::vector<Names::Item> read_parameter_names(const Json& document) {
+/// The names of the parameters, or of another list of the description.
+inline std::vector<Names::Item> read_parameter_names(const Json& document, const char* list = "parameters") {
   std::vector<Names::Item> items;
-  for (const Json& p : document.at("parameters")) items.push_back({p.at("name"), p.at("unit"), p.at("default")});
+  for (const Json& p : document.at(list)) items.push_back({p.at("name"), p.at("unit"), p.at("default")});
   return items;
 }
 
@@ -80,7 +81,7 @@ inline std::vector<Names::Item> read_parameter_names(const Json& document) {
 template <class Real>
 class ModelReader {
  public:
-  explicit ModelReader(const Json& document) : document_(document), model_(document.at("parameters").size()) {
+  explicit ModelReader(const Json& document) : document_(document), model_(document.at("parameters").size(), document.value("inputs", Json::array())) {
     if (document.at("format") != "cutjoint-generic-1") throw std::runtime_error("not a description of a model for the generic mechanism");
   }
 
@@ -107,6 +108,7 @@ class ModelReader {
     names.model = document_.at("name");
     names.roads = document_.at("roads").template get<std::vector<std::string>>();
     names.parameters = read_parameter_names(document_);
+    names.inputs = read_parameter_names(document_, "inputs");
   }
 
   /// "prefix.name" for each name.

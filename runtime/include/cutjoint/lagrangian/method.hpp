@@ -41,9 +41,9 @@ class LagrangianMethod {
 
   LagrangianMethod(S& system, const RunSettings& settings, const Json& file)
       : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
-        guards_(system), inputs_(d_, file), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
+        guards_(system), data_(d_, file), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
         newton_(make_newton(system, *solver_, newton_settings(settings))), dt_(settings.dt) {
-    inputs_.load_system(system_);
+    data_.load_system(system_);
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
@@ -129,7 +129,7 @@ class LagrangianMethod {
   const Json& file_;
   State<Real> state_;
   Guards<S> guards_;
-  Inputs<Real> inputs_;
+  ModelData<Real> data_;
   std::string solver_name_;
   std::unique_ptr<LinearSolver<Real>> solver_;
   std::unique_ptr<Newton<S>> newton_;

@@ -32,6 +32,7 @@ struct SystemDescription {
   std::vector<Named> parameters;              ///< open parameters with defaults, SI units
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
   std::vector<Named> columns;                 ///< reported quantities
+  std::vector<Named> inputs{};                ///< inputs with the model's values, SI units
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change, of relative coordinates
@@ -71,7 +72,8 @@ class Road;
 /// A system M qdd + Phi_q^T lambda = Q(q, qd, t), Phi(q, t) = 0; in natural coordinates M is constant.  v and vdot have n elements, and q in
 /// natural coordinates, lambda, residuals and multiplier-like arrays m; all arrays belong to the caller and nothing allocates.
 ///
-/// - `load` computes what depends on parameters alone, `begin_step` what depends on time (`motion` as in `Mechanism`),
+/// - `load` computes what depends on parameters alone, `begin_step` what depends on time and on inputs (`motion` and `drive_by` as in
+///   `Mechanism`),
 /// - `initial_coordinates` finds natural coordinates and their rates from relative coordinates and speeds (those of the mechanism that starts the run),
 /// - `dynamic_residual` is M vdot + Phi_q^T (penalty Phi + lambda) - Q, with Phi as `residual`,
 /// - `linearise` is the same and the values of the tangent's entries,
@@ -90,6 +92,7 @@ class AnySystem {
   virtual const SystemDescription& description() const = 0;
   virtual void load(const Real* parameters, const Road<Real>* roads) = 0;
   virtual void begin_step(Real t, Real motion) = 0;
+  virtual void drive_by(const InputSource<Real>&) {}  ///< only models with inputs have it
   virtual void initial_coordinates(const Real* relative_q, const Real* relative_v, Real* q, Real* v) const = 0;
   virtual void dynamic_residual(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, Real* force_residual,
                        Real* residual) const = 0;

@@ -24,14 +24,14 @@ class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, E
   using Real = typename M::real_type;
 
   RelativeReference(M& mechanism, const RunSettings& settings, const Json& file)
-      : Base(mechanism, dynamics_, settings), mechanism_(mechanism), inputs_(mechanism.description(), file),
+      : Base(mechanism, dynamics_, settings), mechanism_(mechanism), data_(mechanism.description(), file),
         dynamics_(mechanism, Real(settings.tolerance) / 10000) {
     load_penalties(std::vector<double>(mechanism.description().cuts.size(), 1.0));
   }
 
   /// Load the mechanism with the penalties of its cut joints, which its start has found.
   void load_penalties(const std::vector<double>& penalties) {
-    inputs_.load_mechanism(mechanism_, this->settings().stabilisation, converted<Real>(penalties));
+    data_.load_mechanism(mechanism_, this->settings().stabilisation, converted<Real>(penalties));
   }
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
@@ -40,7 +40,7 @@ class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, E
 
  private:
   M& mechanism_;
-  Inputs<Real> inputs_;
+  ModelData<Real> data_;
   Relative<M> dynamics_;
 };
 
@@ -53,9 +53,9 @@ class NaturalReference : public RowByRow<Natural<S>, Controlled<Natural<S>, Fehl
   using Real = typename S::real_type;
 
   NaturalReference(S& system, const RunSettings& settings, const Json& file)
-      : Base(system, dynamics_, settings), system_(system), inputs_(system.description(), file),
+      : Base(system, dynamics_, settings), system_(system), data_(system.description(), file),
         solver_(choose_solver(system, "emitted")), dynamics_(system, *solver_) {
-    inputs_.load_system(system);
+    data_.load_system(system);
   }
 
   void begin(const State<double>& start, double motion) {
@@ -72,7 +72,7 @@ class NaturalReference : public RowByRow<Natural<S>, Controlled<Natural<S>, Fehl
 
  private:
   S& system_;
-  Inputs<Real> inputs_;
+  ModelData<Real> data_;
   std::unique_ptr<LinearSolver<Real>> solver_;
   Natural<S> dynamics_;
 };

@@ -27,8 +27,8 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
   using Real = typename M::real_type;
 
   ExplicitMethod(M& mechanism, const RunSettings& settings, const Json& file)
-      : Base(mechanism, dynamics_, settings), mechanism_(mechanism), inputs_(mechanism.description(), file),
-        dynamics_(mechanism, switches_of(mechanism.description(), settings), inputs_.roads(),
+      : Base(mechanism, dynamics_, settings), mechanism_(mechanism), data_(mechanism.description(), file),
+        dynamics_(mechanism, switches_of(mechanism.description(), settings), data_.roads(),
                   Table::adaptive ? Real(settings.tolerance) / 100 : Real(1e-12)) {
     load_penalties(std::vector<double>(mechanism.description().cuts.size(), 1.0));
   }
@@ -39,7 +39,7 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
     if (stabilisation.closure == Closure::penalty && this->settings().penalty)
       penalties.assign(penalties.size(), *this->settings().penalty);
     stabilisation.frequency = 0.0;  // loops are projected, not drawn together
-    inputs_.load_mechanism(mechanism_, stabilisation, converted<Real>(penalties));
+    data_.load_mechanism(mechanism_, stabilisation, converted<Real>(penalties));
   }
 
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
@@ -72,7 +72,7 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
 
  private:
   M& mechanism_;
-  Inputs<Real> inputs_;
+  ModelData<Real> data_;
   Watched<M> dynamics_;
   std::vector<double> measured_;
   long steps_ = 0;

@@ -24,12 +24,12 @@ struct Parts {
   using Real = typename S::real_type;
 
   Parts(S& system, const RunSettings& settings, const Json& file)
-      : inputs(system.description(), file), solver(choose_solver(system, *settings.solver)), other(choose_solver(system, *settings.solver)),
-        stages(system, *solver, *other, switches_of(system.description(), settings), inputs.roads()) {
-    inputs.load_system(system);
+      : data(system.description(), file), solver(choose_solver(system, *settings.solver)), other(choose_solver(system, *settings.solver)),
+        stages(system, *solver, *other, switches_of(system.description(), settings), data.roads()) {
+    data.load_system(system);
   }
 
-  Inputs<Real> inputs;
+  ModelData<Real> data;
   std::unique_ptr<LinearSolver<Real>> solver, other;
   Stages<S> stages;
 };

@@ -29,7 +29,7 @@ class NewtonRule {
       : system_(system), d_(system.description()), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
         newton_(system, *solver_, newton_settings(settings)), dt_(settings.dt), h_(dt_) {}
 
-  void load(const Inputs<Real>& inputs, const StabilisationSettings&) { inputs.load_system(system_); }
+  void load(ModelData<Real>& data, const StabilisationSettings&) { data.load_system(system_); }
 
   const SystemDescription& description() const { return d_; }
   State<Real> blank() const { return State<Real>(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()); }

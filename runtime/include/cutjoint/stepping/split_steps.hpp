@@ -14,17 +14,17 @@
 
 namespace cutjoint::stepping {
 
-/// What the base needs made before it: a rule of stepping/equal_steps.hpp, whose `load` gives its mechanism or system its inputs and settings.
+/// What the base needs made before it: a rule of stepping/equal_steps.hpp, whose `load` gives its mechanism or system its data and settings.
 template <class Subject, class Rule>
 struct Parts {
   using Real = typename Rule::Real;
 
   Parts(Subject& subject, const RunSettings& settings, const Json& file)
-      : inputs(subject.description(), file), rule(subject, settings), steps(rule, inputs.roads(), Real(settings.dt)) {
-    rule.load(inputs, settings.stabilisation);
+      : data(subject.description(), file), rule(subject, settings), steps(rule, data.roads(), Real(settings.dt)) {
+    rule.load(data, settings.stabilisation);
   }
 
-  Inputs<Real> inputs;
+  ModelData<Real> data;
   Rule rule;
   EqualSteps<Rule> steps;
 };
@@ -43,9 +43,9 @@ class SplitSteps : private Parts<Subject, Rule>, public RowByRow<EqualSteps<Rule
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void load_penalties(const std::vector<double>& penalties)
-    requires requires(Rule rule, Inputs<Real> inputs, StabilisationSettings s) { rule.load_penalties(inputs, s, std::vector<double>()); }
+    requires requires(Rule rule, ModelData<Real> data, StabilisationSettings s) { rule.load_penalties(data, s, std::vector<double>()); }
   {
-    this->rule.load_penalties(this->inputs, this->settings().stabilisation, penalties);
+    this->rule.load_penalties(this->data, this->settings().stabilisation, penalties);
   }
 
   void prepare() {

@@ -31,13 +31,13 @@ class TrapezoidalRule {
         steps_(mechanism, Real(settings.dt), fixed_point_of(settings)), relative_(mechanism, Real(1e-12)),
         projection_(mechanism), residual_(d_.equations.size()), rate_(d_.equations.size()), y_(relative_.size()) {}
 
-  void load(const Inputs<Real>& inputs, const StabilisationSettings& stabilisation) {
-    load_penalties(inputs, stabilisation, std::vector<double>(d_.cuts.size(), 1.0));
+  void load(ModelData<Real>& data, const StabilisationSettings& stabilisation) {
+    load_penalties(data, stabilisation, std::vector<double>(d_.cuts.size(), 1.0));
   }
 
   /// Load the mechanism with the penalties of its cut joints, which its start has found.
-  void load_penalties(const Inputs<Real>& inputs, const StabilisationSettings& stabilisation, const std::vector<double>& penalties) {
-    inputs.load_mechanism(mechanism_, stabilisation, converted<Real>(penalties));
+  void load_penalties(ModelData<Real>& data, const StabilisationSettings& stabilisation, const std::vector<double>& penalties) {
+    data.load_mechanism(mechanism_, stabilisation, converted<Real>(penalties));
   }
 
   const Description& description() const { return d_; }

@@ -24,6 +24,8 @@ class Start {
     kinematics_.load();
   }
 
+  void drive_by(const InputSource<Real>& source) { model_.expressions.drive_by(source); }
+
   void begin_step(Real t, Real motion) {
     model_.expressions.begin_step(t, motion);
     kinematics_.begin_step();

@@ -23,7 +23,7 @@ class GenericSystem {
   using real_type = Real;
 
   explicit GenericSystem(const Json& document)
-      : names_(read_names(document)), e_(names_.parameters.size()), forms_(document, e_), masses_(document, e_, forms_),
+      : names_(read_names(document)), e_(names_.parameters.size(), document.at("inputs")), forms_(document, e_), masses_(document, e_, forms_),
         rows_(document.at("equations"), e_, forms_), forces_(document.at("forces"), e_, forms_),
         reporter_(document.at("outputs"), e_, forms_, rows_, forces_), start_(document) {
     describe(document.at("method") == "augmented" ? Lagrangian::augmented : Lagrangian::classical);
@@ -44,6 +44,11 @@ class GenericSystem {
     rows_.load(e_);
     forces_.load(e_, forms_);
     start_.load(parameters);
+  }
+
+  void drive_by(const InputSource<Real>& source) {
+    e_.drive_by(source);
+    start_.drive_by(source);
   }
 
   void begin_step(Real t, Real motion) {
@@ -113,6 +118,7 @@ class GenericSystem {
     Names names;
     names.model = document.at("name");
     names.parameters = read_parameter_names(document);
+    names.inputs = read_parameter_names(document, "inputs");
     names.roads = document.at("roads").template get<std::vector<std::string>>();
     names.coordinates = document.at("coordinates").template get<std::vector<std::string>>();
     for (const Json& equation : document.at("equations")) names.equations.push_back(equation.at("name"));
@@ -126,6 +132,7 @@ class GenericSystem {
     description_.coordinates = views_of(names_.coordinates);
     description_.equations = views_of(names_.equations);
     description_.parameters = views_of(names_.parameters);
+    description_.inputs = views_of(names_.inputs);
     description_.roads = views_of(names_.roads);
     description_.columns = views_of(names_.columns);
     description_.factors = 0;

@@ -1,0 +1,90 @@
+"""Inputs that a caller gives to a run instead of the scene's laws: constants, and tables over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+import sympy
+
+from cutjoint.formulate.inputs import input_parameters
+from cutjoint.model.ranges import fault_of
+from cutjoint.model.records import Model, Scene
+from cutjoint.run.errors import RunError
+
+#: A constant, or a table: times ``t`` (s) and as many of ``value``, ``interpolation`` "cubic" (the default) or "linear", and of a cubic one
+#: the ``rate`` at each time where it is known.
+GivenInput: TypeAlias = float | Mapping[str, Any]
+
+_SERIES = ("t", "value", "rate")
+INTERPOLATIONS = ("cubic", "linear")
+
+
+def input_entries(model: Model, scene: Scene, given: Mapping[str, GivenInput]) -> dict[str, Any]:
+    """The entry "inputs" of a run file, by name; inputs that are not given follow the scene.  Values are in SI units.
+
+    Raises:
+        RunError: a name is no input, a value is not finite, or a table does not hold together or is shorter than the scene.
+    """
+    names = [p.name for p in input_parameters(model)]
+    for name in given:
+        if name not in names:
+            raise RunError(f"model '{model.name}' has no input '{name}'; it has {', '.join(names) or 'none'}")
+    return {name: _entry(f"input '{name}'", given[name], scene.end) for name in names if name in given}
+
+
+def with_held_inputs(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Scene, dict[str, float]]:
+    """The scene with the inputs among ``parameters`` (SI units) as its laws, and the other parameters: for what a scene's laws decide."""
+    held = {p.name: sympy.Float(parameters[p.name]) for p in input_parameters(model) if p.name in parameters}
+    others = {name: value for name, value in parameters.items() if name not in held}
+    return replace(scene, inputs={**scene.inputs, **held}), others
+
+
+def _entry(what: str, given: GivenInput, end: float) -> float | dict[str, Any]:
+    if not isinstance(given, Mapping):
+        return _number(what, given)
+    if unknown := [key for key in given if key not in (*_SERIES, "interpolation")]:
+        raise RunError(f"{what}: unknown key '{unknown[0]}'; a table has t, value, and perhaps rate and interpolation")
+    if missing := [key for key in ("t", "value") if key not in given]:
+        raise RunError(f"{what}: the table has no '{missing[0]}'; give as many values as times")
+    table = {key: _numbers(f"{what}: {key}", given[key]) for key in _SERIES if key in given}
+    _require_table(what, table, end)
+    kind = given.get("interpolation", INTERPOLATIONS[0])
+    if kind not in INTERPOLATIONS:
+        raise RunError(f"{what}: interpolation '{kind}' is not one of {', '.join(INTERPOLATIONS)}")
+    if kind == "linear" and "rate" in table:
+        raise RunError(f"{what}: a linear table has no rates of its own; leave out rate, or make it cubic")
+    return {**table, "interpolation": kind}
+
+
+def _require_table(what: str, table: Mapping[str, Sequence[float]], end: float) -> None:
+    """Check that times ascend from the start of a run to its end, with a value and perhaps a rate at each."""
+    times = table["t"]
+    if len(times) < 2:
+        raise RunError(f"{what}: {len(times)} times; a table has two or more, a constant is a number")
+    for key in table:
+        if len(table[key]) != len(times):
+            raise RunError(f"{what}: {len(times)} times and {len(table[key])} of '{key}'; give one for each time")
+    for earlier, later in pairwise(times):
+        if not earlier < later:
+            raise RunError(f"{what}: t = {later:g} s stands after {earlier:g} s; put the times in ascending order, each once")
+    if times[0] > 0 or times[-1] < end:
+        raise RunError(f"{what}: the table goes from {times[0]:g} s to {times[-1]:g} s, the run from 0 to {end:g} s; make the table longer")
+
+
+def _numbers(what: str, values: Any) -> list[float]:
+    if isinstance(values, str) or not hasattr(values, "__iter__"):
+        raise RunError(f"{what}: not a list of numbers")
+    return [_number(f"{what}[{i}]", value) for i, value in enumerate(values)]
+
+
+def _number(what: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise RunError(f"{what}: '{value}' is not a number") from None
+    if fault := fault_of(number):
+        raise RunError(f"{what}: {fault}")
+    return number

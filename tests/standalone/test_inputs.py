@@ -1,0 +1,71 @@
+"""Inputs that a host gives a simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cutjoint
+from tests.conftest import needs_cpp
+from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders
+
+pytestmark = needs_cpp
+
+
+@pytest.fixture
+def driven(tmp_path: Path) -> Path:
+    path = tmp_path / "driven.yaml"
+    path.write_text(DRIVEN)
+    return path
+
+
+def test_inputs_that_nobody_sets_follow_the_scene(driven: Path) -> None:
+    run = cutjoint.simulate(cutjoint.compile_model(driven, scene="lawful"), error=False, integrator="trapezoidal", events="crossed")
+    sim = cutjoint.load(driven, scene="lawful").reset()
+    for t, x in zip(run.t, run["slider.x"], strict=True):
+        sim.advance(t)
+        assert sim.outputs["slider.x"] == x
+    assert np.isnan(sim.inputs.array).all()
+    assert sim.inputs.units == {"lift": "rad", "push": "N"}
+
+
+def test_a_host_that_sets_the_laws_of_the_scene_has_its_motion(driven: Path) -> None:
+    lawful = cutjoint.load(driven, scene="lawful").reset(dt=1e-3)
+    free = cutjoint.load(driven, scene="free").reset(dt=1e-3)
+    for _ in range(500):
+        for name, course in (("lift", LIFT), ("push", PUSH)):
+            free.set_input(name, *(float(x) for x in orders(course, np.float64(free.time))))
+        free.step()
+        lawful.step()
+    assert free.outputs.array == pytest.approx(lawful.outputs.array, rel=1e-4, abs=1e-5)
+
+
+def test_guides_take_rate_and_acceleration(driven: Path) -> None:
+    sim = cutjoint.load(driven, scene="free").reset(dt=1e-3)
+    sim.set_input("lift", 0.2, 0.5, -2.0)
+    sim.advance(0.1)
+    now = (np.float64(0.2 + 0.05 - 0.01), np.float64(0.5 - 0.2), np.float64(-2.0))
+    for name, value in guided(now, np.float64(0.1)).items():
+        assert sim.outputs[name] == pytest.approx(value, rel=1e-12)
+
+
+def test_values_written_into_the_array_are_held(driven: Path) -> None:
+    sim = cutjoint.load(driven, scene="free").reset()
+    other = sim.copy()
+    sim.inputs["push"] = 4.0
+    other.set_input("push", 4.0)
+    sim.advance(0.1)
+    other.advance(0.1)
+    assert np.array_equal(sim.outputs.array, other.outputs.array)
+    moment = sim.snapshot()
+    sim.advance(0.2)
+    other.inputs["push"] = 0.0
+    other.restore(moment)
+    other.advance(0.2)
+    assert np.array_equal(sim.outputs.array, other.outputs.array)
+    with pytest.raises(KeyError, match="no 'pusch'; did you mean 'push'"):
+        sim.set_input("pusch", 1.0)
+    with pytest.raises(cutjoint.SimulationError, match="not finite"):
+        sim.set_input("push", float("inf"))
