@@ -33,13 +33,21 @@ def test_inputs_that_nobody_sets_follow_the_scene(driven: Path) -> None:
 
 def test_a_host_that_sets_the_laws_of_the_scene_has_its_motion(driven: Path) -> None:
     lawful = cutjoint.load(driven, scene="lawful").reset(dt=1e-3)
-    free = cutjoint.load(driven, scene="free").reset(dt=1e-3)
-    for _ in range(500):
+    free = cutjoint.load(driven, scene="free")
+
+    def give() -> None:
         for name, course in (("lift", LIFT), ("push", PUSH)):
             free.set_input(name, *(float(x) for x in orders(course, np.float64(free.time))))
+
+    give()
+    free.reset(dt=1e-3)
+    for _ in range(500):
+        give()
         free.step()
         lawful.step()
-    assert free.outputs.array == pytest.approx(lawful.outputs.array, rel=1e-4, abs=1e-5)
+    # at the end of a step a parabola has lost of a cubic 0.1 h^3, 0.3 h^2 and 0.6 h
+    for name, lost in (("shoulder.angle", 2e-10), ("shoulder.angle_rate", 4e-7), ("slider.x", 1e-7), ("arm.az", 6e-4)):
+        assert free.outputs[name] == pytest.approx(lawful.outputs[name], abs=lost), name
 
 
 def test_guides_take_rate_and_acceleration(driven: Path) -> None:
