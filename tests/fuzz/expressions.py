@@ -193,6 +193,8 @@ _NEAR, _TINY = 1e-9, 1e-12
 _LARGEST = 1e150
 #: Functions of which a number beyond the floats, infinite for Python on the way and not for SymPy, makes an ordinary wrong value.
 _HIDING = ("asin", "acos", "atan", "sign", "where")
+#: The name of `_power` in prepared texts.
+_POWER = "_power"
 
 
 def _moved(function: Callable[..., float], shift: float) -> Callable[..., float]:
@@ -217,11 +219,20 @@ def _sign(x: float) -> float:
     return (x > 0) - (x < 0)
 
 
+def _power(x: float, exponent: float) -> float:
+    """A power; no root near zero, where an underflow may have lost that the number is negative, nor of minus infinity."""
+    if x < _TINY and exponent != int(exponent):
+        raise _HangsOnDigitsError
+    return float(x**exponent)
+
+
 def _python(shift: float) -> Mapping[str, Any]:
     """What names mean in Python, but that functions are off by a share ``shift``."""
     return {
         **{name: _moved(getattr(math, name), shift) for name in SMOOTH},
         "atan2": _moved(_angle, shift),
+        "sqrt": _moved(lambda x: _power(x, 0.5), shift),
+        _POWER: _power,
         "min": lambda *x: min(x),
         "max": lambda *x: max(x),
         "abs": lambda x: abs(float(x)),
@@ -236,7 +247,8 @@ _PYTHON: Mapping[float, Mapping[str, Any]] = {shift: _python(shift) for shift in
 
 
 class _Prepared(ast.NodeTransformer):
-    """Branches of `where` become functions, so that only one is evaluated; numbers are moved by up to ``shift``, no two alike.
+    """Branches of `where` become functions, so that only one is evaluated, and powers become calls; numbers are moved by up to ``shift``,
+    no two alike.
 
     Exponents stay: a root of what is negative has no real value near a whole power.
     """
@@ -253,10 +265,11 @@ class _Prepared(ast.NodeTransformer):
             node.args[1:] = [ast.Lambda(args=none, body=branch) for branch in node.args[1:]]
         return node
 
-    def visit_BinOp(self, node: ast.BinOp) -> ast.BinOp:
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         node.left = self.visit(node.left)
-        if not isinstance(node.op, ast.Pow):
-            node.right = self.visit(node.right)
+        if isinstance(node.op, ast.Pow):
+            return ast.Call(func=ast.Name(id=_POWER, ctx=ast.Load()), args=[node.left, node.right], keywords=[])
+        node.right = self.visit(node.right)
         return node
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:

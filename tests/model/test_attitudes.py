@@ -91,6 +91,9 @@ FORMS = "write one of rotation_vector, euler and quaternion"
         ("§{euler: [0, 0, 0]}", f"{FIELD}: 'euler' and 'order' belong together; {EXAMPLE}"),
         ("{quaternion: §[1, 0, 0]}", f"{FIELD}.quaternion needs four numbers; write [w, x, y, z], the scalar first"),
         ("{rotation_vector: [0, §1 m, 0]}", f"{FIELD}.rotation_vector needs an angle or a plain number, got m"),
+        ("{rotation_vector: [0, §nope, 0]}", f"{FIELD}.rotation_vector: unknown symbol 'nope'; symbols here: bend, lean, pi"),
+        ("{rotation_vector: [0, §-1e7, 0]}", f"{GIVEN} an angle of -1e+07 rad has no exact sine and cosine; "
+         "take whole turns away, so that it is at most 1e+06 rad"),
         ("{euler: [0, §1e7, 0], order: xyx}", f"{GIVEN} an angle of 1e+07 rad has no exact sine and cosine; "
          "take whole turns away, so that it is at most 1e+06 rad"),
         ("§0.5", "positions: 'ball.attitude' is an attitude; write {rotation_vector: ...}, {euler: ..., order: ...} or {quaternion: ...}"),

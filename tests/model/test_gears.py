@@ -11,6 +11,7 @@ from cutjoint.model.records import Model
 from cutjoint.pipeline import generate
 from cutjoint.report.explain.document import explain
 from cutjoint.topology.build import build_topology
+from cutjoint.topology.spanning_tree import TopologyError
 
 TEXT = """
 cutjoint: 1
@@ -124,13 +125,23 @@ def test_mirror_image_turns_with_its_joints() -> None:
     assert b.ratio / a.ratio == turned * moved
 
 
-def test_gears_keep_their_joints_in_the_tree() -> None:
-    loop = "\n".join((
-        "  left: {kind: revolute, bodies: [bar, wheel], at: [1, 0, 0], axis: [0, 1, 0]}", "gears:",
-    ))  # fmt: skip
-    text = TEXT.replace("gears:\n", loop + "\n").replace("GEAR", "{joints: [pinion, left], ratio: 2}")
-    topology = build_topology(read_model_text(text, "gears.yaml"))
+def in_a_loop(scenes: str = "") -> Model:
+    """A loop of pinion, left and rack, two of them geared."""
+    loop = "  left: {kind: revolute, bodies: [bar, wheel], at: [1, 0, 0], axis: [0, 1, 0]}\ngears:\n"
+    text = TEXT.replace("gears:\n", loop).replace("GEAR", "{joints: [pinion, left], ratio: 2}")
+    return read_model_text(text + scenes, "gears.yaml")
+
+
+@pytest.mark.parametrize("scenes", ["", "outputs: [rack.displacement]\nscenes: {run: {end: 1}}\n"])
+def test_gears_keep_their_joints_in_the_tree(scenes: str) -> None:
+    topology = build_topology(in_a_loop(scenes))
     assert {"pinion", "left"} <= {t.joint.name for t in topology.tree}
+
+
+def test_a_loop_of_geared_and_given_joints_is_refused() -> None:
+    model = in_a_loop("scenes: {run: {end: 1, positions: {rack.displacement: 0}}}\n")
+    with pytest.raises(TopologyError, match="joint 'left': it closes a loop but must not be cut, since gear 'mesh' couples its coordinate"):
+        build_topology(model)
 
 
 def test_natural_coordinates_refuse_gears_on_coordinates_that_they_do_not_have() -> None:

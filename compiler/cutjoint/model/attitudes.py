@@ -79,6 +79,8 @@ def _angles(where: Element, angles: Sequence[Number], keys: Path) -> tuple[Scala
 def _about(vector: Sequence[Scalar]) -> Quaternion:
     """The turn by a rotation vector's length about its direction."""
     angle = sympy.sqrt(sum(c**2 for c in vector))
+    if angle.has(FAILED):
+        return (FAILED,) * 4
     share = choice((sympy.sin(angle / 2) / angle, angle > 0), (sympy.Rational(1, 2), sympy.true))
     return (sympy.cos(angle / 2), *(share * c for c in vector))
 

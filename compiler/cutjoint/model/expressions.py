@@ -31,6 +31,7 @@ from cutjoint.model.operations import (
     compare,
     constant,
     negative,
+    require_real,
     smooth,
     where,
 )
@@ -70,7 +71,8 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
         raise ExpressionError("a number in the expression is out of range")
     check_extent(term.value)
     if not any(known.value is sympy.nan for known in names.values()):
-        _require_real(term.value)
+        for part in bottom_up(term.value):
+            require_real(part)
     if term.value.has(sympy.Abs):
         return replace(term, value=term.value.replace(sympy.Abs, _absolute_value))
     return term
@@ -99,14 +101,6 @@ def _is_finite(number: Scalar) -> bool:
         return number is sympy.nan or math.isfinite(float(number))
     except OverflowError:
         return False
-
-
-def _require_real(expression: Scalar) -> None:
-    """Raises ExpressionError when a part without symbols is infinite, undefined or complex, as 1/(x - x) and sqrt(-x**2) are."""
-    for part in bottom_up(expression):
-        if part in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I) or (part.is_number and part.is_extended_real is False):
-            hint = "look for a division by zero and roots of what is negative"
-            raise ExpressionError("a part of the expression has no finite real value", hint)
 
 
 def _absolute_value(argument: Scalar) -> Scalar:

@@ -142,11 +142,22 @@ def _apply(
     if len(numbers) < len(terms):
         degrees = [term.degree for term in terms if term.number is None]
         degree, roots = sum(degrees) if name in ("*", "/") else max(degrees), max(term.roots for term in terms)
-        return Term(_short_numbers(symbolic(*(term.value for term in terms))), dimension, None, size, degree, roots)
+        value = _short_numbers(symbolic(*(term.value for term in terms)))
+        if value is not sympy.nan:  # it may follow from a failed term
+            for part in (value, *(value.args if value.is_Mul else ())):
+                require_real(part)
+        return Term(value, dimension, None, size, degree, roots)
     number = _numeric(name, numeric, numbers)
     if number == 0:
         return Term(sympy.Integer(0), dimension, 0.0)
     return Term(_short_constant(_short_numbers(symbolic(*(term.value for term in terms))), number, size), dimension, number, size)
+
+
+def require_real(value: Scalar) -> None:
+    """Raises ExpressionError when a value without symbols is infinite, undefined or complex, as 1/(x - x) and acos(2*x/x) are."""
+    if value in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I) or (value.is_number and value.is_extended_real is False):
+        hint = "look for a division by zero and roots of what is negative"
+        raise ExpressionError("a part of the expression has no finite real value", hint)
 
 
 def _short_constant(value: Scalar, number: float, size: int) -> Scalar:
