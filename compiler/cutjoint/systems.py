@@ -31,8 +31,8 @@ from cutjoint.sparse.pivoting import NoPivotError, SingularError
 from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
 from cutjoint.sparse.tangent import places, settle_entries
 
-#: What is called once a run, so that lanes are not worth while for it.
-_ONCE = frozenset({"initial_coordinates"})
+#: What is called once a run, or only where a run is checked, so that lanes are not worth while for it.
+_ONCE = frozenset({"initial_coordinates", "energy"})
 
 E = TypeVar("E", bound=SystemEquations)
 

@@ -130,7 +130,7 @@ def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[
     lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
     files["description.cpp"] = page.render(
         "description.cpp.jinja", charts=equations.charts, cuts=[c.first for c in equations.closures], switches=switches_of(equations),
-        **description(equations, lists),
+        driven=any(joint.guide is not None for joint in equations.topology.model.joints), **description(equations, lists),
     )  # fmt: skip
     return files
 

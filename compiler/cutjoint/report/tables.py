@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.report.names import closing_equations
-from cutjoint.run.results import Batch, Effort, ErrorEstimate, MechanismState, Trajectory
+from cutjoint.run.results import Batch, EnergyBalance, Effort, ErrorEstimate, MechanismState, Trajectory
 from cutjoint.run.simulator_run import Compilation, Start
 
 if TYPE_CHECKING:
@@ -140,8 +140,16 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
         *([("went over to", run.instead)] if run.instead else []),
         *_effort_facts(run.effort),
+        *_balance_facts(run.energy),
         *_speeds_not_given(c.start, run.undetermined),
     ])  # fmt: skip
+
+
+def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
+    """How far kinetic energy and work are apart."""
+    if energy is None:
+        return []
+    return [("work and energy", f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J")]
 
 
 def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:
@@ -160,6 +168,7 @@ def error_facts(error: ErrorEstimate) -> Table:
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     rows = [("converged", "yes" if error.converged else "no: not converged, errors may be larger")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
+    rows += [("warning", error.imbalance)] if error.imbalance else []
     return facts("errors of the steps at most", rows)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -13,6 +13,7 @@ import numpy as np
 from cutjoint.locations import AnyPath, path_of
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
+from cutjoint.run.balance import find_imbalance
 from cutjoint.run.cures import follow_up
 from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
@@ -57,7 +58,8 @@ def run_accurately(
 
 
 def _play(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
-    """A run by the settings of its plan."""
+    """A run by the settings of its plan; work and energy are balanced where it shall say how wrong it is."""
+    plan = plan.with_balance() if estimate else plan
     if estimate and plan.goal is not None:
         return _reach(plan, plan.goal, begin)
     run = begin(plan)
@@ -79,9 +81,9 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             apart = _differences(last, run)
             errors = {name: apart[name] * _share(change, apart[name], None if before is None else before[name]) for name in apart}
             if _keeps(run, errors, goal):
-                return _estimated(run, errors, converged=True)
+                return _estimated(run, errors, converged=True, others=[last])
             if before is not None and not any(_falls(run[name], before[name], apart[name]) for name in apart):
-                return _estimated(run, apart, converged=False)
+                return _estimated(run, apart, converged=False, others=[last])
             before = apart
         last = run
     return _estimated(last, before or _unknown(last), converged=False)
@@ -108,8 +110,10 @@ def _unknown(run: Trajectory) -> dict[str, float]:
     return dict.fromkeys(run.columns, inf)
 
 
-def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool) -> Trajectory:
-    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
+def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = ()) -> Trajectory:
+    """The run with its errors; ``others`` are runs of the same with other steps."""
+    imbalance = find_imbalance(run, others)
+    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged, imbalance=imbalance)
     return replace(run, estimator=lambda _: estimate)
 
 
@@ -136,7 +140,8 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         before, after = apart, _unknown(run) if finest is None else _differences(finer, finest)
     errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
     converged = all(_falls(run.columns[c], before[c], after[c]) for c in apart)
-    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
+    imbalance = find_imbalance(run, [finer] if coarser is None else [coarser, finer])
+    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged, imbalance=imbalance)
 
 
 def _try(plan: SimulatorRun, change: _Change, times: int) -> Trajectory | None:

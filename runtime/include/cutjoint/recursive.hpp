@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cutjoint/domains.hpp"
+#include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/largest.hpp"
@@ -50,10 +51,14 @@ class Recursive {
   }
 
   /// Get ready for steps.
-  void prepare() { integrator_.emplace(mechanism_, dt_, fixed_point_of(settings_)); }
+  void prepare() {
+    integrator_.emplace(mechanism_, dt_, fixed_point_of(settings_));
+    if (settings_.energy) energy_.emplace(mechanism_, state_);
+  }
 
   void step(long number) {
     integrator_->step(state_, number);
+    if (energy_) energy_->add(state_);
     state_.t = origin_ + Real(number) * dt_;
     guards_.check(state_, number);
   }
@@ -61,6 +66,8 @@ class Recursive {
   Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, dt_, failure); }
 
   Real time() const { return state_.t; }
+
+  const std::optional<EnergyBalance<M>>& energy() const { return energy_; }
 
   void report(Real* column) { mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
 
@@ -82,6 +89,7 @@ class Recursive {
     const long evaluations = integrator_ ? integrator_->evaluations() : 0;
     summary["evaluations"] = evaluations;
     summary["iterations"] = evaluations;
+    if (energy_) energy_->summarise(summary);
     if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
   }
 
@@ -152,6 +160,7 @@ class Recursive {
   Guards<M> guards_;
   Real origin_{0}, dt_;
   std::optional<Trapezoidal<M>> integrator_;
+  std::optional<EnergyBalance<M>> energy_;
   std::vector<Real> residual_, rate_;
   std::vector<double> measured_;
   long evaluations_ = 0;

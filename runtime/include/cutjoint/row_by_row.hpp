@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cutjoint/domains.hpp"
+#include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/read_settings.hpp"
@@ -38,6 +39,8 @@ class RowByRow {
   template <class... How>
   void prepare(How&&... how) {
     stepper_.emplace(dynamics_, std::forward<How>(how)...);
+    if constexpr (requires { typename Stepper::Watch; })
+      if (settings_.energy) balance_energy();
   }
 
   void step(long number) {
@@ -58,6 +61,8 @@ class RowByRow {
 
   Real time() const { return t_; }
 
+  const std::optional<EnergyBalance<Subject>>& energy() const { return energy_; }
+
   void report(Real* column) {
     const State<Real>& x = dynamics_.complete(t_, y_);
     subject_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), column);
@@ -70,6 +75,7 @@ class RowByRow {
   void summarise(Json& summary) const {
     summary["evaluations"] = dynamics_.evaluations();
     summary["iterations"] = stepper_ ? stepper_->steps() : 0;
+    if (energy_) energy_->summarise(summary);
   }
 
  protected:
@@ -86,6 +92,15 @@ class RowByRow {
   const std::vector<Real>& row() const { return y_; }
 
  private:
+  void balance_energy() {
+    state_ = dynamics_.complete(t_, y_);
+    energy_.emplace(subject_, *state_);
+    stepper_->watch([this](auto& scheme) {
+      scheme.read_end(*state_);
+      energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
+    });
+  }
+
   void check(long number) {
     if (!guards_.empty()) guards_.check(dynamics_.complete(t_, y_), number);
   }
@@ -95,6 +110,8 @@ class RowByRow {
   const RunSettings& settings_;
   Guards<Subject> guards_;
   std::optional<Stepper> stepper_;
+  std::optional<EnergyBalance<Subject>> energy_;
+  std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
   std::vector<Real> y_;
   Real origin_{0}, t_{0}, dt_;
 };

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "cutjoint/domains.hpp"
+#include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/lagrangian/augmented.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
@@ -42,7 +44,7 @@ class LagrangianMethod {
   LagrangianMethod(S& system, const RunSettings& settings, const Json& file)
       : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
         guards_(system), inputs_(d_, file), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
-        newton_(make_newton(system, *solver_, newton_settings(settings))), dt_(settings.dt) {
+        newton_(make_newton(system, *solver_, newton_settings(settings))), dt_(settings.dt), balances_(settings.energy) {
     inputs_.load_system(system_);
   }
 
@@ -59,11 +61,14 @@ class LagrangianMethod {
     guards_.check(state_, 0);
   }
 
-  void prepare() {}
+  void prepare() {
+    if (balances_) energy_.emplace(system_, state_);
+  }
 
   void step(long number) {
     const long before = newton_->iterations();
     newton_->step(state_, number);
+    if (energy_) energy_->add(state_);
     state_.t = origin_ + Real(number) * dt_;
     iterations_ = newton_->iterations() - before;
     note_residuals();
@@ -73,6 +78,8 @@ class LagrangianMethod {
   Failure explain(const Failure& failure) { return explain_by_domains(system_, state_, dt_, failure); }
 
   Real time() const { return state_.t; }
+
+  const std::optional<EnergyBalance<S>>& energy() const { return energy_; }
 
   void report(Real* column) const { system_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
 
@@ -94,6 +101,7 @@ class LagrangianMethod {
     summary["factorisations"] = newton_->factorisations();
     summary["substeps"] = newton_->substeps();
     summary["pivoting_fallbacks"] = solver_->fallbacks();
+    if (energy_) energy_->summarise(summary);
     summary["residuals"] = Json{{"position", number_or_null(worst_.position)},
                                 {"velocity", number_or_null(worst_.velocity)},
                                 {"acceleration", number_or_null(worst_.acceleration)}};
@@ -134,6 +142,8 @@ class LagrangianMethod {
   std::unique_ptr<LinearSolver<Real>> solver_;
   std::unique_ptr<Newton<S>> newton_;
   Real dt_, origin_{0};
+  std::optional<EnergyBalance<S>> energy_;
+  bool balances_;
   long iterations_ = 0;
   Residuals worst_;
 };
