@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.report.names import closing_equations
-from cutjoint.run.results import Batch, EnergyBalance, Effort, ErrorEstimate, MechanismState, Trajectory
+from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, MechanismState, Trajectory
 from cutjoint.run.simulator_run import Compilation, Start
 
 if TYPE_CHECKING:
