@@ -130,7 +130,7 @@ def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[
     lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
     files["description.cpp"] = page.render(
         "description.cpp.jinja", charts=equations.charts, cuts=[c.first for c in equations.closures], switches=switches_of(equations),
-        driven=any(joint.guide is not None for joint in equations.topology.model.joints), **description(equations, lists),
+        **description(equations, lists),
     )  # fmt: skip
     return files
 
@@ -149,6 +149,7 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
         "name_lists": [{"field": field, "names": names} for field, names in lists],
         "parameters": [{"name": p.name, "unit": p.unit, "value": repr(p.value)} for p in equations.parameters],
         "roads": equations.roads,
+        "driven": any(joint.guide is not None for joint in equations.topology.model.joints),
         "guards": [
             {"name": guard.force.name, "place": _quotable(guard.force.span.place)}
             for guard in guards_of(equations.topology.model, equations.scene)

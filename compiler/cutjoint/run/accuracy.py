@@ -49,17 +49,18 @@ def run_accurately(
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end, with steps that keep the run's ``goal`` if it has one; the run can say how wrong it is.
 
-    Without ``estimate`` there is one run, and the goal is not looked at.  Where a run fails whose plan is free, another integrator takes
-    over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and errors as of `simulator_run.start`.
+    Without ``estimate`` there is one run without a balance of work and energy, and the goal is not looked at.  Where a run fails whose
+    plan is free, another integrator takes over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and
+    errors as of `simulator_run.start`.
     """
+    plan = plan.with_balance() if estimate else plan
     begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
     play = partial(_play, begin=begin, estimate=estimate)
     return follow_up(plan, play(plan), play, go_over=go_over and plan.is_free, advise=advise)
 
 
 def _play(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
-    """A run by the settings of its plan; work and energy are balanced where it shall say how wrong it is."""
-    plan = plan.with_balance() if estimate else plan
+    """A run by the settings of its plan."""
     if estimate and plan.goal is not None:
         return _reach(plan, plan.goal, begin)
     run = begin(plan)
@@ -70,6 +71,7 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     """Make steps finer until two runs agree so well that the better one keeps the goal, or until they come no nearer."""
     change = _change_of(plan)
     last, before = start(plan), None
+    runs = [last]
     for level in range(1, change.levels + 1):
         run = begin(_finer(plan, change, level))
         if run.failure is not None:
@@ -81,11 +83,12 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             apart = _differences(last, run)
             errors = {name: apart[name] * _share(change, apart[name], None if before is None else before[name]) for name in apart}
             if _keeps(run, errors, goal):
-                return _estimated(run, errors, converged=True, others=[last])
+                return _estimated(run, errors, converged=True, others=runs)
             if before is not None and not any(_falls(run[name], before[name], apart[name]) for name in apart):
-                return _estimated(run, apart, converged=False, others=[last])
+                return _estimated(run, apart, converged=False, others=runs)
             before = apart
         last = run
+        runs = [*runs[-1:], run]
     return _estimated(last, before or _unknown(last), converged=False)
 
 

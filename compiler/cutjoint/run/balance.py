@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from cutjoint.run.results import EnergyBalance, Trajectory
 
-#: A defect that is a smaller share of the energy in a run is none: iterations and penalties leave as much.
+#: A smaller share of the energy in a run is no reason for a warning.
 _SMALL = 1e-3
-#: What steps explain is at most so many times the change by finer or coarser ones.
-_EXPLAINED = 10.0
+#: Steps explain so many times the change by one other run, whose defect may be the same by chance, and by more runs.
+_EXPLAINED_BY_ONE, _EXPLAINED = 100.0, 10.0
 
 
 def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
@@ -17,11 +17,12 @@ def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
 
     The defect of exact steps is zero, so that the change by other steps is an estimate of it.  What stays is no error of the steps.
     """
-    balances = [other.energy for other in others if other.energy is not None]
+    balances = [other.energy for other in others if other.energy is not None and other.failure is None]
     if run.energy is None or not balances or not run.energy.share > _SMALL:
         return ""
     change = max(abs(run.energy.defect - other.defect) for other in balances)
-    return _imbalance(run.energy, change) if run.energy.defect > _EXPLAINED * change else ""
+    explained = change * (_EXPLAINED_BY_ONE if len(balances) == 1 else _EXPLAINED)
+    return _imbalance(run.energy, change) if run.energy.defect > explained else ""
 
 
 def _imbalance(energy: EnergyBalance, change: float) -> str:

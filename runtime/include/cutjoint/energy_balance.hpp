@@ -30,8 +30,8 @@ class EnergyBalance {
       : subject_(subject), charts_(subject.description().charts), last_(start), between_(start), way_(start.v), rate_(start.v), delta_(start.v),
         speeds_(start.v), book_(start.t, measure(start)[0]) {}
 
-  /// A step has ended; `between` makes a state that of a time within the step.  Leaves the subject at the end's time.  Throws Failure where the
-  /// motion runs away.
+  /// A step has ended; `between` makes a state that of a time within the step.  Accelerations and multipliers, which matter to guides, are on the
+  /// line between those of the ends unless it makes them too.  Leaves the subject at the end's time.  Throws Failure where the motion runs away.
   template <class Between>
   void add(const State<Real>& end, Between between) {
     using std::abs, std::sqrt;
@@ -40,6 +40,7 @@ class EnergyBalance {
     Real work(0), exchanged(0);
     for (std::size_t i = 0; i < places.size(); ++i) {
       between_.t = last_.t + places[i] * h;
+      if (subject_.description().driven) blend(end, places[i]);
       between(between_.t, between_);
       const Real power = measure(between_)[1];
       work += weights[i] * h * power;
@@ -50,7 +51,7 @@ class EnergyBalance {
     if (book_.runs_away()) give_up(end);
   }
 
-  /// The same of a step between whose ends the coordinates are cubic; accelerations and multipliers, which matter to guides, are linear.
+  /// The same of a step between whose ends the coordinates are cubic.
   void add(const State<Real>& end) {
     join(end);
     add(end, [&](Real t, State<Real>& state) { follow(end, (t - last_.t) / (end.t - last_.t), state); });
@@ -76,6 +77,11 @@ class EnergyBalance {
     return energy;
   }
 
+  void blend(const State<Real>& end, Real s) {
+    for (std::size_t i = 0; i < end.vdot.size(); ++i) between_.vdot[i] = last_.vdot[i] + s * (end.vdot[i] - last_.vdot[i]);
+    for (std::size_t i = 0; i < end.lambda.size(); ++i) between_.lambda[i] = last_.lambda[i] + s * (end.lambda[i] - last_.lambda[i]);
+  }
+
   /// The way from the last state to another in the chart of the former, and its rate there.
   void join(const State<Real>& end) {
     if (charts_.empty()) {
@@ -93,9 +99,7 @@ class EnergyBalance {
     for (std::size_t i = 0; i < way_.size(); ++i) {
       delta_[i] = s * s * (1 + 2 * left) * way_[i] + h * s * left * (left * last_.v[i] - s * rate_[i]);
       state.v[i] = 6 * s * left * way_[i] / h + left * (1 - 3 * s) * last_.v[i] + s * (3 * s - 2) * rate_[i];
-      state.vdot[i] = left * last_.vdot[i] + s * end.vdot[i];
     }
-    for (std::size_t i = 0; i < state.lambda.size(); ++i) state.lambda[i] = left * last_.lambda[i] + s * end.lambda[i];
     if (charts_.empty()) {
       for (std::size_t i = 0; i < delta_.size(); ++i) state.q[i] = last_.q[i] + delta_[i];
       return;

@@ -32,6 +32,7 @@ class RowByRow {
   void begin(const State<Real>& start) {
     y_ = dynamics_.begin(start);
     origin_ = t_ = start.t;
+    if (settings_.energy) state_ = start;
     check(0);
   }
 
@@ -93,7 +94,6 @@ class RowByRow {
 
  private:
   void balance_energy() {
-    state_ = dynamics_.complete(t_, y_);
     energy_.emplace(subject_, *state_);
     stepper_->watch([this](auto& scheme) {
       scheme.read_end(*state_);

@@ -62,13 +62,18 @@ class LagrangianMethod {
   }
 
   void prepare() {
-    if (balances_) energy_.emplace(system_, state_);
+    if (!balances_) return;
+    energy_.emplace(system_, state_);
+    if (!d_.driven) return;
+    single_solver_ = choose_solver(system_, solver_name_);
+    single_ = make_newton(system_, *single_solver_, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4});
+    completed_ = state_;
   }
 
   void step(long number) {
     const long before = newton_->iterations();
     newton_->step(state_, number);
-    if (energy_) energy_->add(state_);
+    if (energy_) energy_->add(with_reactions());
     state_.t = origin_ + Real(number) * dt_;
     iterations_ = newton_->iterations() - before;
     note_residuals();
@@ -125,6 +130,18 @@ class LagrangianMethod {
   }
 
  private:
+  /// The state, where guides need them with accelerations and multipliers that those of a step only come near to.
+  const State<Real>& with_reactions() {
+    if (!single_) return state_;
+    *completed_ = state_;
+    try {
+      single_->begin(*completed_, Real(1));
+    } catch (const Failure&) {  // a singular pose has none
+      *completed_ = state_;
+    }
+    return *completed_;
+  }
+
   void note_residuals() {
     const Residuals& last = newton_->residuals();
     worst_ = {.position = std::max(worst_.position, last.position),
@@ -143,6 +160,9 @@ class LagrangianMethod {
   std::unique_ptr<Newton<S>> newton_;
   Real dt_, origin_{0};
   std::optional<EnergyBalance<S>> energy_;
+  std::unique_ptr<LinearSolver<Real>> single_solver_;  ///< of single states, of a driven system whose energy is balanced
+  std::unique_ptr<Newton<S>> single_;
+  std::optional<State<Real>> completed_;
   bool balances_;
   long iterations_ = 0;
   Residuals worst_;

@@ -35,6 +35,7 @@ struct SystemDescription {
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change, of relative coordinates
+  bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
   Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
   int factors;                                ///< length of the array that `factor` fills
 

@@ -90,16 +90,16 @@ class ImplicitScheme {
     stages_.restart();
   }
 
-  void read_end(State<Real>& state) const { state = present(); }
+  void read_end(State<Real>& state) {
+    state = present();
+    stages_.accelerate(state);
+  }
 
-  /// Accelerations and multipliers are on the line between those of the step's ends.
   void read_between(Real t, State<Real>& state) {
     follow_to(t);
-    const Real s = (t - before_.t) / (present().t - before_.t);
     state.q = trial_.q;
     state.v = trial_.v;
-    for (std::size_t i = 0; i < state.vdot.size(); ++i) state.vdot[i] = before_.vdot[i] + s * (present().vdot[i] - before_.vdot[i]);
-    for (std::size_t i = 0; i < state.lambda.size(); ++i) state.lambda[i] = before_.lambda[i] + s * (present().lambda[i] - before_.lambda[i]);
+    stages_.accelerate(state);
   }
 
   void read(Real t, bool lies_between, std::vector<Real>& y) {

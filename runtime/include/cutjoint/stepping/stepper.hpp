@@ -45,7 +45,7 @@ struct Attempt {
 /// - `seek` seeks the switches that the trial state has out of the regime, `found` is the first of these (see Regime),
 /// - `finish` closes the loops of the trial state, which becomes the present one,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state,
-/// - `read_end` is the present state with accelerations and multipliers, `read_between` such a state at a time of the last step,
+/// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
 /// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
 /// - `length` is that of the next step: the one that the error allows, or that of the last one.
 template <class Scheme>
