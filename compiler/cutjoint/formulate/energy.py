@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from cutjoint.formulate.records import Slot
 from cutjoint.program.blocks import Block, Builder
 
+#: Functions that only check a run.
+CHECKS = ("energy",)
 #: The results of the function.
 NAMES = ("kinetic", "power")
 
