@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.report.names import closing_equations
-from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, MechanismState, Trajectory
+from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, MechanismState, Residuals, Trajectory
 from cutjoint.run.simulator_run import Compilation, Start
 
 if TYPE_CHECKING:
@@ -193,14 +193,19 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
 def _effort_facts(effort: Effort) -> list[tuple[str, str]]:
     """What a Lagrangian method or an integrator with steps of its own reports besides."""
     if not effort.solver:
-        return _stepping_facts(effort)
+        return [*_residual_facts(effort.residuals), *_stepping_facts(effort)]
     fallbacks = f", {effort.pivoting_fallbacks} with pivoting after all" if effort.pivoting_fallbacks else ""
-    r = effort.residuals
     facts = [("solver", f"{effort.solver}, {effort.factorisations} factorisations{fallbacks}")]
     facts += [("penalty", f"{effort.penalty:.3g}")] if effort.penalty == effort.penalty else []
     facts += [("taken in parts", f"{effort.substeps} parts of steps")] if effort.substeps else []
-    facts.append(("largest residuals", f"Phi {r.position:.1e}, Phid {r.velocity:.1e}, Phidd {r.acceleration:.1e}"))
-    return [*facts, *_stepping_facts(effort)]
+    return [*facts, *_residual_facts(effort.residuals), *_stepping_facts(effort)]
+
+
+def _residual_facts(residuals: Residuals) -> list[tuple[str, str]]:
+    """The largest residuals of loops; none where there are none."""
+    found = (("Phi", residuals.position), ("Phid", residuals.velocity), ("Phidd", residuals.acceleration))
+    parts = [f"{name} {value:.1e}" for name, value in found if value == value]
+    return [("largest residuals", ", ".join(parts))] if residuals.position > 0 else []
 
 
 def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:

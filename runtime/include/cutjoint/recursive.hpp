@@ -7,6 +7,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "cutjoint/domains.hpp"
@@ -58,7 +59,10 @@ class Recursive {
 
   void step(long number) {
     integrator_->step(state_, number);
-    if (energy_) energy_->add(state_);
+    if (energy_) {
+      energy_->add(state_);
+      find_residuals();
+    }
     state_.t = origin_ + Real(number) * dt_;
     guards_.check(state_, number);
   }
@@ -75,22 +79,19 @@ class Recursive {
 
   /// The last step's iterations and largest residuals; an evaluation of its own, which the method itself does without.
   const std::vector<double>& measure_step() {
-    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
-    measured_ = {static_cast<double>(integrator_->evaluations() - evaluations_), static_cast<double>(largest(residual_)),
-                 static_cast<double>(largest(rate_))};
+    const auto [position, velocity] = find_residuals();
+    measured_ = {static_cast<double>(integrator_->evaluations() - evaluations_), position, velocity};
     evaluations_ = integrator_->evaluations();
-    position_ = std::max(position_, measured_[1]);
-    velocity_ = std::max(velocity_, measured_[2]);
     return measured_;
   }
 
-  /// What the run took; an iteration is an evaluation, and residuals are known where steps were measured.
+  /// What the run took; an iteration is an evaluation, and residuals are known where steps were measured, or energy was balanced.
   void summarise(Json& summary) const {
     const long evaluations = integrator_ ? integrator_->evaluations() : 0;
     summary["evaluations"] = evaluations;
     summary["iterations"] = evaluations;
     if (energy_) energy_->summarise(summary);
-    if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
+    if (!measured_.empty() || energy_) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
   }
 
   /// The Jacobians of the accelerations by the coordinates (as increments that are retracted) and by the speeds at the state, column by
@@ -151,6 +152,14 @@ class Recursive {
   }
 
  private:
+  std::pair<double, double> find_residuals() {
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+    const auto position = static_cast<double>(largest(residual_)), velocity = static_cast<double>(largest(rate_));
+    position_ = std::max(position_, position);
+    velocity_ = std::max(velocity_, velocity);
+    return {position, velocity};
+  }
+
   M& mechanism_;
   const Description& d_;
   const RunSettings& settings_;
