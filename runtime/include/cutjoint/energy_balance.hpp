@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
@@ -17,6 +18,19 @@
 #include "cutjoint/state.hpp"
 
 namespace cutjoint {
+
+/// Adds to a number the seconds that it lives.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& seconds) : seconds_(seconds) {}
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+  ~Stopwatch() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count(); }
+
+ private:
+  double& seconds_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
 
 /// Integrates the power of all forces, guides and drives of a mechanism or system over the steps that a run takes, by Gauss's formula of three
 /// places inside each.
@@ -56,6 +70,11 @@ class EnergyBalance {
     join(end);
     add(end, [&](Real t, State<Real>& state) { follow(end, (t - last_.t) / (end.t - last_.t), state); });
   }
+
+  /// To live while steps are checked, whose time is none of the steps.
+  Stopwatch time() { return Stopwatch(seconds_); }
+
+  double seconds() const { return seconds_; }
 
   /// The time from which on nothing of a failed run is worth while, if energy has come from nowhere.
   std::optional<double> doubtful_since() const { return book_.doubtful_since(); }
@@ -140,6 +159,7 @@ class EnergyBalance {
   State<Real> last_, between_;
   std::vector<Real> way_, rate_, delta_, speeds_;
   EnergyBook<Real> book_;
+  double seconds_ = 0.0;
 };
 
 }  // namespace cutjoint

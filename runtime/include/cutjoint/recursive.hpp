@@ -60,6 +60,7 @@ class Recursive {
   void step(long number) {
     integrator_->step(state_, number);
     if (energy_) {
+      const auto time = energy_->time();
       energy_->add(state_);
       find_residuals();
     }

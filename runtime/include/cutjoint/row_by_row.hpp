@@ -85,6 +85,14 @@ class RowByRow {
 
   const RunSettings& settings() const { return settings_; }
 
+  /// Call a function where energy is balanced, too; its time is none of the steps.
+  template <class Check>
+  void check_beside(Check check) {
+    if (!energy_) return;
+    const auto time = energy_->time();
+    check();
+  }
+
   /// The time of the last row.
   Real last_row() const { return origin_ + Real(count_steps<Real>(settings_).number) * dt_; }
 
@@ -96,6 +104,7 @@ class RowByRow {
   void balance_energy() {
     energy_.emplace(subject_, *state_);
     stepper_->watch([this](auto& scheme) {
+      const auto time = energy_->time();
       scheme.read_end(*state_);
       energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
     });

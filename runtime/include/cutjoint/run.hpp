@@ -167,12 +167,13 @@ class Run {
 
   /// Steps up to `last`, fewer where a stop is requested.
   void advance(long first, long last) {
+    const double checked = seconds_of_checks();
     const auto begin = std::chrono::steady_clock::now();
     for (long n = first; n < last && !stop_requested(); ++n) {
       method_.step(n + 1);
       steps_ = n + 1;
     }
-    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() - (seconds_of_checks() - checked);
   }
 
   void open_tables() {
@@ -208,6 +209,13 @@ class Run {
       ends_.emplace_back(written_, table_->end());
       while (ends_.size() > 1 && ends_[1].first <= method_.energy()->settled()) ends_.pop_front();
     }
+  }
+
+  /// What the balance of work and energy has taken.
+  double seconds_of_checks() const {
+    if constexpr (requires { method_.energy(); })
+      if (method_.energy()) return method_.energy()->seconds();
+    return 0.0;
   }
 
   std::optional<double> doubtful_since() const {

@@ -73,7 +73,10 @@ class LagrangianMethod {
   void step(long number) {
     const long before = newton_->iterations();
     newton_->step(state_, number);
-    if (energy_) energy_->add(with_reactions());
+    if (energy_) {
+      const auto time = energy_->time();
+      energy_->add(with_reactions());
+    }
     state_.t = origin_ + Real(number) * dt_;
     iterations_ = newton_->iterations() - before;
     note_residuals();

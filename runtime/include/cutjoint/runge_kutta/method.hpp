@@ -52,7 +52,7 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
 
   void step(long number) {
     Base::step(number);
-    if (this->energy()) find_residuals();
+    this->check_beside([this] { find_residuals(); });
   }
 
   static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
