@@ -97,7 +97,7 @@ class Integrator:
     ``events`` is what its steps do unless asked otherwise, None where they cannot end at events.  An ``adaptive`` one takes steps as long
     as the tolerance allows.  ``uses_solver`` is whether steps solve with the linear solver of a method that has one.  ``settings`` are
     those that it reads besides the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.
-    ``in_files`` is whether scenes and commands can ask for it.
+    ``in_files`` is whether scenes and commands can ask for it, ``balances`` whether it balances work and energy beside the motion.
     """
 
     name: str
@@ -113,6 +113,7 @@ class Integrator:
     batch: bool = False
     tangents: bool = False
     in_files: bool = True
+    balances: bool = True
 
     def takes(self, method: Method, implementation: Implementation) -> bool:
         """Whether it runs an implementation of a method."""
@@ -220,7 +221,9 @@ INTEGRATORS: Mapping[str, Integrator] = _catalogue(
     Integrator(
         name="generalised-alpha", methods=("recursive-newton",), events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",)
     ),
-    Integrator(name="reference", methods=("recursive", "classical"), closures=("penalty", "proximal"), events=None, in_files=False),
+    Integrator(
+        name="reference", methods=("recursive", "classical"), closures=("penalty", "proximal"), events=None, in_files=False, balances=False
+    ),
 )  # fmt: skip
 
 #: The ways to hold cut joints.

@@ -15,6 +15,7 @@ from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.source import Source
 from cutjoint.emit.system import emit_system
 from cutjoint.formulate.correspondence import find_corresponding
+from cutjoint.formulate.energy import CHECKS
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.natural.equations import formulate_lagrangian, without
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -31,8 +32,8 @@ from cutjoint.sparse.pivoting import NoPivotError, SingularError
 from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
 from cutjoint.sparse.tangent import places, settle_entries
 
-#: What is called once a run, so that lanes are not worth while for it.
-_ONCE = frozenset({"initial_coordinates"})
+#: What is called once a run, or only where a run is checked, so that lanes are not worth while for it.
+_ONCE = frozenset({"initial_coordinates", *CHECKS})
 
 E = TypeVar("E", bound=SystemEquations)
 
@@ -82,7 +83,8 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
         (f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions
     ]
     program, pattern = settle_entries(
-        schedule(equations.builder, functions, lanes=lanes), len(equations.row_names), symmetric=METHODS[equations.method].symmetric
+        schedule(equations.builder, functions, lanes=lanes, last=CHECKS), len(equations.row_names),
+        symmetric=METHODS[equations.method].symmetric,
     )  # fmt: skip
     equations = equations.with_tangent(places(pattern))
     if isinstance(equations, LagrangianEquations) and METHODS[equations.method].saddle_point:

@@ -33,6 +33,9 @@ class FourBar final : public AnyMechanism<Real> {
   /// The reported columns.  4 operations.
   void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const override;
 
+  /// Kinetic energy, and the power of all forces, guides and drives.  154 operations.
+  void energy(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* energy) const override;
+
   /// The step of the speeds' integrals that closes gaps of the cut joints and moves the masses least.  213 operations.
   void project(const Real* q, const Real* gap, Real* dz) const override;
 

@@ -74,7 +74,7 @@ class OwnRunner:
             events = Events.LOCATED if self.located else INTEGRATORS[self.integrator].events
             return simulate(
                 artifact, dt=dt, solver=self.solver, integrator=self.integrator, events=events, tolerance=self.tolerance,
-                parameters=self.parameters, steps=steps, check=False,
+                parameters=self.parameters, steps=steps, error=False, check=False,
             )  # fmt: skip
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
-from cutjoint.emit.source import Source
+from cutjoint.emit.source import Source, emit
+from cutjoint.formulate.energy import CHECKS
+from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import generate
+from cutjoint.pipeline import derive, generate
 from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS, ROOT
 from tests.hash_seeds import outputs
@@ -72,3 +75,14 @@ def test_numbers_are_printed_by_shortest_round_trip(value: float) -> None:
     text = printer.text(graph.const(value))
     assert float(text.removeprefix("Real(").removesuffix(")")) == value
     assert text == f"Real({value!r})"
+
+
+def test_a_check_of_the_run_leaves_the_other_functions_as_they_are() -> None:
+    """Lanes too, which ``energy`` does without."""
+    read = read_model(MODELS / "iltis.yaml")
+    chosen = find_scene(read, "simul1")
+    equations = derive(read, chosen, chosen.outputs)
+    without = replace(equations, functions=tuple(f for f in equations.functions if f.name not in CHECKS))
+    made, before = (emit(schedule_recursive(e, lanes=True), e).files for e in (equations, without))
+    assert set(made) - set(before) == {"energy.cpp"}
+    assert [name for name in before if name.endswith(".cpp") and made[name] != before[name]] == []

@@ -18,6 +18,7 @@ from cutjoint.analysis.closing import design_coordinates, evaluate_closures, ret
 from cutjoint.analysis.natural import call, closed_states, constraint_jacobian, dependent_equations
 from cutjoint.analysis.poses import explore
 from cutjoint.elements.joints import JOINTS
+from cutjoint.formulate.energy import NAMES
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -141,16 +142,17 @@ def states(pair: Pair, seed: int) -> list[Instant]:
 
 
 def recursive_report(pair: Pair, at: Instant) -> dict[str, float]:
-    """All quantities, with the accelerations of the augmented iteration carried to its end."""
+    """All quantities and the energy, with the accelerations of the augmented iteration carried to its end."""
     multipliers = np.zeros(len(pair.recursive.equations.equation_names))
     for _ in range(60):
         solution = pair.recursive.solve(at, multipliers, EXACT)
         multipliers = multipliers + solution.correction
-    return pair.recursive.report(at, solution.vdot, multipliers, EXACT)
+    energy = pair.recursive.energy(at, solution.vdot, multipliers, EXACT)
+    return pair.recursive.report(at, solution.vdot, multipliers, EXACT) | energy
 
 
 def natural_report(pair: Pair, at: Instant) -> dict[str, float]:
-    """All quantities, with the accelerations of [M, Phi_q^T; Phi_q, 0]."""
+    """All quantities and the energy, with the accelerations of [M, Phi_q^T; Phi_q, 0]."""
     now = {"t": np.array([at.t])}
     placed = pair.call("initial_coordinates", relative_q=at.q, relative_v=at.v, **now)
     q, v = placed["q"], placed["v"]
@@ -167,8 +169,10 @@ def natural_report(pair: Pair, at: Instant) -> dict[str, float]:
     bend = closed.get("curvature", np.zeros(0))
     x = np.linalg.lstsq(K, np.concatenate([-force, -scale * bend]), rcond=1e-13)[0]
     assert np.abs(K @ x - np.concatenate([-force, -scale * bend])).max() < 1e-7 * max(np.abs(force).max(), 1.0)
-    column = pair.call("report", q=q, v=v, vdot=x[: pair.n], **{"lambda": scale * x[pair.n :]}, **now)["column"]
-    return {c.name: float(value) for c, value in zip(pair.natural.columns, column, strict=True)}
+    solved = {"q": q, "v": v, "vdot": x[: pair.n], "lambda": scale * x[pair.n :], **now}
+    column = pair.call("report", **solved)["column"]
+    energy = dict(zip(NAMES, pair.call("energy", **solved)["energy"], strict=True))
+    return {c.name: float(value) for c, value in zip(pair.natural.columns, column, strict=True)} | energy
 
 
 def compare(model: Model, seed: int, chosen: Scene = SCENE, tolerance: float = 1e-6) -> None:

@@ -82,6 +82,12 @@ class BlockMechanism:
         values = interpret_blocks(results.values(), self.inputs(at, multipliers, numerics, vdot), self.roads)
         return {name.removeprefix("column:"): float(values[block][0, 0]) for name, block in results.items()}
 
+    def energy(self, at: Instant, vdot: Array, multipliers: Array, numerics: Numerics) -> dict[str, float]:
+        """Kinetic energy and power by name."""
+        results = self.results("energy")
+        values = interpret_blocks(results.values(), self.inputs(at, multipliers, numerics, vdot), self.roads)
+        return {name.removeprefix("energy:"): float(values[block][0, 0]) for name, block in results.items()}
+
 
 def both(
     topology: Topology, scene: Scene, *, outputs: tuple[Output, ...] = (), parameters: Mapping[str, float] | None = None,

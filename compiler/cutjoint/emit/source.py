@@ -153,6 +153,7 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
         "parameters": _named(equations.parameters),
         "inputs": _named(equations.inputs),
         "roads": equations.roads,
+        "driven": any(joint.guide is not None for joint in equations.topology.model.joints),
         "guards": [
             {"name": guard.force.name, "place": _quotable(guard.force.span.place)}
             for guard in guards_of(equations.topology.model, equations.scene)

@@ -12,6 +12,7 @@ import sympy
 from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.source import Page, members
 from cutjoint.emit.view import Viewer, on_one_line
+from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.locations import runtime_folder
 from cutjoint.model.records import Scene
@@ -23,6 +24,9 @@ _LANES = "cutjoint/core/lanes.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
 _OF_INTERFACE = ("cstdint", "cstring", "iterator", "new")
+
+#: Functions that a simulation does not call.
+_UNUSED = frozenset({"domains", "energy", "events"})
 
 _CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
@@ -51,7 +55,7 @@ def _in_c(page: Page) -> dict[str, object]:
 def _source(page: Page, program: Program, equations: RecursiveEquations, view: Mapping[str, object]) -> str:
     """The one C++ file."""
     viewer = Viewer(program, equations)
-    names = [f.name for f in equations.functions]
+    names = [f.name for f in equations.functions if f.name not in _UNUSED]
     core = amalgamate([*([_LANES] if viewer.lane_types() else []), _CORE])
     functions = page.functions(viewer, names, header=page.header, core=True)
     mechanism = page.render(
@@ -73,8 +77,8 @@ def _sizes(equations: RecursiveEquations) -> dict[str, dict[str, int]]:
     return {"sizes": {
         "coordinates": equations.coordinates, "speeds": equations.speeds, "equations": len(equations.equation_names),
         "cuts": len(equations.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
-        "roads": len(equations.roads),
-        "columns": len(equations.columns),
+        "roads": len(equations.roads), "columns": len(equations.columns),
+        "guards": len(guards_of(equations.topology.model, equations.scene)),
     }}  # fmt: skip
 
 
@@ -126,6 +130,7 @@ def _truth(value: object) -> str:
 def _tables(equations: RecursiveEquations) -> list[dict[str, Any]]:
     """Names, units and places in the model's file."""
     spans = equations.topology.model.constraint_spans
+    guards = [guard.force for guard in guards_of(equations.topology.model, equations.scene)]
     place = {name: on_one_line(span.place).replace('"', "?") for name, span in spans.items()}
     tables = {
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
@@ -133,6 +138,7 @@ def _tables(equations: RecursiveEquations) -> list[dict[str, Any]]:
         "coordinate_names": equations.coordinate_names, "speed_names": equations.speed_names, "equation_names": equations.equation_names,
         "speed_places": [place[c.joint] for c in equations.charts for _ in c.speed_names],
         "equation_places": [place[c.joint] for c in equations.closures for _ in c.names],
+        "guard_names": [force.name for force in guards], "guard_places": [on_one_line(f.span.place).replace('"', "?") for f in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
     return [{"name": name, "entries": list(items)} for name, items in tables.items()]

@@ -21,6 +21,7 @@ _ABOUT = {
     "apply_jacobian_transposed": "Phi_q^T w.",
     "apply_jacobian": "Phi_q x.",
     "report": "The reported columns.",
+    "energy": "Kinetic energy, and the power of all forces, guides and drives.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
     "events": "The values of the switches, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",

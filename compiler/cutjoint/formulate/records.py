@@ -199,7 +199,7 @@ class RecursiveEquations(Equations):
     @property
     def starting(self) -> RecursiveEquations:
         """The equations without the functions that a start does not call."""
-        return replace(self, functions=tuple(f for f in self.functions if f.name not in ("project", "events")), switches=())
+        return replace(self, functions=tuple(f for f in self.functions if f.name not in ("project", "events", "energy")), switches=())
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

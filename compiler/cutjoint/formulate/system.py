@@ -20,6 +20,7 @@ _ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "apply_jacobian_transposed": ("const Real* q", "const Real* w", "Real* force"),
     "apply_jacobian": ("const Real* q", "const Real* vdot", "Real* change"),
     "report": (*_STATE, "const Real* lambda", "Real* column"),
+    "energy": (*_STATE, "const Real* lambda", "Real* energy"),
 }
 
 #: What the generated ``load`` takes.
@@ -32,12 +33,12 @@ EQUATION_ARRAYS = ("lambda", "w", "residual", "rate", "curvature", "change")
 def system_functions(
     *, initial_coordinates: Mapping[str, Block], dynamic_residual: Mapping[str, Block], tangent: Mapping[str, Block],
     constraint_residual: Mapping[str, Block], apply_jacobian_transposed: Mapping[str, Block], apply_jacobian: Mapping[str, Block],
-    report: Mapping[str, Block],
+    report: Mapping[str, Block], energy: Mapping[str, Block],
 ) -> tuple[Function, ...]:  # fmt: skip
     """The functions with their results; ``linearise`` has those of the dynamic residual and of the tangent."""
     results = {
         "initial_coordinates": initial_coordinates, "dynamic_residual": dynamic_residual, "linearise": {**dynamic_residual, **tangent},
         "constraint_residual": constraint_residual, "apply_jacobian_transposed": apply_jacobian_transposed,
-        "apply_jacobian": apply_jacobian, "report": report,
+        "apply_jacobian": apply_jacobian, "report": report, "energy": energy,
     }  # fmt: skip
     return tuple(Function(name=name, arguments=arguments, results=results[name]) for name, arguments in _ARGUMENTS.items())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from cutjoint.program.blocks import BindingTime, Block, Builder, ConstantError
 from cutjoint.program.lower import Lowering
@@ -10,8 +10,12 @@ from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph, OverflowedConstantError
 
 
-def schedule(builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block]]], *, lanes: bool = False) -> Program:
+def schedule(
+    builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block]]], *, lanes: bool = False, last: Collection[str] = ()
+) -> Program:
     """Lower the functions onto one graph; with ``lanes``, their loops may have some, too.
+
+    Those named in ``last`` come after the others, whose code does not change for them.
 
     Work that depends on parameters or on time alone leaves the functions for the two earlier stages.
 
@@ -19,8 +23,10 @@ def schedule(builder: Builder, functions: Sequence[tuple[str, Mapping[str, Block
         ConstantError: a constant that is computed in advance overflows.
     """
     lowering = Lowering()
+    rest, checks = ([f for f in functions if (f[0] in last) == is_last] for is_last in (False, True))
     try:
-        lowering.lower(block for _, results in functions for block in results.values())
+        for group in (rest, checks):
+            lowering.lower(block for _, results in group for block in results.values())
     except OverflowedConstantError as error:
         raise ConstantError(builder.sections, error.section) from None
     graph = lowering.graph

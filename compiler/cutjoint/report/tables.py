@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.report.names import closing_equations
-from cutjoint.run.results import Batch, Effort, ErrorEstimate, MechanismState, Trajectory
+from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, MechanismState, Residuals, Trajectory
 from cutjoint.run.simulator_run import Compilation, Start
 
 if TYPE_CHECKING:
@@ -140,8 +140,16 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
         *([("went over to", run.instead)] if run.instead else []),
         *_effort_facts(run.effort),
+        *_balance_facts(run.energy),
         *_speeds_not_given(c.start, run.undetermined),
     ])  # fmt: skip
+
+
+def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
+    """How far kinetic energy and work are apart."""
+    if energy is None:
+        return []
+    return [("work and energy", f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J")]
 
 
 def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:
@@ -160,6 +168,7 @@ def error_facts(error: ErrorEstimate) -> Table:
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     rows = [("converged", "yes" if error.converged else "no: not converged, errors may be larger")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
+    rows += [("warning", error.imbalance)] if error.imbalance else []
     return facts("errors of the steps at most", rows)
 
 
@@ -184,14 +193,19 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
 def _effort_facts(effort: Effort) -> list[tuple[str, str]]:
     """What a Lagrangian method or an integrator with steps of its own reports besides."""
     if not effort.solver:
-        return _stepping_facts(effort)
+        return [*_residual_facts(effort.residuals), *_stepping_facts(effort)]
     fallbacks = f", {effort.pivoting_fallbacks} with pivoting after all" if effort.pivoting_fallbacks else ""
-    r = effort.residuals
     facts = [("solver", f"{effort.solver}, {effort.factorisations} factorisations{fallbacks}")]
     facts += [("penalty", f"{effort.penalty:.3g}")] if effort.penalty == effort.penalty else []
     facts += [("taken in parts", f"{effort.substeps} parts of steps")] if effort.substeps else []
-    facts.append(("largest residuals", f"Phi {r.position:.1e}, Phid {r.velocity:.1e}, Phidd {r.acceleration:.1e}"))
-    return [*facts, *_stepping_facts(effort)]
+    return [*facts, *_residual_facts(effort.residuals), *_stepping_facts(effort)]
+
+
+def _residual_facts(residuals: Residuals) -> list[tuple[str, str]]:
+    """The largest residuals of loops; none where there are none."""
+    found = (("Phi", residuals.position), ("Phid", residuals.velocity), ("Phidd", residuals.acceleration))
+    parts = [f"{name} {value:.1e}" for name, value in found if value == value]
+    return [("largest residuals", ", ".join(parts))] if residuals.position > 0 else []
 
 
 def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -13,6 +13,7 @@ import numpy as np
 from cutjoint.locations import AnyPath, path_of
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
+from cutjoint.run.balance import find_imbalance
 from cutjoint.run.cures import follow_up
 from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
@@ -48,9 +49,11 @@ def run_accurately(
 ) -> Trajectory:  # fmt: skip
     """Run a simulator to its end, with steps that keep the run's ``goal`` if it has one; the run can say how wrong it is.
 
-    Without ``estimate`` there is one run, and the goal is not looked at.  Where a run fails whose plan is free, another integrator takes
-    over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and errors as of `simulator_run.start`.
+    Without ``estimate`` there is one run without a balance of work and energy, and the goal is not looked at.  Where a run fails whose
+    plan is free, another integrator takes over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and
+    errors as of `simulator_run.start`.
     """
+    plan = plan.with_balance() if estimate else plan
     begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
     play = partial(_play, begin=begin, estimate=estimate)
     return follow_up(plan, play(plan), play, go_over=go_over and plan.is_free, advise=advise)
@@ -68,6 +71,7 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     """Make steps finer until two runs agree so well that the better one keeps the goal, or until they come no nearer."""
     change = _change_of(plan)
     last, before = start(plan), None
+    runs = [last]
     for level in range(1, change.levels + 1):
         run = begin(_finer(plan, change, level))
         if run.failure is not None:
@@ -79,11 +83,12 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             apart = _differences(last, run)
             errors = {name: apart[name] * _share(change, apart[name], None if before is None else before[name]) for name in apart}
             if _keeps(run, errors, goal):
-                return _estimated(run, errors, converged=True)
+                return _estimated(run, errors, converged=True, others=runs)
             if before is not None and not any(_falls(run[name], before[name], apart[name]) for name in apart):
-                return _estimated(run, apart, converged=False)
+                return _estimated(run, apart, converged=False, others=runs)
             before = apart
         last = run
+        runs = [*runs[-1:], run]
     return _estimated(last, before or _unknown(last), converged=False)
 
 
@@ -108,8 +113,10 @@ def _unknown(run: Trajectory) -> dict[str, float]:
     return dict.fromkeys(run.columns, inf)
 
 
-def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool) -> Trajectory:
-    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
+def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = ()) -> Trajectory:
+    """The run with its errors; ``others`` are runs of the same with other steps."""
+    imbalance = find_imbalance(run, others)
+    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged, imbalance=imbalance)
     return replace(run, estimator=lambda _: estimate)
 
 
@@ -136,7 +143,8 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         before, after = apart, _unknown(run) if finest is None else _differences(finer, finest)
     errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
     converged = all(_falls(run.columns[c], before[c], after[c]) for c in apart)
-    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
+    imbalance = find_imbalance(run, [finer] if coarser is None else [coarser, finer])
+    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged, imbalance=imbalance)
 
 
 def _try(plan: SimulatorRun, change: _Change, times: int) -> Trajectory | None:

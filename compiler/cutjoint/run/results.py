@@ -79,12 +79,28 @@ class Residuals:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EnergyBalance:
+    """Work and energy of a run, J: the largest ``kinetic`` energy T, what forces, guides and drives have ``exchanged`` (the integral of
+    their power's absolute value), and the largest ``defect`` of T less its start and the work done; nan of what has no finite value."""
+
+    kinetic: float
+    exchanged: float
+    defect: float
+
+    @property
+    def share(self) -> float:
+        """The defect as a share of the energy that there was."""
+        size = self.kinetic + self.exchanged
+        return self.defect / size if size > 0 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Effort:
     """What the steps of a run took besides evaluations.
 
-    The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured.  ``penalty`` is that of the
-    augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to pivoting, ``substeps``
-    the parts that steps of recursive-newton were taken in where the iteration did not reach their end at once.
+    The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured or energy was balanced.
+    ``penalty`` is that of the augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to
+    pivoting, ``substeps`` the parts that steps of recursive-newton were taken in where the iteration did not reach their end at once.
     ``rejected`` are attempts of steps that were taken again shorter, ``stiff_steps`` those whose length stability limited: numbers
     of explicit integrators and of ``sdirk4``.  ``events`` are the changes of formula at which steps ended, by element in
     ``events_by_element``.
@@ -109,11 +125,13 @@ class ErrorEstimate:
 
     ``largest`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the end.
     Not ``converged`` is what changes with finer steps as much as with coarser ones.  Laws, masses and places are taken as they are given.
+    ``imbalance`` is a warning that work and energy differ by more than the steps explain, "" where they do not.
     """
 
     largest: Mapping[str, float]
     units: Mapping[str, str]
     converged: bool
+    imbalance: str = ""
 
     def __getitem__(self, column: str) -> float:
         return self.largest[column]
@@ -131,6 +149,7 @@ class Trajectory:
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
     start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.  ``instead`` says
     which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where nothing can.
+    ``energy`` is the balance of work and energy, None where none was asked for.
     """
 
     t: Array
@@ -142,6 +161,7 @@ class Trajectory:
     undetermined: tuple[str, ...]
     failure: FailureReport | None
     effort: Effort = Effort()
+    energy: EnergyBalance | None = None
     table: Path | None = None
     instead: str = ""
     estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
@@ -228,6 +248,12 @@ def read_effort(summary: Mapping[str, Any]) -> Effort:
         stiff_steps=summary.get("stiff_steps", 0), events=summary.get("events", 0),
         events_by_element=summary.get("events_by_element", {}),
     )  # fmt: skip
+
+
+def read_energy(summary: Mapping[str, Any]) -> EnergyBalance | None:
+    """The balance that a simulator's summary reports, if it does."""
+    balance = summary.get("energy")
+    return None if balance is None else EnergyBalance(**{name: nan if value is None else value for name, value in balance.items()})
 
 
 def read_table(path: Path) -> tuple[Array, dict[str, Array]]:

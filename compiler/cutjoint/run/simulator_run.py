@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import RunTables
-from cutjoint.run.results import Columns, Trajectory, read_effort, read_run_table
+from cutjoint.run.results import Columns, Trajectory, read_effort, read_energy, read_run_table
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 
@@ -36,6 +36,12 @@ class SimulatorRun:
     closes_loops: bool = False
     others: Sequence[Mapping[str, Any]] = ()
     is_free: bool = False
+
+    def with_balance(self) -> SimulatorRun:
+        """The run with a balance of work and energy, if its program has one."""
+        if self.description is not None or not INTEGRATORS[self.run_file["integrator"]].balances:
+            return self
+        return replace(self, run_file={**self.run_file, "energy": True})
 
     def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
         """The run with other values (SI units) of open parameters that nothing else in the run file follows from, and of inputs."""
@@ -90,5 +96,5 @@ def start(
     return Trajectory(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
-        effort=read_effort(summary), table=table,
+        effort=read_effort(summary), energy=read_energy(summary), table=table,
     )  # fmt: skip

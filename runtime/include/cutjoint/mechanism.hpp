@@ -59,6 +59,7 @@ struct Description {
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change
+  bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
 };
 
 /// A function was called that the compiler had no reason to make.
@@ -80,6 +81,7 @@ class AnyMechanism {
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
   virtual void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
+  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_missing("energy"); }  ///< of q, v, vdot, lambda
   virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_missing("project"); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some

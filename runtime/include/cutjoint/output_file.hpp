@@ -9,6 +9,8 @@
 #include <string_view>
 #include <system_error>
 
+#include <unistd.h>
+
 #include "cutjoint/json.hpp"
 
 namespace cutjoint {
@@ -25,6 +27,12 @@ class OutputFile {
 
   void write(std::string_view text) {
     if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
+  }
+
+  /// Leave only the first bytes of what was written; what a stream has been given stays.
+  void cut(long bytes) {
+    if (std::fflush(file_.get()) != 0) fail();
+    if (std::fseek(file_.get(), bytes, SEEK_SET) == 0 && ::ftruncate(::fileno(file_.get()), bytes) != 0) fail();
   }
 
   /// Write what is still in memory and close the file.

@@ -75,6 +75,7 @@ class SettingsReader {
         .events = if_given(numerics, "events", [&](const char* key) { return read_flag(numerics, key); }).value_or(false),
         .absolute_tolerance = if_given(numerics, "absolute_tolerance", [&](const char* key) { return positive(numerics, key); }),
         .spectral_radius = if_given(numerics, "spectral_radius", [&](const char* key) { return between(numerics, key, 0.0, 1.0); }),
+        .energy = file_.contains("energy") && read_flag(file_, "energy"),
         .stabilisation = stabilisation(),
     };
     require_agreement(settings);
@@ -160,7 +161,7 @@ class SettingsReader {
   /// The keys that a run file may have; those that are no settings are read where they are used.
   static constexpr auto keys_ = std::to_array<std::string_view>(
       {"task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", "model", "parameters", "inputs", "positions",
-       "rates", "roads", "out", "out_copy", "steps_out", "steps_out_copy", "tangents_out", "state", "states", "with_state", "cases", "threads",
+       "rates", "roads", "out", "out_copy", "steps_out", "steps_out_copy", "tangents_out", "state", "states", "with_state", "energy", "cases", "threads",
        "repetitions", "batches", "ends_with_stdin"});
   static constexpr auto numerics_keys_ = std::to_array<std::string_view>(
       {"dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance", "spectral_radius"});

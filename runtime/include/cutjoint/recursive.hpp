@@ -7,9 +7,11 @@
 #include <optional>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "cutjoint/domains.hpp"
+#include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/core/largest.hpp"
@@ -50,10 +52,18 @@ class Recursive {
   }
 
   /// Get ready for steps.
-  void prepare() { integrator_.emplace(mechanism_, dt_, fixed_point_of(settings_)); }
+  void prepare() {
+    integrator_.emplace(mechanism_, dt_, fixed_point_of(settings_));
+    if (settings_.energy) energy_.emplace(mechanism_, state_);
+  }
 
   void step(long number) {
     require_none(integrator_->step(state_, number), d_);
+    if (energy_) {
+      const auto time = energy_->time();
+      energy_->add(state_);
+      find_residuals();
+    }
     state_.t = origin_ + Real(number) * dt_;
     guards_.check(state_, number);
   }
@@ -62,27 +72,27 @@ class Recursive {
 
   Real time() const { return state_.t; }
 
+  const std::optional<EnergyBalance<M>>& energy() const { return energy_; }
+
   void report(Real* column) { mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
 
   static constexpr std::array<std::string_view, 3> step_columns{"iterations", "position", "velocity"};
 
   /// The last step's iterations and largest residuals; an evaluation of its own, which the method itself does without.
   const std::vector<double>& measure_step() {
-    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
-    measured_ = {static_cast<double>(integrator_->evaluations() - evaluations_), static_cast<double>(largest(residual_)),
-                 static_cast<double>(largest(rate_))};
+    const auto [position, velocity] = find_residuals();
+    measured_ = {static_cast<double>(integrator_->evaluations() - evaluations_), position, velocity};
     evaluations_ = integrator_->evaluations();
-    position_ = std::max(position_, measured_[1]);
-    velocity_ = std::max(velocity_, measured_[2]);
     return measured_;
   }
 
-  /// What the run took; an iteration is an evaluation, and residuals are known where steps were measured.
+  /// What the run took; an iteration is an evaluation, and residuals are known where steps were measured, or energy was balanced.
   void summarise(Json& summary) const {
     const long evaluations = integrator_ ? integrator_->evaluations() : 0;
     summary["evaluations"] = evaluations;
     summary["iterations"] = evaluations;
-    if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
+    if (energy_) energy_->summarise(summary);
+    if (!measured_.empty() || energy_) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
   }
 
   /// The Jacobians of the accelerations by the coordinates (as increments that are retracted) and by the speeds at the state, column by
@@ -143,6 +153,14 @@ class Recursive {
   }
 
  private:
+  std::pair<double, double> find_residuals() {
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+    const auto position = static_cast<double>(largest(residual_)), velocity = static_cast<double>(largest(rate_));
+    position_ = std::max(position_, position);
+    velocity_ = std::max(velocity_, velocity);
+    return {position, velocity};
+  }
+
   M& mechanism_;
   const Description& d_;
   const RunSettings& settings_;
@@ -152,6 +170,7 @@ class Recursive {
   Guards<M> guards_;
   Real origin_{0}, dt_;
   std::optional<Trapezoidal<M>> integrator_;
+  std::optional<EnergyBalance<M>> energy_;
   std::vector<Real> residual_, rate_;
   std::vector<double> measured_;
   long evaluations_ = 0;

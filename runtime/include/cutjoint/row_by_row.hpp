@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cutjoint/domains.hpp"
+#include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/read_settings.hpp"
@@ -31,6 +32,7 @@ class RowByRow {
   void begin(const State<Real>& start) {
     y_ = dynamics_.begin(start);
     origin_ = t_ = start.t;
+    if (settings_.energy) state_ = start;
     check(0);
   }
 
@@ -38,6 +40,8 @@ class RowByRow {
   template <class... How>
   void prepare(How&&... how) {
     stepper_.emplace(dynamics_, std::forward<How>(how)...);
+    if constexpr (requires { typename Stepper::Watch; })
+      if (settings_.energy) balance_energy();
   }
 
   void step(long number) {
@@ -58,6 +62,8 @@ class RowByRow {
 
   Real time() const { return t_; }
 
+  const std::optional<EnergyBalance<Subject>>& energy() const { return energy_; }
+
   void report(Real* column) {
     const State<Real>& x = dynamics_.complete(t_, y_);
     subject_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), column);
@@ -70,6 +76,7 @@ class RowByRow {
   void summarise(Json& summary) const {
     summary["evaluations"] = dynamics_.evaluations();
     summary["iterations"] = stepper_ ? stepper_->steps() : 0;
+    if (energy_) energy_->summarise(summary);
   }
 
  protected:
@@ -77,6 +84,14 @@ class RowByRow {
   void stop_at(Real t) { t_ = t; }
 
   const RunSettings& settings() const { return settings_; }
+
+  /// Call a function where energy is balanced, too; its time is none of the steps.
+  template <class Check>
+  void check_beside(Check check) {
+    if (!energy_) return;
+    const auto time = energy_->time();
+    check();
+  }
 
   /// The time of the last row.
   Real last_row() const { return origin_ + Real(count_steps<Real>(settings_).number) * dt_; }
@@ -86,6 +101,15 @@ class RowByRow {
   const std::vector<Real>& row() const { return y_; }
 
  private:
+  void balance_energy() {
+    energy_.emplace(subject_, *state_);
+    stepper_->watch([this](auto& scheme) {
+      const auto time = energy_->time();
+      scheme.read_end(*state_);
+      energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
+    });
+  }
+
   void check(long number) {
     if (!guards_.empty()) guards_.check(dynamics_.complete(t_, y_), number);
   }
@@ -95,6 +119,8 @@ class RowByRow {
   const RunSettings& settings_;
   Guards<Subject> guards_;
   std::optional<Stepper> stepper_;
+  std::optional<EnergyBalance<Subject>> energy_;
+  std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
   std::vector<Real> y_;
   Real origin_{0}, t_{0}, dt_;
 };

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <deque>
 #include <iostream>
 #include <optional>
 #include <span>
@@ -35,6 +36,7 @@ namespace cutjoint {
 /// - `summarise`, which adds to a summary what the steps took,
 /// - `explain`, which adds to a failure of a step what is known of its cause,
 /// - `evaluate`, the results of its functions at the run file's states,
+/// - if it can balance work and energy, `energy`, the balance of a run that asks for it,
 /// - if others may know it, `state`, that of its last step,
 /// - if it iterates to a fixed point, `differentiate`, the Jacobians of its accelerations at the last state,
 /// - if it has a linear solver, `time_solver`.
@@ -119,7 +121,8 @@ class Run {
         advance(first, last);
       } catch (Failure& failure) {
         number(failure);
-        if (failure.guards.empty()) write_last(dt);
+        if (const auto since = doubtful_since()) take_back(*since);
+        else if (failure.guards.empty()) write_last(dt);
         throw;
       }
       if (steps_ < last) {
@@ -164,12 +167,13 @@ class Run {
 
   /// Steps up to `last`, fewer where a stop is requested.
   void advance(long first, long last) {
+    const double checked = seconds_of_checks();
     const auto begin = std::chrono::steady_clock::now();
     for (long n = first; n < last && !stop_requested(); ++n) {
       method_.step(n + 1);
       steps_ = n + 1;
     }
-    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() - (seconds_of_checks() - checked);
   }
 
   void open_tables() {
@@ -193,8 +197,37 @@ class Run {
     method_.report(values_.data());
     table_->row(method_.time(), values_);
     written_ = static_cast<double>(method_.time());
+    remember();
     if constexpr (requires { method_.differentiate(); })
       if (tangents_) tangents_->write(method_.differentiate().dump() + '\n');
+  }
+
+  /// Keep where the table ends, as long as the rows from here on may have to be taken back.
+  void remember() {
+    if constexpr (requires { method_.energy(); }) {
+      if (!method_.energy()) return;
+      ends_.emplace_back(written_, table_->end());
+      while (ends_.size() > 1 && ends_[1].first <= method_.energy()->settled()) ends_.pop_front();
+    }
+  }
+
+  /// What the balance of work and energy has taken.
+  double seconds_of_checks() const {
+    if constexpr (requires { method_.energy(); })
+      if (method_.energy()) return method_.energy()->seconds();
+    return 0.0;
+  }
+
+  std::optional<double> doubtful_since() const {
+    if constexpr (requires { method_.energy(); })
+      if (method_.energy()) return method_.energy()->doubtful_since();
+    return std::nullopt;
+  }
+
+  /// Take back the rows after a time, but for the first.
+  void take_back(double since) {
+    while (ends_.size() > 1 && ends_.back().first > since) ends_.pop_back();
+    table_->cut(ends_.back().second);
   }
 
   /// The row of the last state that converged, unless it has one.
@@ -227,6 +260,7 @@ class Run {
   const Json& file_;
   std::vector<Real> values_;
   std::optional<Table> table_, steps_table_;
+  std::deque<std::pair<double, Table::End>> ends_;  ///< times of rows, and where the table ends with them
   std::optional<OutputFile> tangents_;  ///< a line of JSON a row
   bool begun_ = false;                  ///< whether the method has taken over a start
   bool stopped_ = false;                ///< by request, before the end

@@ -25,13 +25,13 @@ class Table {
   void header(std::span<const Named> columns) {
     line_ = "t";
     for (const Named& column : columns) line_.append(",").append(column.name);
-    end();
+    finish_line();
   }
 
   void header(std::span<const std::string_view> columns) {
     line_ = "t";
     for (const std::string_view column : columns) line_.append(",").append(column);
-    end();
+    finish_line();
   }
 
   template <class Time, class Real>
@@ -41,7 +41,7 @@ class Table {
       line_ += ',';
       append(static_cast<double>(value));
     }
-    end();
+    finish_line();
     ++rows_;
   }
 
@@ -52,21 +52,36 @@ class Table {
 
   long rows() const { return rows_; }
 
+  /// Where a table ends.
+  struct End {
+    long rows, bytes;
+  };
+
+  End end() const { return {rows_, bytes_}; }
+
+  /// Take back the rows after an end that the table has had.
+  void cut(const End& end) {
+    for (OutputFile& file : files_) file.cut(end.bytes);
+    rows_ = end.rows;
+    bytes_ = end.bytes;
+  }
+
  private:
   void append(double value) {
     char text[32];
     line_.append(text, std::to_chars(text, text + sizeof text, value + 0.0).ptr);
   }
 
-  void end() {
+  void finish_line() {
     line_ += '\n';
     for (OutputFile& file : files_) file.write(line_);
+    bytes_ += static_cast<long>(line_.size());
     line_.clear();
   }
 
   std::vector<OutputFile> files_;
   std::string line_;
-  long rows_ = 0;
+  long rows_ = 0, bytes_ = 0;
 };
 
 }  // namespace cutjoint

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
+from cutjoint.formulate.energy import energy_slots
 from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, weights
@@ -29,6 +30,7 @@ from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.implicit.wrenches import SharedForces, ways, wrench_tangent
 from cutjoint.formulate.inputs import Numbers, chart_slots, column_slots, make_translator, open_parameters, report_columns
 from cutjoint.formulate.records import Column, RecursiveEquations, Slot
+from cutjoint.formulate.recursive.energy import derive_energy
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
@@ -80,6 +82,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         initial_coordinates=_initial_coordinates(b, start), dynamic_residual=dynamic_residual, tangent=system_of.tangent(),
         constraint_residual=system_of.constraint_residual(), apply_jacobian_transposed=system_of.apply_jacobian_transposed(),
         apply_jacobian=system_of.apply_jacobian(), report=report_columns(b, reporter.quantity, outputs),
+        energy=derive_energy(k, reactions, system.joint_forces, gears),
     )  # fmt: skip
     return ImplicitEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
@@ -90,7 +93,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         ), method="recursive-newton",
         slots={
             **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
-            **laws.slots,
+            **laws.slots, **energy_slots(),
         },
         start=start, load_arguments=LOAD_ARGUMENTS,
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,

@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
+from cutjoint.formulate.energy import energy_results, energy_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters, report_columns
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix
@@ -77,7 +78,7 @@ def formulate_lagrangian(
     functions = system_functions(
         initial_coordinates=placed, dynamic_residual=dynamic_residual, tangent=tangent, constraint_residual=system.constraint_residual(),
         apply_jacobian_transposed=system.apply_jacobian_transposed(), apply_jacobian=system.apply_jacobian(),
-        report=report_columns(b, reporter.quantity, outputs),
+        report=report_columns(b, reporter.quantity, outputs), energy=system.energy(),
     )  # fmt: skip
     return LagrangianEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
@@ -86,7 +87,7 @@ def formulate_lagrangian(
         functions=(*functions, *guard_function(margins), *domains_function(domains), *laws.functions), method=method,
         slots={
             **chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs), **margin_slots(model, scene),
-            **domain_slots(domains), **laws.slots,
+            **domain_slots(domains), **laws.slots, **energy_slots(),
         },
         domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         start=start, layout=layout, constraints=system.constraints,
@@ -268,6 +269,26 @@ class _System:
             for node, gradient in c.gradient.items():
                 force.add(c.element, _one(node), b.mul(b.transpose(gradient), w))
         return {f"force:{node.name}": block for node, block in force.by_coordinate().items()}
+
+    def energy(self) -> dict[str, Block]:
+        """T = 1/2 qd^T M qd, and P = Q . qd + lambda . Phi_t of what guides move; Phi_q qd = -Phi_t there."""
+        b, speed = self.b, self.motions
+        with b.section("energy", "", "T = 1/2 qd^T M qd,  P = Q . qd + lambda . Phi_t", ""):
+            masses = [speed.times(mass, b.dot(speed.node(i).v, speed.node(j).v)) for i, j, mass in self.masses]
+            pushed = [b.dot(speed.of(form).v, force) for _, form, force in self._pushes()]
+            guides = [b.dot(multipliers(b, c), b.sub(c.rate, self._change(c))) for c in self.constraints if c.element in self._guided()]
+            return energy_results(b, b.mul(b.number(0.5), b.total([b.zero(1), *masses])), b.total([b.zero(1), *pushed, *guides]))
+
+    def _change(self, c: Constraint) -> Block:
+        """Phi_q qd."""
+        b = self.b
+        return b.total([b.zero(len(c.names)), *(b.mul(gradient, self.motions.node(node).v) for node, gradient in c.gradient.items())])
+
+    def _guided(self) -> set[str]:
+        """The elements whose equations guides move: guided joints, and gears with their coordinates."""
+        model = self.start.topology.model
+        joints = {joint.name for joint in model.joints if joint.guide is not None}
+        return joints | {gear.name for gear in model.gears if any(c.joint in joints for c, _ in gear.terms)}
 
     def slots(self) -> dict[str, Slot]:
         """The places of coordinates and equations; those of the tangent follow from its pattern."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
+from cutjoint.formulate.energy import energy_slots
 from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
@@ -15,6 +16,7 @@ from cutjoint.formulate.inputs import (
     report_columns,
 )
 from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot
+from cutjoint.formulate.recursive.energy import derive_energy
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -45,9 +47,10 @@ def formulate_recursive(
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``constraint_residual``: q, v -> residual and its
-    rate; ``report``: q, v, vdot, lambda -> the outputs; ``project``: q, gap -> the step of the speeds' integrals that closes the gaps of
-    the cut joints and moves the masses least; with guards ``guard``: q, v -> margins; with switches ``events``: q, v -> their values; with
-    laws that may have no value ``domains``: q, v -> the margins of their arguments; with inputs ``scene_inputs``: t -> the scene's inputs.
+    rate; ``report``: q, v, vdot, lambda -> the outputs; ``energy``: the same -> kinetic energy and power; ``project``: q, gap -> the step
+    of the speeds' integrals that closes the gaps of the cut joints and moves the masses least; with guards ``guard``: q, v -> margins;
+    with switches ``events``: q, v -> their values; with laws that may have no value ``domains``: q, v -> the margins of their arguments;
+    with inputs ``scene_inputs``: t -> the scene's inputs.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -90,6 +93,10 @@ def formulate_recursive(
             name="report", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* column"),
             results=report_columns(b, reporter.quantity, outputs),
         ),
+        Function(
+            name="energy", arguments=(*_STATE, "const Real* vdot", "const Real* lambda", "Real* energy"),
+            results=derive_energy(k, reactions, system.joint_forces, closing.gears),
+        ),
         Function(name="project", arguments=("const Real* q", "const Real* gap", "Real* dz"), results={
             f"dz:{c.joint}": step[c.joint] for c in charts
         }),
@@ -104,7 +111,7 @@ def formulate_recursive(
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
             **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),
-            **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots,
+            **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots, **energy_slots(),
         },
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cutjoint.formulate.correspondence import find_corresponding
+from cutjoint.formulate.energy import CHECKS
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
@@ -16,4 +17,4 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
     folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in _OFTEN}
-    return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes)
+    return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes, last=CHECKS)

@@ -49,7 +49,7 @@ class Reactions:
             wrench = b.add(wrench, self.acting[name]) if name in self.acting else wrench
             found[name] = self._at_point(loop.joint, loop.joint.follower, wrench)
         for body, motion in self.kinematics.motions.items():
-            joint, wrench = motion.tree_joint.joint, self._carried[body]
+            joint, wrench = motion.tree_joint.joint, self.carried[body]
             found[joint.name] = self._at_point(joint, body, wrench if body == joint.follower else b.neg(wrench))
         return found
 
@@ -71,7 +71,7 @@ class Reactions:
         return found
 
     @cached_property
-    def _carried(self) -> dict[str, Block]:
+    def carried(self) -> dict[str, Block]:
         """What the joint of each body does to it, at its pole."""
         b, carried = self.kinematics.builder, dict[str, Block]()
         for body, motion in reversed(self.kinematics.motions.items()):

@@ -10,9 +10,10 @@
 
 namespace cutjoint {
 
-/// How many coordinates, speeds, equations of cut joints, cut joints, parameters, inputs, tyres and columns a mechanism has.
+/// How many coordinates, speeds, equations of cut joints, cut joints, parameters, inputs, tyres, columns and guards a
+/// mechanism has.
 struct Sizes {
-  std::size_t coordinates = 0, speeds = 0, equations = 0, cuts = 0, parameters = 0, inputs = 0, roads = 0, columns = 0;
+  std::size_t coordinates = 0, speeds = 0, equations = 0, cuts = 0, parameters = 0, inputs = 0, roads = 0, columns = 0, guards = 0;
 };
 
 /// A mechanism whose class knows its `sizes`, its `charts` and its `cuts`.

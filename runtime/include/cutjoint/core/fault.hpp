@@ -14,10 +14,11 @@ enum class Cause : int {
   speeds_contradict = 6,    ///< the given speeds do not keep the loops closed
   infinite_acceleration = 7,  ///< an acceleration of the start is not finite
   no_equilibrium = 8,       ///< no pose near the given one is at rest
+  guard_violated = 9,       ///< a force that was left out of the model would act
 };
 
 /// The list in which what failed most has its place.
-enum class FaultList : int { none = 0, speeds = 1, equations = 2 };
+enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3 };
 
 /// A failure: nothing if the cause is none.  `index` is the place of what failed most in its list, `value` what is left of it (SI units), `size` what
 /// is compared with, `iterations` how many were made.
@@ -45,6 +46,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::no_assembly: return "the loop cannot close from the given coordinates";
     case Cause::speeds_contradict: return "the given speeds contradict the loops";
     case Cause::infinite_acceleration: return "an acceleration has no finite value at the start";
+    case Cause::guard_violated: return "a guard is violated: the force would act";
     case Cause::no_equilibrium: return "no static equilibrium was found near the given pose";
   }
   return "unknown cause";
@@ -61,6 +63,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::no_assembly:
     case Cause::speeds_contradict: return "check the joints' points, guides, and the given coordinates and speeds of this loop";
     case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line";
+    case Cause::guard_violated: return "use the full model";
     case Cause::no_equilibrium: return "check that every free direction has a spring or is held";
   }
   return "";

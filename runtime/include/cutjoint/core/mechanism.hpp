@@ -41,7 +41,7 @@ class Road;
 ///   is held at rest, which stops guides and drives,
 /// - `evaluate` the accelerations for given multipliers, and the correction that the augmented update adds to these,
 /// - `constraint_residual` the residual of the cut joints and its rate,
-/// - `report` the columns,
+/// - `report` the columns; generated code also has `energy`, the kinetic energy and the power of all forces, guides and drives,
 /// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
 ///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves.
 ///

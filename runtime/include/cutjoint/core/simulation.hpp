@@ -194,7 +194,21 @@ class Simulation {
     heed_parameters();
     steps_->set_step(Real(h));
     is_reported_ = false;
-    return steps_->step(state_, number_ + 1);
+    const Fault fault = steps_->step(state_, number_ + 1);
+    return fault ? fault : watch();
+  }
+
+  /// Whether a force that was left out would act in the present state.
+  Fault watch() {
+    if constexpr (sizes.guards > 0) {
+      Fixed<Real, sizes.guards> margins;
+      mechanism_.guard(state_.q.data(), state_.v.data(), margins.data());
+      for (std::size_t i = 0; i < sizes.guards; ++i)
+        if (!(margins[i] >= Real(0)))
+          return {.cause = Cause::guard_violated, .list = FaultList::guards, .index = static_cast<int>(i), .t = static_cast<double>(state_.t),
+                  .step = number_ + 1, .value = static_cast<double>(-margins[i])};
+    }
+    return {};
   }
 
   M mechanism_;

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "cutjoint/domains.hpp"
+#include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
 #include "cutjoint/lagrangian/augmented.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
@@ -42,7 +44,7 @@ class LagrangianMethod {
   LagrangianMethod(S& system, const RunSettings& settings, const Json& file)
       : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
         guards_(system), data_(d_, file), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
-        newton_(make_newton(system, *solver_, newton_settings(settings))), dt_(settings.dt) {
+        newton_(make_newton(system, *solver_, newton_settings(settings))), dt_(settings.dt), balances_(settings.energy) {
     data_.load_system(system_);
   }
 
@@ -59,11 +61,22 @@ class LagrangianMethod {
     guards_.check(state_, 0);
   }
 
-  void prepare() {}
+  void prepare() {
+    if (!balances_) return;
+    energy_.emplace(system_, state_);
+    if (!d_.driven) return;
+    single_solver_ = choose_solver(system_, solver_name_);
+    single_ = make_newton(system_, *single_solver_, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4});
+    completed_ = state_;
+  }
 
   void step(long number) {
     const long before = newton_->iterations();
     newton_->step(state_, number);
+    if (energy_) {
+      const auto time = energy_->time();
+      energy_->add(with_reactions());
+    }
     state_.t = origin_ + Real(number) * dt_;
     iterations_ = newton_->iterations() - before;
     note_residuals();
@@ -73,6 +86,8 @@ class LagrangianMethod {
   Failure explain(const Failure& failure) { return explain_by_domains(system_, state_, dt_, failure); }
 
   Real time() const { return state_.t; }
+
+  const std::optional<EnergyBalance<S>>& energy() const { return energy_; }
 
   void report(Real* column) const { system_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
 
@@ -94,6 +109,7 @@ class LagrangianMethod {
     summary["factorisations"] = newton_->factorisations();
     summary["substeps"] = newton_->substeps();
     summary["pivoting_fallbacks"] = solver_->fallbacks();
+    if (energy_) energy_->summarise(summary);
     summary["residuals"] = Json{{"position", number_or_null(worst_.position)},
                                 {"velocity", number_or_null(worst_.velocity)},
                                 {"acceleration", number_or_null(worst_.acceleration)}};
@@ -117,6 +133,18 @@ class LagrangianMethod {
   }
 
  private:
+  /// The state, where guides need them with accelerations and multipliers that those of a step only come near to.
+  const State<Real>& with_reactions() {
+    if (!single_) return state_;
+    *completed_ = state_;
+    try {
+      single_->begin(*completed_, Real(1));
+    } catch (const Failure&) {  // a singular pose has none
+      *completed_ = state_;
+    }
+    return *completed_;
+  }
+
   void note_residuals() {
     const Residuals& last = newton_->residuals();
     worst_ = {.position = std::max(worst_.position, last.position),
@@ -134,6 +162,11 @@ class LagrangianMethod {
   std::unique_ptr<LinearSolver<Real>> solver_;
   std::unique_ptr<Newton<S>> newton_;
   Real dt_, origin_{0};
+  std::optional<EnergyBalance<S>> energy_;
+  std::unique_ptr<LinearSolver<Real>> single_solver_;  ///< of single states, of a driven system whose energy is balanced
+  std::unique_ptr<Newton<S>> single_;
+  std::optional<State<Real>> completed_;
+  bool balances_;
   long iterations_ = 0;
   Residuals worst_;
 };

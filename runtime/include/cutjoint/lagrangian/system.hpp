@@ -36,6 +36,7 @@ struct SystemDescription {
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change, of relative coordinates
+  bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
   Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
   int factors;                                ///< length of the array that `factor` fills
 
@@ -79,7 +80,7 @@ class Road;
 /// - `linearise` is the same and the values of the tangent's entries,
 /// - `constraint_residual` is Phi, Phid = Phi_q v + Phi_t and Phidd = Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t),
 /// - `apply_jacobian_transposed` is Phi_q^T w, `apply_jacobian` Phi_q x,
-/// - `report` is the columns, `guard` the margins as in `Mechanism`, `events` the values of the switches,
+/// - `report` is the columns, `energy` kinetic energy and power, `guard` the margins as in `Mechanism`, `events` the values of the switches,
 /// - `factor` is the emitted factorisation with its static pivot order: L D L^T (augmented) or L U (classical); it returns -1, or the row
 ///   of the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
 /// - `solve` replaces the right-hand side x by the solution.
@@ -102,6 +103,7 @@ class AnySystem {
   virtual void apply_jacobian_transposed(const Real* q, const Real* w, Real* force) const = 0;
   virtual void apply_jacobian(const Real* q, const Real* x, Real* change) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
+  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_missing("energy"); }  ///< of q, v, vdot, lambda
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with switches have it
   virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with domains have it

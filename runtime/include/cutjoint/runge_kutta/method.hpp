@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "cutjoint/runge_kutta/scheme.hpp"
@@ -49,28 +50,38 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
     Base::prepare(tolerances, this->last_row());
   }
 
+  void step(long number) {
+    Base::step(number);
+    this->check_beside([this] { find_residuals(); });
+  }
+
   static constexpr std::array<std::string_view, 3> step_columns{"steps", "position", "velocity"};
 
   /// The steps that a row took, and its largest residuals.
   const std::vector<double>& measure_step() {
-    const auto [position, velocity] = dynamics_.residuals(this->time(), this->row());
+    const auto [position, velocity] = find_residuals();
     const long steps = this->stepper()->steps();
     measured_ = {static_cast<double>(steps - steps_), position, velocity};
     steps_ = steps;
-    position_ = std::max(position_, position);
-    velocity_ = std::max(velocity_, velocity);
     return measured_;
   }
 
   void summarise(Json& summary) const {
     Base::summarise(summary);
-    if (!measured_.empty()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
+    if (!measured_.empty() || this->energy()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
     if (!this->stepper()) return;
     this->stepper()->summarise(summary);
     summary["stiff_steps"] = this->stepper()->scheme().stiff();
   }
 
  private:
+  std::pair<double, double> find_residuals() {
+    const auto [position, velocity] = dynamics_.residuals(this->time(), this->row());
+    position_ = std::max(position_, position);
+    velocity_ = std::max(velocity_, velocity);
+    return {position, velocity};
+  }
+
   M& mechanism_;
   ModelData<Real> data_;
   Watched<M> dynamics_;

@@ -82,6 +82,13 @@ class Scheme {
     restart();
   }
 
+  void read_end(State<Real>& state) { dynamics_.inspect(t_, y_, state); }
+
+  void read_between(Real t, State<Real>& state) {
+    follow_to(t);
+    dynamics_.inspect(t, trial_, state);
+  }
+
   void read(Real t, bool lies_between, std::vector<Real>& y) {
     y = y_;
     if (!lies_between) return;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -65,6 +66,19 @@ class Watched : public Relative<M> {
     return {static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_))};
   }
 
+  /// A state as one; accelerations and multipliers, where guides need them, from a solution that leaves no trace here.
+  void inspect(Real t, const std::vector<Real>& y, State<Real>& state) {
+    if (d_.driven) {
+      if (!inspector_) inspector_.emplace(*this);
+      state = inspector_->complete(t, y);
+      return;
+    }
+    state.t = t;
+    const auto middle = y.begin() + static_cast<std::ptrdiff_t>(state.q.size());
+    std::copy(y.begin(), middle, state.q.begin());
+    std::copy(middle, y.end(), state.v.begin());
+  }
+
   /// Seek the switches that a state has out of the regime; whether there are any.
   bool seek(Real t, const std::vector<Real>& y) {
     if (regime_.empty()) return false;
@@ -121,6 +135,7 @@ class Watched : public Relative<M> {
   const std::vector<Switch>& switches_;
   stepping::Regime<Real> regime_;
   Projection<M> projection_;
+  std::optional<Relative<M>> inspector_;
   std::vector<Real> last_, before_last_, residual_, rate_;
   Real last_time_{0}, before_last_time_{0};
   int known_ = 0;

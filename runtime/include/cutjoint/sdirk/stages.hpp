@@ -134,6 +134,17 @@ class Stages : public Workspace<S> {
 
   const State<Real>& present() const { return start_; }
 
+  /// Accelerations and multipliers of a state, where guides need them: those of the stages only come near to them.
+  void accelerate(State<Real>& state) {
+    if (!d_.driven) return;
+    row_ = state;
+    try {
+      single_.begin(row_, Real(1));
+      state = row_;
+    } catch (const Failure&) {  // a singular pose has none
+    }
+  }
+
   /// The displacement by the last step before its end was projected, in the chart of its start.
   const std::vector<Real>& moved() const { return delta_; }
 

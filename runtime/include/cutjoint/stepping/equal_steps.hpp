@@ -81,6 +81,9 @@ class EqualSteps {
 
   const State<Real>& present() const { return start_; }
 
+  /// Accelerations and multipliers of a state as guides need them: those that it has.
+  void accelerate(State<Real>&) const {}
+
   /// The displacement by the last step, in the chart of its start.
   const std::vector<Real>& moved() const { return moved_; }
 

@@ -90,6 +90,18 @@ class ImplicitScheme {
     stages_.restart();
   }
 
+  void read_end(State<Real>& state) {
+    state = present();
+    stages_.accelerate(state);
+  }
+
+  void read_between(Real t, State<Real>& state) {
+    follow_to(t);
+    state.q = trial_.q;
+    state.v = trial_.v;
+    stages_.accelerate(state);
+  }
+
   void read(Real t, bool lies_between, std::vector<Real>& y) {
     trial_ = present();
     if (lies_between) follow_to(t);

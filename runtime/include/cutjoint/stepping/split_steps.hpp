@@ -56,6 +56,7 @@ class SplitSteps : private Parts<Subject, Rule>, public RowByRow<EqualSteps<Rule
   void step(long number) {
     try {
       Base::step(number);
+      this->check_beside([this] { this->rule.measure(this->steps.present()); });
     } catch (const Failure&) {
       this->stop_at(this->steps.enter());
       throw;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <string>
 #include <utility>
@@ -44,6 +45,7 @@ struct Attempt {
 /// - `seek` seeks the switches that the trial state has out of the regime, `found` is the first of these (see Regime),
 /// - `finish` closes the loops of the trial state, which becomes the present one,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state,
+/// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
 /// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
 /// - `length` is that of the next step: the one that the error allows, or that of the last one.
 template <class Scheme>
@@ -68,9 +70,17 @@ class Stepper {
       begun_ = true;
     }
     if (!scheme_.adaptive()) h_ = until - time();
-    while (until - time() > least(until)) step(scheme_.adaptive() ? until_ : until);
+    while (until - time() > least(until)) {
+      step(scheme_.adaptive() ? until_ : until);
+      if (stepped_) stepped_(scheme_);
+    }
     scheme_.read(until, time() - until > least(until), y);
   }
+
+  /// What is called after each step.
+  using Watch = std::function<void(Scheme&)>;
+
+  void watch(Watch stepped) { stepped_ = std::move(stepped); }
 
   long steps() const { return counts_.steps; }
   const Counts& counts() const { return counts_; }
@@ -249,6 +259,7 @@ class Stepper {
   long number_ = 0;
   long events_in_a_row_ = 0;
   bool begun_ = false;
+  Watch stepped_;
   Counts counts_;
 };
 

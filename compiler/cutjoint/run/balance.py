@@ -1,0 +1,33 @@
+"""Whether the work and energy of a run balance as well as its steps explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cutjoint.run.results import EnergyBalance, Trajectory
+
+#: A smaller share of the energy in a run is no reason for a warning.
+_SMALL = 1e-3
+#: Steps explain so many times the change by one other run, whose defect may be the same by chance, and by more runs.
+_EXPLAINED_BY_ONE, _EXPLAINED = 100.0, 10.0
+
+
+def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
+    """What is wrong with the balance of a run, beside runs of the same with other steps; "" where nothing is.
+
+    The defect of exact steps is zero, so that the change by other steps is an estimate of it.  What stays is no error of the steps.
+    """
+    balances = [other.energy for other in others if other.energy is not None and other.failure is None]
+    if run.energy is None or not balances or not run.energy.share > _SMALL:
+        return ""
+    change = max(abs(run.energy.defect - other.defect) for other in balances)
+    explained = change * (_EXPLAINED_BY_ONE if len(balances) == 1 else _EXPLAINED)
+    return _imbalance(run.energy, change) if run.energy.defect > explained else ""
+
+
+def _imbalance(energy: EnergyBalance, change: float) -> str:
+    return (
+        f"work and energy differ by {energy.defect:.2g} J, of {energy.kinetic + energy.exchanged:.2g} J in all, and with other steps by "
+        f"{change:.1g} J more or less: not the steps but what holds the loops, or a guide that jumps, does work that it should not; "
+        "errors of the steps do not see it"
+    )

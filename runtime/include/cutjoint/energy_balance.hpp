@@ -1,0 +1,165 @@
+// Work and energy beside the motion: a check of a run that shares nothing with its integrator.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cutjoint/energy_book.hpp"
+#include "cutjoint/json.hpp"
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint {
+
+/// Adds to a number the seconds that it lives.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& seconds) : seconds_(seconds) {}
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+  ~Stopwatch() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count(); }
+
+ private:
+  double& seconds_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
+/// Integrates the power of all forces, guides and drives of a mechanism or system over the steps that a run takes, by Gauss's formula of three
+/// places inside each.
+template <class Subject>
+class EnergyBalance {
+ public:
+  using Real = typename Subject::real_type;
+
+  /// From a start on.
+  EnergyBalance(Subject& subject, const State<Real>& start)
+      : subject_(subject), charts_(subject.description().charts), last_(start), between_(start), way_(start.v), rate_(start.v), delta_(start.v),
+        speeds_(start.v), book_(start.t, measure(start)[0]) {}
+
+  /// A step has ended; `between` makes a state that of a time within the step.  Accelerations and multipliers, which matter to guides, are on the
+  /// line between those of the ends unless it makes them too.  Leaves the subject at the end's time.  Throws Failure where the motion runs away.
+  template <class Between>
+  void add(const State<Real>& end, Between between) {
+    using std::abs, std::sqrt;
+    const Real h = end.t - last_.t, aside = sqrt(Real(15)) / 10;
+    const std::array<Real, 3> places{Real(0.5) - aside, Real(0.5), Real(0.5) + aside}, weights{Real(5) / 18, Real(8) / 18, Real(5) / 18};
+    Real work(0), exchanged(0);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      between_.t = last_.t + places[i] * h;
+      if (subject_.description().driven) blend(end, places[i]);
+      between(between_.t, between_);
+      const Real power = measure(between_)[1];
+      work += weights[i] * h * power;
+      exchanged += weights[i] * h * abs(power);
+    }
+    book_.add(end.t, measure(end)[0], work, exchanged, fastest(end));
+    last_ = end;
+    if (book_.runs_away()) give_up(end);
+  }
+
+  /// The same of a step between whose ends the coordinates are cubic.
+  void add(const State<Real>& end) {
+    join(end);
+    add(end, [&](Real t, State<Real>& state) { follow(end, (t - last_.t) / (end.t - last_.t), state); });
+  }
+
+  /// To live while steps are checked, whose time is none of the steps.
+  Stopwatch time() { return Stopwatch(seconds_); }
+
+  double seconds() const { return seconds_; }
+
+  /// The time from which on nothing of a failed run is worth while, if energy has come from nowhere.
+  std::optional<double> doubtful_since() const { return book_.doubtful_since(); }
+
+  /// The time up to which nothing can become doubtful any more.
+  double settled() const { return book_.settled(); }
+
+  void summarise(Json& summary) const { book_.summarise(summary); }
+
+ private:
+  /// Kinetic energy and power.
+  std::array<Real, 2> measure(const State<Real>& state) {
+    std::array<Real, 2> energy{};
+    subject_.begin_step(state.t, Real(1));
+    if constexpr (requires { subject_.energy(nullptr, nullptr, nullptr, nullptr, nullptr); })
+      subject_.energy(state.q.data(), state.v.data(), state.vdot.data(), state.lambda.data(), energy.data());
+    else
+      throw_missing("energy");
+    return energy;
+  }
+
+  void blend(const State<Real>& end, Real s) {
+    for (std::size_t i = 0; i < end.vdot.size(); ++i) between_.vdot[i] = last_.vdot[i] + s * (end.vdot[i] - last_.vdot[i]);
+    for (std::size_t i = 0; i < end.lambda.size(); ++i) between_.lambda[i] = last_.lambda[i] + s * (end.lambda[i] - last_.lambda[i]);
+  }
+
+  /// The way from the last state to another in the chart of the former, and its rate there.
+  void join(const State<Real>& end) {
+    if (charts_.empty()) {
+      for (std::size_t i = 0; i < way_.size(); ++i) way_[i] = end.q[i] - last_.q[i];
+      rate_ = end.v;
+      return;
+    }
+    displacement<Real>(charts_, last_.q.data(), end.q.data(), way_.data());
+    chart_rates<Real>(charts_, way_.data(), end.v.data(), rate_.data());
+  }
+
+  /// The state at the share s of the step.
+  void follow(const State<Real>& end, Real s, State<Real>& state) {
+    const Real h = end.t - last_.t, left = 1 - s;
+    for (std::size_t i = 0; i < way_.size(); ++i) {
+      delta_[i] = s * s * (1 + 2 * left) * way_[i] + h * s * left * (left * last_.v[i] - s * rate_[i]);
+      state.v[i] = 6 * s * left * way_[i] / h + left * (1 - 3 * s) * last_.v[i] + s * (3 * s - 2) * rate_[i];
+    }
+    if (charts_.empty()) {
+      for (std::size_t i = 0; i < delta_.size(); ++i) state.q[i] = last_.q[i] + delta_[i];
+      return;
+    }
+    retract<Real>(charts_, last_.q.data(), delta_.data(), state.q.data());
+    speeds_ = state.v;
+    chart_speeds<Real>(charts_, delta_.data(), speeds_.data(), state.v.data());
+  }
+
+  std::size_t index_of_fastest(const State<Real>& state) const {
+    using std::abs;
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < state.v.size(); ++i)
+      if (!(abs(state.v[i]) <= abs(state.v[found]))) found = i;
+    return found;
+  }
+
+  Real fastest(const State<Real>& state) const {
+    using std::abs;
+    return state.v.empty() ? Real(0) : abs(state.v[index_of_fastest(state)]);
+  }
+
+  [[noreturn]] void give_up(const State<Real>& end) const {
+    const std::size_t i = index_of_fastest(end);
+    const auto name = [&] {
+      if constexpr (requires { subject_.description().unknowns(); }) return subject_.description().unknowns()[i];
+      else return subject_.description().speeds[i];
+    }();
+    char since[32];
+    std::snprintf(since, sizeof since, "%.6g", doubtful_since().value_or(0.0));
+    throw Failure("the motion runs away: since t = " + std::string(since) + " s its energy comes from no force, guide or drive",
+                  static_cast<double>(end.t), 0, std::string(name), static_cast<double>(end.v[i]),
+                  "a force may feed the motion, or change faster than steps follow; not tried: a smaller dt or tolerance");
+  }
+
+  Subject& subject_;
+  const std::vector<Chart>& charts_;
+  State<Real> last_, between_;
+  std::vector<Real> way_, rate_, delta_, speeds_;
+  EnergyBook<Real> book_;
+  double seconds_ = 0.0;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,180 @@
+"""Work and energy beside the motion: as good as the steps, they see what errors of steps do not, and end a motion that runs away."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.results import EnergyBalance, Trajectory
+from tests.conftest import needs_cpp
+from tests.mechanisms.bouncing import bouncing_text
+
+pytestmark = needs_cpp
+
+#: A crank that is driven to and fro turns a rod with a slider, which a spring and a damper hold: guide, loop, weight, law and damping.
+DRIVEN = """
+cutjoint: 1
+name: driven
+gravity: [0, 0, -9.81]
+bodies:
+  crank: {mass: 1, centre_of_mass: [0, 0, 0.05], inertia: [0.001, 0.001, 0.0005]}
+  rod: {mass: 1, centre_of_mass: [0.15, 0, 0.05], inertia: [0.001, 0.008, 0.008]}
+  slider: {mass: 1, centre_of_mass: [0.3, 0, 0]}
+  ball: {mass: 0.5, centre_of_mass: [0.3, 0, -0.2], inertia: [0.001, 0.001, 0.001]}
+joints:
+  pin: {kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, 1, 0], GUIDE}
+  elbow: {kind: revolute, bodies: [crank, rod], at: [0, 0, 0.1], axis: [0, 1, 0]}
+  wrist: {kind: revolute, bodies: [rod, slider], at: [0.3, 0, 0], axis: [0, 1, 0]}
+  rail: {kind: prismatic, bodies: [ground, slider], at: [0.3, 0, 0], axis: [1, 0, 0]}
+  eye: {kind: spherical, bodies: [slider, ball], at: [0.3, 0, 0]}
+forces:
+  spring: {kind: joint_force, joint: rail, law: "-200*position - 5*rate"}
+outputs: [slider.x, ball.x, ball.z]
+scenes: {turn: {end: 1, output_step: 10 ms NUMERICS}}
+"""
+GUIDE = 'guide: "0.6*sin(8*t)"'
+#: A penalty that lets loops give way.
+SOFT = ", numerics: {closure: penalty, penalty: 5, multiplier_updates: 0, frequency: 1}"
+#: A cart with a light pole whose joint feeds the pole.
+CART = """
+cutjoint: 1
+name: cartpole
+gravity: [0, 0, -9.81]
+bodies:
+  cart: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [0.01, 0.01, 0.01]}
+  pole: {mass: 0.001, centre_of_mass: [0, 0, 0.5], inertia: [1e-05, 1e-05, 1e-08]}
+joints:
+  rail: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0], axis: [1, 0, 0]}
+  pin: {kind: revolute, bodies: [cart, pole], at: [0, 0, 0], axis: [0, 1, 0]}
+forces:
+  push: {kind: joint_force, joint: rail, law: "-20*position - 5*rate"}
+  hold: {kind: joint_force, joint: pin, law: "0.5*position + 0.02*rate"}
+outputs: [cart.x, pin.angle, pin.angle_rate, pole.x]
+scenes: {swing: {end: 5, output_step: 10 ms, positions: {pin.angle: 0.2}}}
+"""
+
+
+@cache
+def compiled(text: str, method: str = "recursive") -> Artifact:
+    model = read_model_text(text, "model.yaml")
+    (scene,) = model.scenes.values()
+    return compile_scene(model, scene, method=method)
+
+
+def driven(method: str = "recursive", numerics: str = "", guide: str = GUIDE) -> Artifact:
+    return compiled(DRIVEN.replace("GUIDE", guide).replace("NUMERICS", numerics), method)
+
+
+def balance(run: Trajectory) -> EnergyBalance:
+    assert run.failure is None
+    assert run.energy is not None
+    return run.energy
+
+
+@pytest.mark.parametrize(
+    ("method", "integrator", "coarse", "order"),
+    [
+        ("recursive", "trapezoidal", 2e-3, 2), ("recursive", "rk4", 4e-3, 4),
+        ("recursive-newton", "trapezoidal", 2e-3, 2), ("augmented", "trapezoidal", 2e-3, 2), ("classical", "trapezoidal", 2e-3, 2),
+    ],
+)  # fmt: skip
+def test_the_defect_falls_with_the_order(method: str, integrator: str, coarse: float, order: int) -> None:
+    """Of a driven mechanism, guide, spring, damper and ball included: half the step leaves 2^-order of it."""
+    runs = [simulate(driven(method), integrator=integrator, dt=dt) for dt in (coarse, coarse / 2)]
+    first, second = (balance(run) for run in runs)
+    assert first.share < 1e-3
+    assert np.log2(first.defect / second.defect) == pytest.approx(order, abs=0.5)
+    assert first.exchanged == pytest.approx(second.exchanged, rel=1e-2)
+
+
+@pytest.mark.parametrize(("method", "integrator"), [("recursive", "dormand-prince"), ("recursive-newton", "sdirk4")])
+def test_the_defect_falls_with_the_tolerance(method: str, integrator: str) -> None:
+    loose, tight = (balance(simulate(driven(method), integrator=integrator, tolerance=x)) for x in (1e-5, 1e-7))
+    assert loose.share < 1e-3
+    assert tight.defect < loose.defect / 10
+
+
+def test_all_methods_find_the_same_work() -> None:
+    """Energy and exchanged work are the mechanism's, not the method's."""
+    exact = balance(simulate(driven(), integrator="dormand-prince", tolerance=1e-8))
+    for method in ("recursive-newton", "augmented", "classical"):
+        found = balance(simulate(driven(method), integrator="trapezoidal", dt=1e-3))
+        assert found.kinetic == pytest.approx(exact.kinetic, rel=1e-3)
+        assert found.exchanged == pytest.approx(exact.exchanged, rel=1e-3)
+
+
+def test_a_balance_changes_nothing_and_is_left_out_on_request() -> None:
+    for integrator in ("trapezoidal", "dormand-prince"):
+        with_it, without = (simulate(driven(), integrator=integrator, error=error, **given(integrator)) for error in (True, False))
+        assert without.energy is None
+        assert with_it.energy is not None
+        for column in with_it.columns:
+            assert np.array_equal(with_it[column], without[column])
+
+
+def given(integrator: str) -> dict[str, float]:
+    return {"dt": 1e-3} if integrator == "trapezoidal" else {"tolerance": 1e-6}
+
+
+def test_a_penalty_far_too_small_is_a_warning() -> None:
+    """Loops that give way take up work; all steps agree on that, so that their errors are silent."""
+    error = simulate(driven(numerics=SOFT), integrator="trapezoidal", dt=1e-3).error
+    assert error.converged
+    assert "work and energy differ by" in error.imbalance
+
+
+def test_the_warning_is_in_the_terminal_and_beside_the_table(tmp_path: Path) -> None:
+    model, out = tmp_path / "driven.yaml", tmp_path / "run.csv"
+    model.write_text(DRIVEN.replace("GUIDE", GUIDE).replace("NUMERICS", SOFT), encoding="utf-8")
+    done = CliRunner().invoke(main, ["simulate", str(model), "--integrator", "trapezoidal", "--dt", "1e-3", "--out", str(out)])
+    assert done.exit_code == 0
+    assert "work and energy differ by" in " ".join(done.output.split())
+    assert "work and energy differ by" in json.loads((tmp_path / "run.error.json").read_text())["warning"]
+
+
+def test_a_guide_that_jumps_is_a_warning() -> None:
+    """A speed that changes at once takes a work that no power has."""
+    error = simulate(driven(guide='guide: "where(t < 0.5, 0, 3*(t - 0.5))"'), dt=1e-3).error
+    assert "a guide that jumps" in error.imbalance
+
+
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented"])
+def test_runs_that_are_right_have_no_warning(method: str) -> None:
+    for dt in (1e-3, 5e-3):
+        assert simulate(driven(method), integrator="trapezoidal", dt=dt).error.imbalance == ""
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.01])
+@pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
+def test_coarse_steps_do_not_run_away(integrator: str, dt: float) -> None:
+    """A fall from rest, and impacts that take a step or two."""
+    run = simulate(compiled(bouncing_text(0.0, 0.5)), integrator=integrator, dt=dt, check=False)
+    assert run.failure is None or "runs away" not in run.failure.message
+
+
+@pytest.mark.parametrize(
+    ("method", "integrator", "dt"),
+    [
+        ("recursive", "rk4", 1e-2), ("recursive", "rk4", 1e-3),
+        ("recursive-newton", "trapezoidal", 1e-2), ("recursive-newton", "trapezoidal", 1e-3),
+    ],
+)  # fmt: skip
+def test_a_motion_that_runs_away_ends_the_run(method: str, integrator: str, dt: float, tmp_path: Path) -> None:
+    """With the last row before its energy came from nowhere, in the file too."""
+    run = simulate(compiled(CART, method), integrator=integrator, dt=dt, out=tmp_path / "run.csv", check=False)
+    assert run.failure is not None
+    assert "the motion runs away: since t = 0." in run.failure.message
+    assert run.failure.time < 0.2
+    assert run.t[-1] < 0.11
+    assert np.abs(run["pole.x"]).max() < 100
+    assert run.table is not None
+    assert len(run.table.read_text().splitlines()) == run.t.size + 1
