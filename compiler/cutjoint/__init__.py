@@ -27,18 +27,21 @@ if TYPE_CHECKING:
     from cutjoint.run.failures import FailedBatchError, FailedRunError
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.simulator import SimulatorError
-    from cutjoint.simulation import Simulation, SimulationError, load, rollout
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
+    from cutjoint.stepping.load import load
+    from cutjoint.stepping.rollout import rollout
+    from cutjoint.stepping.simulation import Simulation, SimulationError
+    from cutjoint.stepping.statespace import StateSpace, linearise
     from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.spanning_tree import TopologyError
 
 __all__ = [
     "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError", "ModelError",
-    "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError",
+    "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError", "StateSpace",
     "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_equilibrium", "find_initial_state",
-    "find_modes", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch",
+    "find_modes", "linearise", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch",
 ]  # fmt: skip
 
 _HOMES = {
@@ -54,9 +57,12 @@ _HOMES = {
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError"),
     "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.run.simulator": ("SimulatorError",),
-    "cutjoint.simulation": ("Simulation", "SimulationError", "load", "rollout"),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
+    "cutjoint.stepping.load": ("load",),
+    "cutjoint.stepping.rollout": ("rollout",),
+    "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
+    "cutjoint.stepping.statespace": ("StateSpace", "linearise"),
     "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.spanning_tree": ("TopologyError",),

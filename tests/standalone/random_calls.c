@@ -6,6 +6,7 @@
 #include "press.h"
 
 static double memory[PRESS_SIZE / sizeof(double)];
+static double jacobian[PRESS_EQUATIONS * PRESS_SPEEDS + 1];
 static char snapshot[100000];
 static double rows[20 * (PRESS_OUTPUTS + 1)];
 
@@ -23,7 +24,7 @@ static int call(press_sim* sim) {
   double q[PRESS_COORDINATES + 1], v[PRESS_SPEEDS + 1];
   char text[300];
   int i;
-  switch (rand() % 24) {
+  switch (rand() % 26) {
     case 0: return press_create(memory, sizeof memory) != NULL;
     case 1: return press_start(sim);
     case 2: return press_set_step(sim, rand() % 2 ? 1e-3 : number());
@@ -44,6 +45,10 @@ static int call(press_sim* sim) {
     case 14: return press_status_text(rand() % 40 - 10) != NULL;
     case 15: return press_outputs(sim) != NULL && press_speeds(sim) != NULL && press_multipliers(sim) != NULL;
     case 16: return press_output_name(rand() % 20 - 5) != NULL && press_equation_name(rand() % 20 - 5) != NULL;
+    case 24:
+      for (i = 0; i < PRESS_SPEEDS; ++i) v[i] = 0.01 * number();
+      return press_displace(sim, v);
+    case 25: return press_jacobian(sim, rand() % 8 ? jacobian : NULL);
     default: return press_step(rand() % 50 ? sim : NULL);
   }
 }

@@ -25,17 +25,28 @@ def linearise(equations: ImplicitEquations, state: Mapping[str, Any], evaluate: 
     """The equations linearised about a state, which is one ``at_rest`` or of a motion with its accelerations and multipliers."""
     n, m = equations.start.speeds, len(equations.equation_names)
     here = {**state, "motion": 0.0 if at_rest else 1.0, "penalty": 0.0, "w": [0.0] * m}
-    weights = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
-    tangents = [{**here, "weights": {"damping": c, "stiffness": k, "constraint": 0.0}} for c, k in weights]
-    pulls = [{**tangents[0], "w": list(row)} for row in np.eye(m)]
-    results = evaluate([*tangents, *pulls])
-    M, C, K = (_dense(equations, result["tangent"], n) for result in results[:3])
-    J = np.array([result["force"] for result in results[3:]]).reshape(m, n)
+    plain = {**here, "weights": _weights(0.0, 0.0)}
+    results = evaluate([plain, *({**plain, "w": list(row)} for row in np.eye(m))])
+    J = np.array([result["force"] for result in results[1:]]).reshape(m, n)
+    here["lambda"] = _balancing(state["lambda"], J, results[0]["force_residual"])
+    tangents = [{**here, "weights": _weights(*which)} for which in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
+    M, C, K = (_dense(equations, result["tangent"], n) for result in evaluate(tangents))
     v = np.asarray(state["v"])
     return Linearisation(
         names=coordinate_names(equations), M=M, C=C - M, K=K - M, W=_turning(equations, v), J=J,
         G=_rate_changes(equations, tangents[0], J, evaluate) if m and v.any() and not at_rest else np.zeros((m, n)), at_rest=at_rest,
     )  # fmt: skip
+
+
+def _weights(damping: float, stiffness: float) -> dict[str, float]:
+    return {"damping": damping, "stiffness": stiffness, "constraint": 0.0}
+
+
+def _balancing(multipliers: Sequence[float], J: Array, residual: Sequence[float]) -> list[float]:
+    """The multipliers that balance the accelerations: those of a step leave to its penalty what it closes the loops by."""
+    if not len(multipliers):
+        return []
+    return list(np.asarray(multipliers) - np.linalg.lstsq(J.T, np.asarray(residual), rcond=None)[0])
 
 
 def coordinate_names(equations: ImplicitEquations) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ _CORE = "cutjoint/core/simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
-_OF_INTERFACE = ("cstdint", "cstring", "iterator", "new")
+_OF_INTERFACE = ("algorithm", "cstdint", "cstring", "iterator", "limits", "new", "type_traits")
 
 #: Functions that a simulation does not call.
 _UNUSED = frozenset({"domains", "energy", "events"})

@@ -30,6 +30,9 @@ class StepInputs {
     return input_;
   }
 
+  /// The array of the last time.
+  const Real* last() const { return input_; }
+
  private:
   InputSource<Real> source_;
   Real input_[length] = {};

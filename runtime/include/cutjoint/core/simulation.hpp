@@ -11,6 +11,7 @@
 #include "cutjoint/core/initialisation.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/stabilisation.hpp"
 #include "cutjoint/core/state.hpp"
@@ -71,6 +72,12 @@ class Simulation {
   /// Inputs, from the next step on.
   auto& inputs() { return inputs_; }
 
+  /// The value of an input at the present time.
+  Real present_input(std::size_t i) {
+    mechanism_.begin_step(state_.t, Real(1));
+    return mechanism_.last_inputs()[numbers_per_input * i];
+  }
+
   /// Coordinates and speeds to start with, and which of them are given.
   StateOf<M>& start_state() { return start_; }
   Coordinates<M, unsigned char>& given_coordinates() { return given_coordinates_; }
@@ -128,6 +135,27 @@ class Simulation {
     Starter<M>& starter = initialisation_->starter();
     starter.accelerate(state_, Real(1));
     return starter.require_finite(state_);
+  }
+
+  /// Move the coordinates by displacements, one for each speed, then close the loops by moving the masses least; speeds stay as near as closed loops
+  /// let them, and accelerations follow.
+  Fault displace(const Real* delta) {
+    heed_parameters();
+    is_reported_ = false;
+    const Coordinates<M> from = state_.q;
+    retract<Real>(charts_of(mechanism_), from.data(), delta, state_.q.data());
+    mechanism_.begin_step(state_.t, Real(1));
+    if (const Fault fault = steps_->projection().positions(state_)) return fault;
+    if (const Fault fault = steps_->projection().velocities(state_)) return fault;
+    initialisation_->starter().accelerate(state_, Real(1));
+    return initialisation_->starter().require_finite(state_);
+  }
+
+  /// The Jacobian of the loops' equations by the speeds, column by column.
+  const Real* jacobian() {
+    heed_parameters();
+    mechanism_.begin_step(state_.t, Real(1));
+    return initialisation_->starter().jacobian(state_);
   }
 
   /// The columns at the present state.

@@ -120,6 +120,12 @@ class Starter {
             .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(size_of(a_.data(), n_ + drawn_))};
   }
 
+  /// The Jacobian of the residual by the speeds, (equations, speeds), column by column; `begin_step` has been called for the state's time.
+  const Real* jacobian(const StateOf<M>& state) {
+    find_jacobian(state, SpeedFlags<M>(n_));
+    return matrix_.data();
+  }
+
  private:
   static constexpr std::size_t n = static_sizes<M>().speeds, m = static_sizes<M>().equations;
 

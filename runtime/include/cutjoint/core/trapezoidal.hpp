@@ -80,6 +80,8 @@ class Trapezoidal {
     return fixed_point_.proximal ? project(state, number) : Fault{};
   }
 
+  Projection<M>& projection() { return projection_; }
+
   /// Go on with steps of another length.
   void set_step(Real dt) { dt_ = dt; }
 

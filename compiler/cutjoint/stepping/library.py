@@ -1,0 +1,66 @@
+"""The C interface of a compiled model, by ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+
+class Library:
+    """The C interface of one model, by the names of its header without the model's.
+
+    ``balls`` are the places of the angular velocities of balls among the speeds, ``equations`` is the number of equations of loops.
+
+    Raises:
+        OSError: the file is no library.
+    """
+
+    def __init__(self, path: Path, model: str, size: int, *, has_inputs: bool, balls: Sequence[int], equations: int) -> None:
+        self.model, self.size, self.balls, self.equations = model, size, balls, equations
+        self._library = ctypes.CDLL(os.fspath(path))
+        pointer = ctypes.POINTER(ctypes.c_double)
+        sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double
+        self.create = self._function("create", sim, ctypes.c_void_p, ctypes.c_size_t)
+        self.start = self._function("start", index, sim)
+        self.step = self._function("step", index, sim)
+        self.advance = self._function("advance", index, sim, number)
+        self.play = self._function("play", index, sim, ctypes.c_long, ctypes.c_void_p)
+        self.time = self._function("time", number, sim)
+        self.outputs = self._function("outputs", pointer, sim)
+        self.set_step = self._function("set_step", index, sim, number)
+        self.set_iterations = self._function("set_iterations", index, sim, index)
+        self.set_equilibrium = self._function("set_equilibrium", index, sim, index)
+        self.set_state = self._function("set_state", index, sim, number, ctypes.c_void_p, ctypes.c_void_p)
+        self.displace = self._function("displace", index, sim, ctypes.c_void_p)
+        self.jacobian = self._function("jacobian", index, sim, ctypes.c_void_p)
+        self.give_coordinate = self._function("give_coordinate", index, sim, index, number)
+        self.give_speed = self._function("give_speed", index, sim, index, number)
+        self.snapshot_size = self._function("snapshot_size", ctypes.c_size_t)
+        self.save = self._function("save", index, sim, ctypes.c_void_p)
+        self.restore = self._function("restore", index, sim, ctypes.c_void_p)
+        self.status_text = self._function("status_text", text, index)
+        self.explain = self._function("explain", index, sim, text, ctypes.c_size_t)
+        self.arrays = {name: self._function(name, pointer, sim) for name in ("coordinates", "speeds", "accelerations", "parameters")}
+        self.names = {kind: self._table(f"{kind}_name") for kind in ("parameter", "coordinate", "speed", "output")}
+        self.names["input"] = self._table("input_name") if has_inputs else ()
+        kinds = ("parameter", "output", *(["input"] if has_inputs else []))
+        self.units = {kind: dict(zip(self.names[kind], self._table(f"{kind}_unit"), strict=True)) for kind in kinds}
+        if has_inputs:
+            self.arrays["inputs"] = self._function("inputs", pointer, sim)
+            self.input = self._function("input", number, sim, index)
+            self.set_input = self._function("set_input", index, sim, index, number, number, number)
+
+    def _function(self, name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
+        function = getattr(self._library, f"{self.model}_{name}")
+        function.restype, function.argtypes = result, arguments
+        return function  # type: ignore[no-any-return]
+
+    def _table(self, name: str) -> tuple[str, ...]:
+        at = self._function(name, ctypes.c_char_p, ctypes.c_int)
+        entries: list[str] = []
+        while (entry := at(len(entries))) is not None:
+            entries.append(entry.decode())
+        return tuple(entries)

@@ -1,0 +1,262 @@
+"""One simulation of a model."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping
+from functools import cached_property
+
+import numpy as np
+
+from cutjoint.stepping.library import Library
+from cutjoint.stepping.values import Array, Values, find_place
+
+#: Characters of what a library says of a failure.
+_TEXT = 600
+
+
+class SimulationError(Exception):
+    """A start or a step that failed; ``status`` is that of the C interface, above 0 for a motion that cannot go on."""
+
+    def __init__(self, text: str, status: int) -> None:
+        super().__init__(text)
+        self.status = status
+
+    def __reduce__(self) -> tuple[type[SimulationError], tuple[str, int]]:
+        return type(self), (str(self), self.status)
+
+
+class Simulation:
+    """One simulation of a model: `reset` finds a consistent start, `step` and `advance` go on.
+
+    ``inputs`` and ``parameters`` may change between steps; an input that is NaN follows the scene.  ``coordinates``, ``speeds`` and
+    ``outputs`` are those of the present state.  All are views of the simulation's own memory, in SI units.
+    """
+
+    def __init__(self, library: Library) -> None:
+        self.library = library
+        size = library.size
+        self._memory = np.zeros(size // 8)
+        self.address = library.create(self._memory.ctypes.data, size)
+        self.parameters = Values(library.names["parameter"], self._view("parameters", "parameter"), library.units["parameter"])
+        self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units.get("input"))
+        self._is_started = False
+
+    def __repr__(self) -> str:
+        return f"<Simulation of '{self.library.model}' at {self.time:.6g} s>"
+
+    def _view(self, array: str, kind: str) -> Array:
+        names = self.library.names[kind]
+        return np.ctypeslib.as_array(self.library.arrays[array](self.address), (len(names),)) if names else np.zeros(0)
+
+    def reset(
+        self, *, coordinates: Mapping[str, float] | None = None, speeds: Mapping[str, float] | None = None, dt: float | None = None,
+        iterations: int | None = None, equilibrium: bool | None = None,
+    ) -> Simulation:  # fmt: skip
+        """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) besides.
+
+        ``dt`` is the length of steps (s), ``iterations`` their fixed number in each (0: as many as it takes).  What is given stays given.
+
+        Raises:
+            KeyError: there is no such coordinate or speed.
+            SimulationError: a setting is out of its range, or no consistent state was found.
+        """
+        call, library = self._call, self.library
+        if dt is not None:
+            call(library.set_step, dt)
+        if iterations is not None:
+            call(library.set_iterations, iterations)
+        if equilibrium is not None:
+            call(library.set_equilibrium, int(equilibrium))
+        for kind, given, give in (("coordinate", coordinates, library.give_coordinate), ("speed", speeds, library.give_speed)):
+            places = {name: i for i, name in enumerate(library.names[kind])}
+            for name, value in (given or {}).items():
+                call(give, find_place(places, name), value)
+        call(library.start)
+        self._is_started = True
+        return self
+
+    def step(self) -> None:
+        """Take one step.
+
+        Raises:
+            SimulationError: the step failed, and the state stays; or there was no `reset`.
+        """
+        if status := self.library.step(self.address):
+            self._fail(status)
+
+    def advance(self, time: float) -> None:
+        """Take steps up to a time (s); the last one is shorter where it must be.
+
+        Raises:
+            SimulationError: a step failed, the time has passed, or there was no `reset`.
+        """
+        self._call(self.library.advance, time)
+
+    def play(self, steps: int) -> Array:
+        """Take so many steps; returns the outputs at the end of each, (steps, outputs).
+
+        Raises:
+            SimulationError: a step failed, or there was no `reset`.
+        """
+        rows = np.empty((steps, len(self.library.names["output"])))
+        self._call(self.library.play, steps, rows.ctypes.data)
+        return rows
+
+    @property
+    def time(self) -> float:
+        """The present time (s)."""
+        return float(self.library.time(self.address))
+
+    @property
+    def outputs(self) -> Values:
+        """The outputs of the scene at the present state.
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        self._require_start()
+        self.library.outputs(self.address)
+        return self._outputs
+
+    @cached_property
+    def _outputs(self) -> Values:
+        names = self.library.names["output"]
+        array = np.ctypeslib.as_array(self.library.outputs(self.address), (len(names),)) if names else np.zeros(0)
+        return Values(names, array, self.library.units["output"])
+
+    @property
+    def coordinates(self) -> Values:
+        """Coordinates of the joints of the spanning tree; `set_state` changes them.
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        return self._state("coordinates", "coordinate")
+
+    @property
+    def speeds(self) -> Values:
+        """Their speeds; `set_state` changes them.
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        return self._state("speeds", "speed")
+
+    @property
+    def accelerations(self) -> Values:
+        """The rates of the speeds, by the names of these.
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        return self._state("accelerations", "speed")
+
+    def _state(self, array: str, kind: str) -> Values:
+        self._require_start()
+        view = self._view(array, kind)
+        view.flags.writeable = False
+        return Values(self.library.names[kind], view)
+
+    def set_input(self, name: str, value: float, rate: float = 0.0, acceleration: float = 0.0) -> None:
+        """Give an input now, and the derivatives (SI units and s) by which it goes on until it is given again, as a guide needs them.
+
+        Raises:
+            KeyError: there is no such input.
+            SimulationError: a number is not finite.
+        """
+        place = find_place({each: i for i, each in enumerate(self.library.names["input"])}, name)
+        self._call(self.library.set_input, place, value, rate, acceleration)
+
+    def present_input(self, name: str) -> float:
+        """The value of an input at the present time, whether it is given or follows the scene.
+
+        Raises:
+            KeyError: there is no such input.
+            SimulationError: there was no `reset`.
+        """
+        self._require_start()
+        return float(self.library.input(self.address, find_place({each: i for i, each in enumerate(self.library.names["input"])}, name)))
+
+    def set_state(self, time: float, coordinates: Array, speeds: Array) -> None:
+        """Go on from a time (s), coordinates and speeds as they are, in the order of those of the simulation.
+
+        Raises:
+            ValueError: an array has another length.
+            SimulationError: a number is not finite, an acceleration has no finite value, or there was no `reset`.
+        """
+        q, v = (np.ascontiguousarray(x, dtype=np.float64) for x in (coordinates, speeds))
+        lengths = tuple(len(self.library.names[kind]) for kind in ("coordinate", "speed"))
+        if (q.shape, v.shape) != ((lengths[0],), (lengths[1],)):
+            raise ValueError(f"there are {lengths[0]} coordinates and {lengths[1]} speeds, not {q.shape} and {v.shape}")
+        self._call(self.library.set_state, time, q.ctypes.data, v.ctypes.data)
+
+    def displace(self, displacements: Array) -> None:
+        """Move the coordinates by small displacements, one for each speed (turns for those of a ball), and close the loops again.
+
+        Raises:
+            ValueError: there is another number of speeds.
+            SimulationError: the loops do not close there, a number is not finite, or there was no `reset`.
+        """
+        by = np.ascontiguousarray(displacements, dtype=np.float64)
+        if by.shape != (count := len(self.library.names["speed"]),):
+            raise ValueError(f"there are {count} speeds, not {by.shape}")
+        self._call(self.library.displace, by.ctypes.data)
+
+    @property
+    def jacobian(self) -> Array:
+        """The Jacobian of the loops' equations by the speeds, (equations, speeds).
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        columns = np.empty((len(self.library.names["speed"]), self.library.equations))
+        self._call(self.library.jacobian, columns.ctypes.data)
+        return columns.T
+
+    def snapshot(self) -> bytes:
+        """Everything that later steps follow from: after `restore` they are the same bit by bit.
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        room = ctypes.create_string_buffer(self.library.snapshot_size())
+        self._call(self.library.save, ctypes.addressof(room))
+        return room.raw
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from a snapshot of this or another simulation of the same model and scene.
+
+        Raises:
+            ValueError: the bytes are none.
+        """
+        room = ctypes.create_string_buffer(snapshot, len(snapshot))
+        if len(snapshot) != self.library.snapshot_size() or self.library.restore(self.address, ctypes.addressof(room)):
+            raise ValueError(f"these bytes are no snapshot of '{self.library.model}'")
+        self._is_started = True
+
+    def copy(self) -> Simulation:
+        """Another simulation in the same state, or a fresh one where there was no `reset`."""
+        other = Simulation(self.library)
+        if self._is_started:
+            other.restore(self.snapshot())
+        else:
+            other.parameters.array[:] = self.parameters.array
+        return other
+
+    def _require_start(self) -> None:
+        if not self._is_started:
+            raise SimulationError("the simulation has not been started; call reset()", -3)
+
+    def _call(self, function: Callable[..., int], *arguments: object) -> None:
+        if status := function(self.address, *arguments):
+            self._fail(status)
+
+    def _fail(self, status: int) -> None:
+        text = self.library.status_text(status)
+        if status > 0:
+            room = ctypes.create_string_buffer(_TEXT)
+            self.library.explain(self.address, room, _TEXT)
+            text = room.value
+        hint = "" if self._is_started else "; call reset()"
+        raise SimulationError(f"{self.library.model}, at {self.time:.6g} s: {text.decode()}{hint if status < 0 else ''}", status)

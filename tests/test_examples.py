@@ -1,0 +1,55 @@
+"""The programs of examples/ run, and do what they say."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import MODELS, ROOT, needs_cpp
+from tests.standalone.folders import compile_object, folder_of, link, run, write
+
+pytestmark = needs_cpp
+
+EXAMPLES = ROOT / "examples"
+
+
+@pytest.fixture(scope="module")
+def iltis(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the Iltis on a flat road with its object file."""
+    place = write(folder_of((MODELS / "iltis.yaml").read_text(encoding="utf-8"), "iltis.yaml", "simul3"), tmp_path_factory.mktemp("iltis"))
+    compile_object(place, "iltis")
+    return place
+
+
+def program(iltis: Path, name: str) -> Path:
+    return link(iltis, name, ["-I.", EXAMPLES / f"{name}.c", "iltis.o"])
+
+
+def python(*words: object) -> str:
+    return subprocess.run([sys.executable, *map(str, words)], check=True, capture_output=True, text=True, cwd=ROOT).stdout
+
+
+def test_the_vehicle_follows_its_driver_also_from_another_process(iltis: Path) -> None:
+    lines = run(program(iltis, "steer")).splitlines()
+    left, yaw, speed = (float(x) for x in re.findall(r"-?\d+\.\d+", lines[-1]))
+    assert left == pytest.approx(2.0, abs=0.1)
+    assert yaw == pytest.approx(0.0, abs=0.01)
+    assert speed == pytest.approx(7.0, abs=0.2)
+    apart = python(EXAMPLES / "udp_driver.py", program(iltis, "udp_vehicle"))
+    assert float(re.findall(r": (-?[\d.e-]+) m", apart)[0]) == pytest.approx(left, abs=5e-4)
+
+
+def test_the_pole_stands() -> None:
+    cart, pole = (float(x) for x in re.findall(r"at (-?[\d.e-]+) ", python(EXAMPLES / "balance.py")))
+    assert abs(cart) < 0.02
+    assert abs(pole) < 1e-3
+
+
+def test_stiffer_springs_move_the_slider_less() -> None:
+    travel = [float(x) for x in re.findall(r": ([\d.]+) m", python(EXAMPLES / "study.py"))]
+    assert len(travel) == 5
+    assert travel == sorted(travel, reverse=True)
