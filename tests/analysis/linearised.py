@@ -50,7 +50,9 @@ def evaluator(equations: ImplicitEquations) -> Any:
             n, m = equations.start.speeds, len(equations.equation_names)
             pulled = call(equations, "apply_jacobian_transposed", at)["force"] if m else np.zeros(n)
             rate = call(equations, "constraint_residual", at)["rate"] if m else np.zeros(0)
-            results.append({"tangent": call(equations, "linearise", at)["tangent"], "force": pulled, "rate": rate})
+            balance = call(equations, "dynamic_residual", at)["force_residual"]
+            tangent = call(equations, "linearise", at)["tangent"]
+            results.append({"tangent": tangent, "force": pulled, "rate": rate, "force_residual": balance})
         return results
 
     return evaluate

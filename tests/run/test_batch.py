@@ -239,9 +239,8 @@ def test_a_motion_without_mass_is_refused_as_in_a_single_run() -> None:
     [
         ("", "cases.csv: no runs"),
         ("load,speed\n", "cases.csv: no runs"),
-        ("load,sped\n1,2\n", "cases.csv:1: model 'quarter' has no parameter 'sped'; it has load, slack, speed, stiffness"),
+        ("load,sped\n1,2\n", "cases.csv:1: model 'quarter' has no parameter 'sped'; it has along, load, slack, speed, stiffness"),
         ("load,load\n1,2\n", "cases.csv:1: parameter 'load' stands above two columns"),
-        ("along\n1\n", "cases.csv:1: quarter.yaml:10:3: parameter 'along' has binding input"),
         ("load,speed\n1,2\n\n3\n", "cases.csv:4: 1 values for 2 parameters"),
         ("load,speed\n1,fast\n", "cases.csv:2: parameter 'speed': 'fast' is not a finite number"),
         ("load,speed\n1,inf\n", "cases.csv:2: parameter 'speed': 'inf' is not a finite number"),

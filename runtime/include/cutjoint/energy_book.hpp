@@ -15,7 +15,7 @@ namespace cutjoint {
 ///
 /// The energy known at a time is the largest T up to then and all that forces have exchanged.  A motion gains a level where T is `growth` times
 /// what was known at most `memory` steps before and more than half of it is defect.  It runs away with the level `most`, each gained within
-/// `memory` steps of the one before, or with an overwhelming one.  A coarse step over an impact, or from rest, may gain one level, but not one on
+/// `memory` steps of the one before, or with an overwhelming one in a motion.  A coarse step over an impact, or from rest, may gain one level, but not one on
 /// top of another.  What moves more slowly than about ten times `slow` (m/s, rad/s) gains none: near rest, T and D are rounding.
 template <class Real>
 class EnergyBook {
@@ -79,7 +79,8 @@ class EnergyBook {
         return;
       }
       if (levels_ == 0) since_ = then.t;
-      levels_ = kinetic < Real(overwhelming) * known ? levels_ + 1 : most;
+      const bool from_rest = then.known < least;
+      levels_ = from_rest || kinetic < Real(overwhelming) * known ? levels_ + 1 : most;
       count_ = 0;
       return;
     }
