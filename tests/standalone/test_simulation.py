@@ -43,6 +43,18 @@ def test_step_advance_and_play_are_the_same(press: cutjoint.Simulation) -> None:
     assert press.time == 0.0205
 
 
+def test_steps_may_change_their_length(press: cutjoint.Simulation) -> None:
+    press.reset(dt=1e-3).play(3)
+    press.library.set_step(press.address, 5e-4)
+    press.step()
+    press.step()
+    assert press.time == 0.003 + 2 * 5e-4
+    other = press.copy()
+    press.step()
+    other.step()
+    assert press.time == other.time == 0.003 + 3 * 5e-4
+
+
 def test_values_are_views_by_name(press: cutjoint.Simulation) -> None:
     press.reset()
     assert np.shares_memory(press.outputs.array, press.outputs.array)

@@ -92,8 +92,7 @@ class Simulation {
     state_.v = start_.v;  // a pose at rest has none
     if (const Fault fault = how.move(state_, given_speeds_)) return fault;
     penalties_ = how.penalties();
-    origin_ = state_.t;
-    number_ = 0;
+    count_from_here();
     load();
     is_started_ = true;
     return {};
@@ -103,6 +102,7 @@ class Simulation {
 
   /// A step of the settings' length; the state stays where it fails.
   Fault step() {
+    if (settings_.dt != counted_) count_from_here();
     const Fault fault = integrate(settings_.dt);
     if (!fault) state_.t = origin_ + Real(++number_) * Real(settings_.dt);
     return fault;
@@ -118,8 +118,8 @@ class Simulation {
         continue;
       }
       if (const Fault fault = integrate(static_cast<double>(left))) return fault;
-      state_.t = origin_ = Real(until);
-      number_ = 0;
+      state_.t = Real(until);
+      count_from_here();
     }
     return {};
   }
@@ -128,8 +128,8 @@ class Simulation {
   Fault go_to(Real t, const Real* q, const Real* v) {
     for (std::size_t i = 0; i < sizes.coordinates; ++i) state_.q[i] = q[i];
     for (std::size_t i = 0; i < sizes.speeds; ++i) state_.v[i] = v[i];
-    state_.t = origin_ = t;
-    number_ = 0;
+    state_.t = t;
+    count_from_here();
     is_reported_ = false;
     heed_parameters();
     Starter<M>& starter = initialisation_->starter();
@@ -177,10 +177,12 @@ class Simulation {
     Cuts<M> penalties;
     Real origin;
     long number;
+    double counted;
   };
 
   Memory memory() const {
-    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .state = state_, .penalties = penalties_, .origin = origin_, .number = number_};
+    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .state = state_, .penalties = penalties_, .origin = origin_, .number = number_,
+            .counted = counted_};
   }
 
   /// Go on from what another moment, or another simulation, remembers.
@@ -192,6 +194,7 @@ class Simulation {
     penalties_ = memory.penalties;
     origin_ = memory.origin;
     number_ = memory.number;
+    counted_ = memory.counted;
     initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     load();
     is_started_ = true;
@@ -202,6 +205,13 @@ class Simulation {
 
   typename Initialisation<M>::Settings how_to_start() const {
     return {.stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Real(settings_.dt)};
+  }
+
+  /// Times of steps are those of whole steps since now.
+  void count_from_here() {
+    origin_ = state_.t;
+    number_ = 0;
+    counted_ = settings_.dt;
   }
 
   /// Load the mechanism and get ready for steps; the state stays.
@@ -221,6 +231,7 @@ class Simulation {
   Fault integrate(double h) {
     heed_parameters();
     steps_->set_step(Real(h));
+    steps_->set_fixed_point(settings_.fixed_point);
     is_reported_ = false;
     const Fault fault = steps_->step(state_, number_ + 1);
     return fault ? fault : watch();
@@ -252,7 +263,8 @@ class Simulation {
   std::optional<Initialisation<M>> initialisation_;
   std::optional<Trapezoidal<M>> steps_;
   Real origin_{0};
-  long number_ = 0;
+  long number_ = 0;       ///< of steps since then
+  double counted_ = 0.0;  ///< their length
   bool is_started_ = false, is_reported_ = false;
 };
 

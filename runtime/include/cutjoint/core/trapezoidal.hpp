@@ -85,6 +85,9 @@ class Trapezoidal {
   /// Go on with steps of another length.
   void set_step(Real dt) { dt_ = dt; }
 
+  /// Seek the fixed point another way.
+  void set_fixed_point(const FixedPoint& fixed_point) { fixed_point_ = fixed_point; }
+
   long evaluations() const { return evaluations_; }
 
  private:
