@@ -25,7 +25,7 @@ def name_scalars(program: Program) -> dict[int, str]:
     """
     names: dict[int, str] = {}
     taken = set(MACROS)
-    for block, label in sorted(program.labels.items(), key=lambda item: item[0].number):
+    for block, label in program.labels.items():
         found = [
             (program.graph.signless(scalar), scalar, label.text + _suffix(label, block.shape, i, j))
             for i, row in enumerate(program.elements.get(block, ())) for j, scalar in enumerate(row)

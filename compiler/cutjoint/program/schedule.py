@@ -25,8 +25,9 @@ def schedule(
     lowering = Lowering()
     rest, checks = ([f for f in functions if (f[0] in last) == is_last] for is_last in (False, True))
     try:
-        for group in (rest, checks):
-            lowering.lower(block for _, results in group for block in results.values())
+        lowering.lower(block for _, results in rest for block in results.values())
+        first = set(lowering.elements)
+        lowering.lower(block for _, results in checks for block in results.values())
     except OverflowedConstantError as error:
         raise ConstantError(builder.sections, error.section) from None
     graph = lowering.graph
@@ -34,8 +35,9 @@ def schedule(
     early = _early(graph, lowered)
     stepped = tuple(n for n in early if graph.nodes[n].binding is BindingTime.STEP)
     loaded = tuple(n for n in early if graph.nodes[n].binding is BindingTime.PARAM)
+    labels = dict(sorted(builder.labels.items(), key=lambda item: (item[0] not in first, item[0].number)))
     return Program(
-        graph=graph, sections=tuple(builder.sections), elements=lowering.elements, labels=dict(builder.labels),
+        graph=graph, sections=tuple(builder.sections), elements=lowering.elements, labels=labels,
         functions=lowered, loaded=loaded, stepped=stepped, stored=_stored(graph, lowered, loaded, stepped), lanes=lanes,
     )  # fmt: skip
 
