@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report tables beside pictures choice flags verification stiff errors branches lint setup clean
+.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -30,7 +30,7 @@ batch: setup
 	$(BIN)/python -m cutjoint_bench.studies.batch
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
-FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags choice verification stiff errors branches
+FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags waits choice verification stiff errors branches
 .NOTPARALLEL: figures
 figures: $(FIGURES:%=results/figures/%.txt)
 
@@ -41,6 +41,9 @@ results/figures/%.txt: | setup
 
 instructions: setup
 	$(BIN)/python -m cutjoint_bench.studies.instructions
+
+waits: setup
+	$(BIN)/python -m cutjoint_bench.studies.waits
 
 chain: setup
 	$(BIN)/python -m cutjoint_bench.studies.chain
@@ -98,6 +101,7 @@ $(VENV)/.ready: pyproject.toml measuring/pyproject.toml scripts/require-cpp
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
 	$(BIN)/pip install --quiet --editable '.[test]' --editable measuring
+	$(BIN)/cutjoint warm
 	touch $@
 
 clean:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.conftest import MODELS, ROOT, needs_cpp
@@ -47,6 +48,29 @@ def test_the_pole_stands() -> None:
     cart, pole = (float(x) for x in re.findall(r"at (-?[\d.e-]+) ", python(EXAMPLES / "balance.py")))
     assert abs(cart) < 0.02
     assert abs(pole) < 1e-3
+
+
+def test_an_environment_of_gymnasium_balances_poles_and_starts_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "16 of 16 poles stand" in python(EXAMPLES / "cart_pole_env.py")
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    from cart_pole_env import CartPoles
+
+    envs, other = CartPoles(3, most=40), CartPoles(3, most=40)
+    first, _ = envs.reset(seed=5)
+    assert np.array_equal(first, other.reset(seed=5)[0])
+    assert first in envs.observation_space
+    push = np.array([[10.0], [0.0], [-1.0]])
+    ends = np.zeros((60, 3), int)
+    for k in range(60):
+        seen, rewards, fallen, cut, _ = envs.step(push)
+        assert np.array_equal(seen, other.step(push)[0])
+        ends[k] = fallen + 2 * cut
+        if k and ends[k - 1].any():
+            new = ends[k - 1] > 0
+            assert (rewards[new] == 0).all()
+            assert (abs(seen[new]) <= 0.1).all()
+    assert ends[:, 0].max() == 1  # pushed over
+    assert (envs.steps < 40).all()
 
 
 def test_stiffer_springs_move_the_slider_less() -> None:

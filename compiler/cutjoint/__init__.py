@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.batch import compile_batch, simulate_batch
     from cutjoint.model.errors import ModelError
-    from cutjoint.model.read import read_model, read_model_text
     from cutjoint.pipeline import compile_model, simulate
     from cutjoint.program.blocks import ConstantError
     from cutjoint.realtime import FailedRealTimeError, run_in_real_time
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from cutjoint.stepping.statespace import StateSpace, linearise
     from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
+    from cutjoint.topology.reading import read_model, read_model_text
     from cutjoint.topology.spanning_tree import TopologyError
 
 __all__ = [
@@ -49,8 +49,7 @@ _HOMES = {
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.batch": ("compile_batch", "simulate_batch"),
     "cutjoint.model.errors": ("ModelError",),
-    "cutjoint.model.read": ("read_model", "read_model_text"),
-    "cutjoint.pipeline": ("compile_model", "simulate"),
+        "cutjoint.pipeline": ("compile_model", "simulate"),
     "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.errors": ("RunError",),
@@ -65,6 +64,7 @@ _HOMES = {
     "cutjoint.stepping.statespace": ("StateSpace", "linearise"),
     "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),
+    "cutjoint.topology.reading": ("read_model", "read_model_text"),
     "cutjoint.topology.spanning_tree": ("TopologyError",),
 }
 

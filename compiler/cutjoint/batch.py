@@ -17,7 +17,6 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import AnyPath
 from cutjoint.methods import CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, either, names_of
-from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import derive
 from cutjoint.run.artifact import start_of
@@ -33,6 +32,7 @@ from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.run.simulator_run import Start
 from cutjoint.toolchain.build import FLAGS, Binary, build
+from cutjoint.topology.reading import read_model
 
 #: The method whose runs are evaluated side by side.
 METHOD, = names_of(METHODS, lambda m: m.batch)

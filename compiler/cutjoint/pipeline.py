@@ -18,21 +18,22 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import AnyPath, path_of
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation
-from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_choice, require_end
 from cutjoint.run.compiled_files import require_no_model, write_compiled
+from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import GivenInput
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulator import Progress
 from cutjoint.standalone import make_standalone
-from cutjoint.systems import generate_system
-from cutjoint.toolchain.build import FLAGS, Kind, build
+from cutjoint.toolchain.build import FLAGS, build
+from cutjoint.toolchain.drivers import Kind
 from cutjoint.topology.build import build_topology
+from cutjoint.topology.reading import read_model
 
 
 def compile_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:
@@ -44,9 +45,10 @@ def compile_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Art
 def compile_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, out: AnyPath | None = None, flags: Sequence[str] = FLAGS,
     outputs: Sequence[Output] | None = None, lanes: bool = True, comparison: bool = False, precision: str = DEFAULT_PRECISION,
+    integrator: str | None = None,
 ) -> Artifact:  # fmt: skip
-    """Compile a model for a scene; ``out`` receives a folder that stands alone (`standalone`), or where the method has none the source
-    and the simulator.
+    """Compile a model for a scene; ``out`` receives a folder that stands alone (`standalone`), with steps by ``integrator`` instead of the
+    scene's, or where the method has none the source and the simulator.
 
     ``outputs`` are instead of the scene's.  ``comparison`` links the solvers of SuiteSparse too.  ``precision`` is one of PRECISIONS, the
     number type of the run; the start is found in double.
@@ -64,8 +66,10 @@ def compile_scene(
     equations, program, source = generate(model, scene, outputs, method=method, lanes=lanes, precision=precision)
     folder, files, name = path_of(out), source.files, "simulator"
     alone = folder is not None and METHODS[method].stands_alone and precision == DEFAULT_PRECISION
+    if integrator is not None and not alone:
+        raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
     if alone:
-        standalone = make_standalone(equations.mechanism, program, source)
+        standalone = make_standalone(equations.mechanism, program, source, integrator=integrator)
         files, name = standalone.files, standalone.simulator
     if folder is not None:
         require_no_model((*files, name), folder, Path(model.span.file))
@@ -86,6 +90,8 @@ def generate(
 ) -> tuple[Equations, Program, Source]:  # fmt: skip
     """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register."""
     if METHODS[method].has_system:
+        from cutjoint.systems import generate_system  # the recursive method does not wait for what this imports
+
         return generate_system(derive(model, scene, ()).starting, method, tuple(outputs), lanes=lanes, precision=precision)
     # Model -> Topology -> Equations
     recursive = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)

@@ -12,7 +12,6 @@ from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.locations import AnyPath
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
 from cutjoint.model.quantities import Element, quantities, unit_of
-from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import compile_scene, generate, simulate
 from cutjoint.run.errors import RunError
@@ -25,6 +24,7 @@ from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.build import build
 from cutjoint.topology.build import build_topology
+from cutjoint.topology.reading import read_model
 
 _POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")

@@ -120,14 +120,10 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real Z_closure_1_wz = v_crank_1_pin_angle_rate - Z_coupler_1_bar_wz;
   const Real Phid_closure_1_y_negated = Z_base_closure_1_vy + R_crank_1_pin_yx*Z_closure_1_wz;
   const Real Phid_closure_1_x_negated = bv_coupler_1_pin_vx + R_crank_1_pin_xx*Z_closure_1_wz;
-  const Real Phi_closure_1_x_negated = R_crank_1_pin_yx + (R_coupler_1_bar_xx - R_crank_0_pin_yx - Real(1.0));
-  const Real Phi_closure_1_y = R_crank_1_pin_xx - (R_crank_0_pin_xx + R_coupler_1_bar_yx);
   const Real s_closure_1_x = Z_closure_1_wz*Phid_closure_1_y_negated - (Z_coupler_1_bar_wz*Z_base_closure_1_vy +
-      Z_base_closure_1_vy*Z_closure_1_wz) - (Phid_closure_1_x_negated*loaded_.rate_stabilisation +
-      Phi_closure_1_x_negated*loaded_.residual_stabilisation);
+      Z_base_closure_1_vy*Z_closure_1_wz);
   const Real s_closure_1_y = bv_coupler_1_pin_vx*Z_coupler_1_bar_wz + bv_coupler_1_pin_vx*Z_closure_1_wz -
-      Z_closure_1_wz*Phid_closure_1_x_negated + (Phi_closure_1_y*loaded_.residual_stabilisation -
-      Phid_closure_1_y_negated*loaded_.rate_stabilisation);
+      Z_closure_1_wz*Phid_closure_1_x_negated;
 
   // closure: closure_2
   //   Phi, Phi' = A Z, s = gamma + 2 xi w Phi' + w^2 Phi
@@ -136,14 +132,10 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real Z_closure_2_wz = v_crank_2_pin_angle_rate - Z_coupler_2_bar_wz;
   const Real Phid_closure_2_y_negated = Z_base_closure_2_vy + R_crank_2_pin_yx*Z_closure_2_wz;
   const Real Phid_closure_2_x_negated = bv_coupler_2_pin_vx + R_crank_2_pin_xx*Z_closure_2_wz;
-  const Real Phi_closure_2_x_negated = R_crank_2_pin_yx + (R_coupler_2_bar_xx - R_crank_1_pin_yx - Real(1.0));
-  const Real Phi_closure_2_y = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_yx);
   const Real s_closure_2_x = Z_closure_2_wz*Phid_closure_2_y_negated - (Z_coupler_2_bar_wz*Z_base_closure_2_vy +
-      Z_base_closure_2_vy*Z_closure_2_wz) - (loaded_.rate_stabilisation*Phid_closure_2_x_negated +
-      loaded_.residual_stabilisation*Phi_closure_2_x_negated);
+      Z_base_closure_2_vy*Z_closure_2_wz);
   const Real s_closure_2_y = bv_coupler_2_pin_vx*Z_coupler_2_bar_wz + bv_coupler_2_pin_vx*Z_closure_2_wz -
-      Z_closure_2_wz*Phid_closure_2_x_negated + (loaded_.residual_stabilisation*Phi_closure_2_y -
-      loaded_.rate_stabilisation*Phid_closure_2_y_negated);
+      Z_closure_2_wz*Phid_closure_2_x_negated;
 
   // condensation: coupler_2.pin
   //   M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S
@@ -202,10 +194,10 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // condensation: crank_0.pin
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
-  const Real crank_0_pin_1 = loaded_.penalty*R_crank_1_pin_xx;
-  const Real crank_0_pin_2 = loaded_.penalty*J_closure_1_x_coupler_1_pin_negated;
-  const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_y_coupler_1_pin_negated;
-  const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_y_crank_0_pin_negated;
+  const Real crank_0_pin_1 = loaded_.penalty_closure_1*R_crank_1_pin_xx;
+  const Real crank_0_pin_2 = loaded_.penalty_closure_1*J_closure_1_x_coupler_1_pin_negated;
+  const Real crank_0_pin_3 = loaded_.penalty_closure_1*J_closure_1_y_coupler_1_pin_negated;
+  const Real crank_0_pin_4 = loaded_.penalty_closure_1*J_closure_1_y_crank_0_pin_negated;
   const Real crank_0_pin_5 = R_crank_1_pin_xx*crank_0_pin_1;
   const Real H_crank_0_bar_crank_1_pin_coupler_1_pin = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_yx*crank_0_pin_3;
   const Real H_crank_0_bar_crank_1_pin_crank_0_pin = R_crank_1_pin_yx*crank_0_pin_4 - crank_0_pin_5;
@@ -214,29 +206,29 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real H_crank_0_bar_coupler_1_pin_crank_0_pin = G_coupler_1_bar_wz + (J_closure_1_y_coupler_1_pin_negated*crank_0_pin_4 -
       J_closure_1_x_coupler_1_pin_negated*crank_0_pin_1);
   const Real H_crank_0_bar_crank_0_pin_crank_0_pin = Mc_crank_0_bar_wz_wz + (crank_0_pin_5 + J_closure_1_y_crank_0_pin_negated*crank_0_pin_4);
-  const Real crank_0_pin_6 = loaded_.penalty*R_crank_2_pin_xx;
-  const Real crank_0_pin_7 = loaded_.penalty*J_closure_2_x_coupler_2_pin_negated;
-  const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_y_coupler_2_pin_negated;
-  const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_y_crank_1_pin_negated;
+  const Real crank_0_pin_6 = loaded_.penalty_closure_2*R_crank_2_pin_xx;
+  const Real crank_0_pin_7 = loaded_.penalty_closure_2*J_closure_2_x_coupler_2_pin_negated;
+  const Real crank_0_pin_8 = loaded_.penalty_closure_2*J_closure_2_y_coupler_2_pin_negated;
+  const Real crank_0_pin_9 = loaded_.penalty_closure_2*J_closure_2_y_crank_1_pin_negated;
   const Real crank_0_pin_10 = R_crank_2_pin_xx*crank_0_pin_6;
   const Real H_crank_0_bar_crank_2_pin_coupler_2_pin = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_yx*crank_0_pin_8;
   const Real H_crank_0_bar_crank_2_pin_crank_1_pin = R_crank_2_pin_yx*crank_0_pin_9 - crank_0_pin_10;
-  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_yx*(loaded_.penalty*R_crank_2_pin_yx));
+  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_yx*(loaded_.penalty_closure_2*R_crank_2_pin_yx));
   const Real H_crank_0_bar_coupler_2_pin_coupler_2_pin = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_yx*G_coupler_2_bar_vy) +
       (J_closure_2_x_coupler_2_pin_negated*crank_0_pin_7 + J_closure_2_y_coupler_2_pin_negated*crank_0_pin_8);
   const Real H_crank_0_bar_coupler_2_pin_crank_1_pin = G_coupler_2_bar_wz + (J_closure_2_y_coupler_2_pin_negated*crank_0_pin_9 -
       J_closure_2_x_coupler_2_pin_negated*crank_0_pin_6);
-  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_yx*(loaded_.penalty*R_crank_1_pin_yx)) + (crank_0_pin_10
-      + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
-  const Real push_closure_1_x = lambda_closure_1_x + loaded_.penalty*drift_closure_1_x;
-  const Real push_closure_1_y = lambda_closure_1_y + loaded_.penalty*drift_closure_1_y;
+  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_yx*(loaded_.penalty_closure_1*R_crank_1_pin_yx)) +
+      (crank_0_pin_10 + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
+  const Real push_closure_1_x = lambda_closure_1_x + loaded_.penalty_closure_1*drift_closure_1_x;
+  const Real push_closure_1_y = lambda_closure_1_y + loaded_.penalty_closure_1*drift_closure_1_y;
   const Real crank_0_pin_11 = R_crank_1_pin_xx*push_closure_1_x;
   const Real h_crank_0_bar_coupler_1_pin = R_crank_0_pin_xx*Fc_coupler_1_bar_vx - R_crank_0_pin_yx*Fc_coupler_1_bar_vy_negated -
       Fc_coupler_1_bar_wz_negated + (J_closure_1_x_coupler_1_pin_negated*push_closure_1_x +
       J_closure_1_y_coupler_1_pin_negated*push_closure_1_y);
   const Real h_crank_0_bar_crank_0_pin = Fc_crank_0_bar_wz - (crank_0_pin_11 - J_closure_1_y_crank_0_pin_negated*push_closure_1_y);
-  const Real push_closure_2_x = lambda_closure_2_x + loaded_.penalty*drift_closure_2_x;
-  const Real push_closure_2_y = lambda_closure_2_y + loaded_.penalty*drift_closure_2_y;
+  const Real push_closure_2_x = lambda_closure_2_x + loaded_.penalty_closure_2*drift_closure_2_x;
+  const Real push_closure_2_y = lambda_closure_2_y + loaded_.penalty_closure_2*drift_closure_2_y;
   const Real crank_0_pin_12 = R_crank_2_pin_xx*push_closure_2_x;
   const Real h_crank_0_bar_crank_2_pin = Fc_crank_2_bar_wz + (crank_0_pin_12 + R_crank_2_pin_yx*push_closure_2_y);
   const Real h_crank_0_bar_coupler_2_pin = R_crank_1_pin_xx*Fc_coupler_2_bar_vx - R_crank_1_pin_yx*Fc_coupler_2_bar_vy_negated -
@@ -290,40 +282,97 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   // multipliers: closure_1
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:30
-  const Real closure_1_1 = drift_closure_1_x + (R_crank_1_pin_xx*zdd_crank_0_bar_crank_0_pin -
+  const Real rdrift_closure_1_x = drift_closure_1_x + (R_crank_1_pin_xx*zdd_crank_0_bar_crank_0_pin -
       (R_crank_1_pin_xx*zdd_crank_0_bar_crank_1_pin +
       J_closure_1_x_coupler_1_pin_negated*zdd_crank_0_bar_coupler_1_pin));
-  const Real closure_1_2 = drift_closure_1_y - (R_crank_1_pin_yx*zdd_crank_0_bar_crank_1_pin +
+  const Real rdrift_closure_1_y = drift_closure_1_y - (R_crank_1_pin_yx*zdd_crank_0_bar_crank_1_pin +
       J_closure_1_y_coupler_1_pin_negated*zdd_crank_0_bar_coupler_1_pin +
       J_closure_1_y_crank_0_pin_negated*zdd_crank_0_bar_crank_0_pin);
 
   // multipliers: closure_2
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:31
-  const Real closure_2_1 = drift_closure_2_x + (R_crank_2_pin_xx*zdd_crank_0_bar_crank_1_pin -
+  const Real rdrift_closure_2_x = drift_closure_2_x + (R_crank_2_pin_xx*zdd_crank_0_bar_crank_1_pin -
       (R_crank_2_pin_xx*zdd_crank_0_bar_crank_2_pin +
       J_closure_2_x_coupler_2_pin_negated*zdd_crank_0_bar_coupler_2_pin));
-  const Real closure_2_2 = drift_closure_2_y - (R_crank_2_pin_yx*zdd_crank_0_bar_crank_2_pin +
+  const Real rdrift_closure_2_y = drift_closure_2_y - (R_crank_2_pin_yx*zdd_crank_0_bar_crank_2_pin +
       J_closure_2_y_coupler_2_pin_negated*zdd_crank_0_bar_coupler_2_pin +
       J_closure_2_y_crank_1_pin_negated*zdd_crank_0_bar_crank_1_pin);
+
+  // condensation: crank_0.pin
+  //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
+  //   four_bar.yaml:20
+  const Real rpush_closure_1_x = loaded_.penalty_closure_1*rdrift_closure_1_x;
+  const Real rpush_closure_1_y = loaded_.penalty_closure_1*rdrift_closure_1_y;
+  const Real crank_0_pin_15 = R_crank_1_pin_xx*rpush_closure_1_x;
+  const Real rh_crank_0_bar_coupler_1_pin = J_closure_1_x_coupler_1_pin_negated*rpush_closure_1_x + J_closure_1_y_coupler_1_pin_negated*rpush_closure_1_y;
+  const Real rh_crank_0_bar_crank_0_pin_negated = crank_0_pin_15 - J_closure_1_y_crank_0_pin_negated*rpush_closure_1_y;
+  const Real rpush_closure_2_x = loaded_.penalty_closure_2*rdrift_closure_2_x;
+  const Real rpush_closure_2_y = loaded_.penalty_closure_2*rdrift_closure_2_y;
+  const Real crank_0_pin_16 = R_crank_2_pin_xx*rpush_closure_2_x;
+  const Real rh_crank_0_bar_crank_2_pin = crank_0_pin_16 + R_crank_2_pin_yx*rpush_closure_2_y;
+  const Real rh_crank_0_bar_coupler_2_pin = J_closure_2_x_coupler_2_pin_negated*rpush_closure_2_x + J_closure_2_y_coupler_2_pin_negated*rpush_closure_2_y;
+  const Real rh_crank_0_bar_crank_1_pin = crank_0_pin_15 + R_crank_1_pin_yx*rpush_closure_1_y - (crank_0_pin_16 -
+      J_closure_2_y_crank_1_pin_negated*rpush_closure_2_y);
+  const Real rg_crank_0_bar_coupler_2_pin = rh_crank_0_bar_coupler_2_pin - L_crank_0_bar_coupler_2_pin_crank_2_pin*rh_crank_0_bar_crank_2_pin;
+  const Real rg_crank_0_bar_crank_1_pin = rh_crank_0_bar_crank_1_pin - (L_crank_0_bar_crank_1_pin_crank_2_pin*rh_crank_0_bar_crank_2_pin +
+      L_crank_0_bar_crank_1_pin_coupler_2_pin*rg_crank_0_bar_coupler_2_pin);
+  const Real rg_crank_0_bar_coupler_1_pin = rh_crank_0_bar_coupler_1_pin - L_crank_0_bar_coupler_1_pin_crank_1_pin*rg_crank_0_bar_crank_1_pin;
+  const Real rg_crank_0_bar_crank_0_pin_negated = rh_crank_0_bar_crank_0_pin_negated + (L_crank_0_bar_crank_0_pin_crank_1_pin*rg_crank_0_bar_crank_1_pin +
+      L_crank_0_bar_crank_0_pin_coupler_1_pin*rg_crank_0_bar_coupler_1_pin);
+
+  // accelerations: crank_0.pin
+  //   zdd = H^-1 (h - G^T Zdd_P)
+  //   four_bar.yaml:20
+  const Real rzdd_crank_0_bar_crank_0_pin_negated = Dinv_crank_0_bar_crank_0_pin*rg_crank_0_bar_crank_0_pin_negated;
+  const Real rzdd_crank_0_bar_coupler_1_pin = Dinv_crank_0_bar_coupler_1_pin*rg_crank_0_bar_coupler_1_pin +
+      L_crank_0_bar_crank_0_pin_coupler_1_pin*rzdd_crank_0_bar_crank_0_pin_negated;
+  const Real rzdd_crank_0_bar_crank_1_pin = Dinv_crank_0_bar_crank_1_pin*rg_crank_0_bar_crank_1_pin -
+      (L_crank_0_bar_coupler_1_pin_crank_1_pin*rzdd_crank_0_bar_coupler_1_pin -
+      L_crank_0_bar_crank_0_pin_crank_1_pin*rzdd_crank_0_bar_crank_0_pin_negated);
+  const Real rzdd_crank_0_bar_coupler_2_pin = Dinv_crank_0_bar_coupler_2_pin*rg_crank_0_bar_coupler_2_pin -
+      L_crank_0_bar_crank_1_pin_coupler_2_pin*rzdd_crank_0_bar_crank_1_pin;
+  const Real rzdd_crank_0_bar_crank_2_pin = Dinv_crank_0_bar_crank_2_pin*rh_crank_0_bar_crank_2_pin -
+      (L_crank_0_bar_coupler_2_pin_crank_2_pin*rzdd_crank_0_bar_coupler_2_pin +
+      L_crank_0_bar_crank_1_pin_crank_2_pin*rzdd_crank_0_bar_crank_1_pin);
 
   // multipliers: closure_1
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:30
-  const Real correction_closure_1_x = loaded_.penalty*closure_1_1;
-  const Real correction_closure_1_y = loaded_.penalty*closure_1_2;
+  const Real closure_1_1 = J_closure_1_y_crank_0_pin_negated*rzdd_crank_0_bar_crank_0_pin_negated -
+      (R_crank_1_pin_yx*rzdd_crank_0_bar_crank_1_pin +
+      J_closure_1_y_coupler_1_pin_negated*rzdd_crank_0_bar_coupler_1_pin);
+  const Real closure_1_2 = rdrift_closure_1_x - (R_crank_1_pin_xx*rzdd_crank_0_bar_crank_1_pin +
+      J_closure_1_x_coupler_1_pin_negated*rzdd_crank_0_bar_coupler_1_pin +
+      R_crank_1_pin_xx*rzdd_crank_0_bar_crank_0_pin_negated);
 
   // multipliers: closure_2
   //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
   //   four_bar.yaml:31
-  const Real correction_closure_2_x = loaded_.penalty*closure_2_1;
-  const Real correction_closure_2_y = loaded_.penalty*closure_2_2;
+  const Real closure_2_1 = rdrift_closure_2_x + (R_crank_2_pin_xx*rzdd_crank_0_bar_crank_1_pin -
+      (R_crank_2_pin_xx*rzdd_crank_0_bar_crank_2_pin +
+      J_closure_2_x_coupler_2_pin_negated*rzdd_crank_0_bar_coupler_2_pin));
+  const Real closure_2_2 = rdrift_closure_2_y - (R_crank_2_pin_yx*rzdd_crank_0_bar_crank_2_pin +
+      J_closure_2_y_coupler_2_pin_negated*rzdd_crank_0_bar_coupler_2_pin +
+      J_closure_2_y_crank_1_pin_negated*rzdd_crank_0_bar_crank_1_pin);
 
-  vdot[0] = zdd_crank_0_bar_crank_0_pin;
-  vdot[1] = zdd_crank_0_bar_coupler_1_pin;
-  vdot[2] = zdd_crank_0_bar_crank_1_pin;
-  vdot[3] = zdd_crank_0_bar_coupler_2_pin;
-  vdot[4] = zdd_crank_0_bar_crank_2_pin;
+  // multipliers: closure_1
+  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  //   four_bar.yaml:30
+  const Real correction_closure_1_x = loaded_.penalty_closure_1*(rdrift_closure_1_x + closure_1_2);
+  const Real correction_closure_1_y = loaded_.penalty_closure_1*(rdrift_closure_1_y + (rdrift_closure_1_y + closure_1_1));
+
+  // multipliers: closure_2
+  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  //   four_bar.yaml:31
+  const Real correction_closure_2_x = loaded_.penalty_closure_2*(rdrift_closure_2_x + closure_2_1);
+  const Real correction_closure_2_y = loaded_.penalty_closure_2*(rdrift_closure_2_y + closure_2_2);
+
+  vdot[0] = zdd_crank_0_bar_crank_0_pin - rzdd_crank_0_bar_crank_0_pin_negated;
+  vdot[1] = zdd_crank_0_bar_coupler_1_pin + rzdd_crank_0_bar_coupler_1_pin;
+  vdot[2] = zdd_crank_0_bar_crank_1_pin + rzdd_crank_0_bar_crank_1_pin;
+  vdot[3] = zdd_crank_0_bar_coupler_2_pin + rzdd_crank_0_bar_coupler_2_pin;
+  vdot[4] = zdd_crank_0_bar_crank_2_pin + rzdd_crank_0_bar_crank_2_pin;
   correction[0] = correction_closure_1_x;
   correction[1] = correction_closure_1_y;
   correction[2] = Real(0.0);

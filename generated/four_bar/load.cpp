@@ -8,14 +8,8 @@ template <class Real>
 void FourBar<Real>::load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) {
   (void)parameters;
 
-  // stabilisation
-  //   2 xi w, w^2
-  const Real rate_stabilisation = Real(2.0)*(stabilisation.damping_ratio*stabilisation.frequency);
-  const Real residual_stabilisation = stabilisation.frequency*stabilisation.frequency;
-
-  loaded_.penalty = stabilisation.penalty;
-  loaded_.rate_stabilisation = rate_stabilisation;
-  loaded_.residual_stabilisation = residual_stabilisation;
+  loaded_.penalty_closure_1 = stabilisation.penalties[0];
+  loaded_.penalty_closure_2 = stabilisation.penalties[1];
   roads_ = roads;
 }
 

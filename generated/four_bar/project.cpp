@@ -130,10 +130,10 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   // condensation: crank_0.pin
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
-  const Real crank_0_pin_1 = loaded_.penalty*R_crank_1_pin_xx;
-  const Real crank_0_pin_2 = loaded_.penalty*J_closure_1_x_coupler_1_pin_negated;
-  const Real crank_0_pin_3 = loaded_.penalty*J_closure_1_y_coupler_1_pin_negated;
-  const Real crank_0_pin_4 = loaded_.penalty*J_closure_1_y_crank_0_pin_negated;
+  const Real crank_0_pin_1 = loaded_.penalty_closure_1*R_crank_1_pin_xx;
+  const Real crank_0_pin_2 = loaded_.penalty_closure_1*J_closure_1_x_coupler_1_pin_negated;
+  const Real crank_0_pin_3 = loaded_.penalty_closure_1*J_closure_1_y_coupler_1_pin_negated;
+  const Real crank_0_pin_4 = loaded_.penalty_closure_1*J_closure_1_y_crank_0_pin_negated;
   const Real crank_0_pin_5 = R_crank_1_pin_xx*crank_0_pin_1;
   const Real H_crank_0_bar_crank_1_pin_coupler_1_pin = R_crank_1_pin_xx*crank_0_pin_2 + R_crank_1_pin_yx*crank_0_pin_3;
   const Real H_crank_0_bar_crank_1_pin_crank_0_pin = R_crank_1_pin_yx*crank_0_pin_4 - crank_0_pin_5;
@@ -142,20 +142,20 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   const Real H_crank_0_bar_coupler_1_pin_crank_0_pin = G_coupler_1_bar_wz + (J_closure_1_y_coupler_1_pin_negated*crank_0_pin_4 -
       J_closure_1_x_coupler_1_pin_negated*crank_0_pin_1);
   const Real H_crank_0_bar_crank_0_pin_crank_0_pin = Mc_crank_0_bar_wz_wz + (crank_0_pin_5 + J_closure_1_y_crank_0_pin_negated*crank_0_pin_4);
-  const Real crank_0_pin_6 = loaded_.penalty*R_crank_2_pin_xx;
-  const Real crank_0_pin_7 = loaded_.penalty*J_closure_2_x_coupler_2_pin_negated;
-  const Real crank_0_pin_8 = loaded_.penalty*J_closure_2_y_coupler_2_pin_negated;
-  const Real crank_0_pin_9 = loaded_.penalty*J_closure_2_y_crank_1_pin_negated;
+  const Real crank_0_pin_6 = loaded_.penalty_closure_2*R_crank_2_pin_xx;
+  const Real crank_0_pin_7 = loaded_.penalty_closure_2*J_closure_2_x_coupler_2_pin_negated;
+  const Real crank_0_pin_8 = loaded_.penalty_closure_2*J_closure_2_y_coupler_2_pin_negated;
+  const Real crank_0_pin_9 = loaded_.penalty_closure_2*J_closure_2_y_crank_1_pin_negated;
   const Real crank_0_pin_10 = R_crank_2_pin_xx*crank_0_pin_6;
   const Real H_crank_0_bar_crank_2_pin_coupler_2_pin = R_crank_2_pin_xx*crank_0_pin_7 + R_crank_2_pin_yx*crank_0_pin_8;
   const Real H_crank_0_bar_crank_2_pin_crank_1_pin = R_crank_2_pin_yx*crank_0_pin_9 - crank_0_pin_10;
-  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_yx*(loaded_.penalty*R_crank_2_pin_yx));
+  const Real H_crank_0_bar_crank_2_pin_crank_2_pin = Mc_crank_2_bar_wz_wz + (crank_0_pin_10 + R_crank_2_pin_yx*(loaded_.penalty_closure_2*R_crank_2_pin_yx));
   const Real H_crank_0_bar_coupler_2_pin_coupler_2_pin = G_coupler_2_bar_wz + (R_crank_1_pin_xx*G_coupler_2_bar_vx + R_crank_1_pin_yx*G_coupler_2_bar_vy) +
       (J_closure_2_x_coupler_2_pin_negated*crank_0_pin_7 + J_closure_2_y_coupler_2_pin_negated*crank_0_pin_8);
   const Real H_crank_0_bar_coupler_2_pin_crank_1_pin = G_coupler_2_bar_wz + (J_closure_2_y_coupler_2_pin_negated*crank_0_pin_9 -
       J_closure_2_x_coupler_2_pin_negated*crank_0_pin_6);
-  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_yx*(loaded_.penalty*R_crank_1_pin_yx)) + (crank_0_pin_10
-      + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
+  const Real H_crank_0_bar_crank_1_pin_crank_1_pin = Mc_crank_1_bar_wz_wz + (crank_0_pin_5 + R_crank_1_pin_yx*(loaded_.penalty_closure_1*R_crank_1_pin_yx)) +
+      (crank_0_pin_10 + J_closure_2_y_crank_1_pin_negated*crank_0_pin_9);
   const Real Dinv_crank_0_bar_crank_2_pin = Real(1.0)/H_crank_0_bar_crank_2_pin_crank_2_pin;
   const Real L_crank_0_bar_coupler_2_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_coupler_2_pin*Dinv_crank_0_bar_crank_2_pin;
   const Real L_crank_0_bar_crank_1_pin_crank_2_pin = H_crank_0_bar_crank_2_pin_crank_1_pin*Dinv_crank_0_bar_crank_2_pin;
@@ -181,13 +181,13 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   // condensation: crank_0.pin
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
-  const Real ppush_closure_1_x = loaded_.penalty*gap_closure_1_x;
-  const Real ppush_closure_1_y = loaded_.penalty*gap_closure_1_y;
+  const Real ppush_closure_1_x = loaded_.penalty_closure_1*gap_closure_1_x;
+  const Real ppush_closure_1_y = loaded_.penalty_closure_1*gap_closure_1_y;
   const Real crank_0_pin_13 = R_crank_1_pin_xx*ppush_closure_1_x;
   const Real ph_crank_0_bar_coupler_1_pin = J_closure_1_x_coupler_1_pin_negated*ppush_closure_1_x + J_closure_1_y_coupler_1_pin_negated*ppush_closure_1_y;
   const Real ph_crank_0_bar_crank_0_pin_negated = crank_0_pin_13 - J_closure_1_y_crank_0_pin_negated*ppush_closure_1_y;
-  const Real ppush_closure_2_x = loaded_.penalty*gap_closure_2_x;
-  const Real ppush_closure_2_y = loaded_.penalty*gap_closure_2_y;
+  const Real ppush_closure_2_x = loaded_.penalty_closure_2*gap_closure_2_x;
+  const Real ppush_closure_2_y = loaded_.penalty_closure_2*gap_closure_2_y;
   const Real crank_0_pin_14 = R_crank_2_pin_xx*ppush_closure_2_x;
   const Real ph_crank_0_bar_crank_2_pin = crank_0_pin_14 + R_crank_2_pin_yx*ppush_closure_2_y;
   const Real ph_crank_0_bar_coupler_2_pin = J_closure_2_x_coupler_2_pin_negated*ppush_closure_2_x + J_closure_2_y_coupler_2_pin_negated*ppush_closure_2_y;

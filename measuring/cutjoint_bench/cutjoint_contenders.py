@@ -27,7 +27,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.steps import common_step
-from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint.twin.artifact import compile_generic
 from cutjoint_bench.records import Case, Contender

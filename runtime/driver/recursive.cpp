@@ -1,5 +1,6 @@
 // The driver of the recursive method.
 #include "cutjoint/driver.hpp"
+#include "integrators.hpp"
 
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
@@ -9,8 +10,6 @@
 #include "cutjoint/runge_kutta/method.hpp"
 #include "cutjoint/stepping/split_steps.hpp"
 #include "cutjoint/stepping/trapezoidal_rule.hpp"
-
-extern template class cutjoint::Trapezoidal<cutjoint::AnyMechanism<cutjoint::Precision>>;  // trapezoidal.cpp
 
 namespace {
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from tests.analysis.test_inertia import spherical_tie_rods
+from tests.analysis.test_inertia import dead_centre, spherical_tie_rods
 from tests.conftest import MODELS
 from tests.mechanisms.overconstrained import IN_LINE, parallel_cranks_text
 
@@ -56,3 +56,9 @@ def test_a_motion_without_inertia_is_an_error(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_text(spherical_tie_rods())
     assert "nothing resists the motion of body 'rear_left.tie_rod'" in check(path, status=1)
+
+
+def test_a_massless_link_in_line_is_named_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(f"{dead_centre()}scenes: {{turn: {{end: 1}}}}\n")
+    assert "m.yaml:5:3: body 'crank': in the design position no mass resists its motion (main_bearing.angle_rate," in check(path)

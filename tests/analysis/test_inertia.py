@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.analysis.inertia import NoInertiaError, find_idle_motions, require_inertia
+from cutjoint.analysis.inertia import NoInertiaError, describe_momentary, find_idle_motions, find_momentary_motions, require_inertia
 from cutjoint.analysis.poses import explore
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model_text
@@ -92,16 +92,57 @@ def test_a_slender_bar_between_balls_spins_freely() -> None:
     assert find_idle_motions(formulated(f"{HEAD}  bar: {bar}\njoints:\n{hinge}")) == ()
 
 
-def test_a_dead_centre_is_not_refused() -> None:
-    """Massless crank and rod move the slider in every pose but this one."""
+def dead_centre(y: float = 0.0) -> str:
+    """A slider with massless crank and rod, whose pin is ``y`` (m) off their line."""
     text = f"{HEAD}  crank: {{massless: true}}\n  rod: {{massless: true}}\n  slider: {HEAVY}\njoints:\n"
     text += "  main_bearing: {kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, 0, 1]}\n"
-    text += "  big_end: {kind: revolute, bodies: [crank, rod], at: [1, 0, 0], axis: [0, 0, 1]}\n"
+    text += f"  big_end: {{kind: revolute, bodies: [crank, rod], at: [1, {y}, 0], axis: [0, 0, 1]}}\n"
     text += "  way: {kind: prismatic, bodies: [ground, slider], at: [3, 0, 0], axis: [1, 0, 0]}\n"
-    text += "  small_end: {kind: revolute, bodies: [rod, slider], at: [3, 0, 0], axis: [0, 0, 1], cut: true}\n"
-    equations = formulated(text)
+    return text + "  small_end: {kind: revolute, bodies: [rod, slider], at: [3, 0, 0], axis: [0, 0, 1], cut: true}\n"
+
+
+def double_pendulum(bob: str, y: float = 0.0) -> str:
+    """A massless link that carries another body, whose hinge is ``y`` (m) off their line."""
+    text = f"{HEAD}  link: {{massless: true}}\n  bob: {bob}\njoints:\n"
+    text += "  upper: {kind: revolute, bodies: [ground, link], at: [0, 0, 0], axis: [0, 1, 0]}\n"
+    return text + f"  lower: {{kind: revolute, bodies: [link, bob], at: [1, 0, {y}], axis: [0, 1, 0]}}\n"
+
+
+def test_a_dead_centre_is_not_refused() -> None:
+    """Massless crank and rod move the slider in every pose but this one."""
+    equations = formulated(dead_centre())
     assert idle_directions(equations) == 0
     assert find_idle_motions(equations) == ()
+
+
+POINT = "{mass: 1, centre_of_mass: [2, 0, 0]}"
+
+
+@pytest.mark.parametrize(
+    ("text", "joints"), [(dead_centre(), ["main_bearing", "big_end"]), (double_pendulum(POINT), ["upper", "lower"])], ids=["loop", "tree"]
+)
+def test_a_massless_link_in_line_is_found(text: str, joints: list[str]) -> None:
+    """The oracle's inertia has no rank for the motion there."""
+    equations = formulated(text)
+    poses = explore(equations)
+    (motion,) = find_momentary_motions(equations, poses)
+    assert [t.joint.name for t in motion.joints] == joints
+    dense = DenseMechanism(equations.topology, equations.scene)
+    M, _ = dense.inertia(dense.motion(Instant(q=poses[0].q, v=np.zeros(dense.nv), motion=0.0)))
+    J = dense_closures(equations, poses[0].q).jacobian
+    assert np.linalg.matrix_rank(M + J.T @ J, rtol=1e-9) == dense.nv - 1
+    line, *others = describe_momentary(equations.topology.model, motion).split("\n")
+    assert line.startswith(f"model.yaml:5:3: body '{equations.topology.model.bodies[0].name}': in the design position no mass resists")
+    assert len(others) == text.count("massless") - 1
+
+
+@pytest.mark.parametrize(
+    "text", [dead_centre(0.5), double_pendulum(POINT, 0.5), double_pendulum(POINT.replace("}", ", inertia: [1, 1, 1]}"))],
+    ids=["loop", "tree", "inertia"],
+)  # fmt: skip
+def test_a_massless_link_out_of_line_or_with_inertia_behind_it_is_right(text: str) -> None:
+    equations = formulated(text)
+    assert find_momentary_motions(equations, explore(equations)) == ()
 
 
 @pytest.mark.parametrize("model", ["iltis", "four_bar"])

@@ -63,7 +63,8 @@ def run_evaluate(binary: Path, model: Model, scene: Scene, states: list[At]) -> 
 def interpret(equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]:
     """The same by the block interpreter."""
     inputs = make_inputs(equations, state.q, state.v, state.t)
-    inputs |= {"motion": np.ones(1)}
+    penalty = equations.scene.numerics.penalty
+    inputs |= {"motion": np.ones(1), "penalties": np.full(max(len(equations.closures), 1), 1.0 if penalty is None else penalty)}
     for closure in equations.closures:
         inputs[f"lambda:{closure.joint}"] = state.multipliers[closure.first : closure.first + len(closure.names)]
     roads = {name: FlatRoad() for name in equations.roads}

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 from cutjoint.locations import runtime_folder
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import generate
+from cutjoint.toolchain.build import write_source
 from tests.mechanisms.driven import DRIVEN, LIFT, Array, guided, orders
 
 
@@ -19,8 +20,7 @@ def test_hosts_drive_generated_code(tmp_path: Path) -> None:
     model = read_model_text(DRIVEN, "driven.yaml")
     scene = model.scenes["lawful"]
     _, _, source = generate(model, scene, scene.outputs)
-    for name, text in source.files.items():
-        (tmp_path / name).write_text(text)
+    write_source(source, tmp_path)
     program = tmp_path / "drive"
     subprocess.run(
         ["g++", "-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-isystem", "/usr/include/eigen3", f"-I{tmp_path}",

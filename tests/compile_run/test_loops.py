@@ -13,6 +13,7 @@ from cutjoint.locations import runtime_folder
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import derive, generate
 from cutjoint.run.scenes import find_scene
+from cutjoint.toolchain.build import write_source
 from cutjoint.toolchain.compiler import find_compiler
 from tests.mechanisms.chains import pendulums_in_a_row
 
@@ -55,8 +56,7 @@ def test_loops_compile(case: str, tmp_path: Path) -> None:
     text, method, real = CASES[case]
     source = written(text, method, real)
     assert any("for (int " in code for code in source.files.values())
-    for name, code in source.files.items():
-        (tmp_path / name).write_text(code, encoding="utf-8")
+    write_source(source, tmp_path)
     for name, code in source.files.items():
         if name.endswith(".cpp") and "for (int " in code and not name.startswith(("factor", "solve")):
             command = [

@@ -63,4 +63,4 @@ def _of_type(option: click.Parameter) -> tuple[tuple[str, ...], tuple[str, ...]]
 def _of_path(kind: click.Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if kind.exists:
         return FILES_IN, ()
-    return (FILES_OUT, ODD_FILES_OUT) if kind.file_okay else (FOLDERS_OUT, ODD_FOLDERS_OUT)
+    return (FOLDERS_OUT, ODD_FOLDERS_OUT) if kind.dir_okay else (FILES_OUT, ODD_FILES_OUT)

@@ -15,6 +15,7 @@ from cutjoint.locations import runtime_folder
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import derive, generate
+from cutjoint.toolchain.build import write_text
 from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import MODELS, needs_cpp
 from tests.reduce.test_rolling import CART
@@ -40,9 +41,10 @@ def named(name: str, kind: str) -> Mapping[str, str]:
 
 
 def libraries(files: Mapping[str, str], kind: str) -> list[tuple[list[str], tuple[str, ...]]]:
-    """The sources that CMake compiles as one, with the options of each."""
+    """The sources of CMake's targets, with the options of each."""
     project = files["CMakeLists.txt"]
-    start, system = (re.findall(r"\w+\.cpp", project.partition(f"set({name}")[2].partition(")\n")[0]) for name in ("starting", "running"))
+    lists = (project.partition(f"set({name}")[2].partition(")\n")[0] for name in ("starting", "running"))
+    start, system = (re.findall(r"[\w/]+\.cpp", found) for found in lists)
     batch = [(start, _BATCH)] if kind == "batch" else []
     return [(start, ()), (["main.cpp"], ()), *([(system, ())] if system else []), *batch]
 
@@ -50,7 +52,7 @@ def libraries(files: Mapping[str, str], kind: str) -> list[tuple[list[str], tupl
 def check(files: Mapping[str, str], kind: str, folder: Path) -> None:
     """The compiler takes the files as the build gives them to it."""
     for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     for number, (sources, options) in enumerate(libraries(files, kind)):
         whole = folder / f"unity_{number}.cxx"
         whole.write_text("".join(f'#include "{name}"\n' for name in sources), encoding="utf-8")

@@ -245,8 +245,8 @@ def test_iltis_has_the_size_of_the_paper() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_four_bar(seed: int) -> None:
-    blocks, dense, chosen = in_scene("four_bar.yaml", "swing")
-    numerics = Numerics(penalty=chosen.numerics.penalty, damping_ratio=1.0, frequency=10.0)
+    blocks, dense, _ = in_scene("four_bar.yaml", "swing")
+    numerics = Numerics(penalty=5e3, damping_ratio=1.0, frequency=10.0)
     rng = np.random.default_rng(seed)
     at = Instant(q=rng.standard_normal(dense.nq), v=rng.standard_normal(dense.nv))
     multipliers = 10 * rng.standard_normal(dense.m)

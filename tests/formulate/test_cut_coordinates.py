@@ -6,11 +6,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.analysis.closing import retract
+from cutjoint.analysis.closing import make_inputs, retract
+from cutjoint.analysis.poses import explore
 from cutjoint.elements.joint import rate_name
 from cutjoint.elements.joints import JOINTS
+from cutjoint.formulate.inputs import make_translator
+from cutjoint.formulate.recursive.coordinates import angle_of_pose
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import JointKind, Model, Output
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.spanning_tree import TopologyError
 from tests.formulate.test_implicit import TIME_NOW, make_system, state, verify_tangent
@@ -167,9 +173,51 @@ FOUR = ("one", "two", "three", "four")
 
 def test_an_angle_that_no_pose_counts_is_refused_with_the_reason() -> None:
     outputs = f"outputs: [{', '.join(f'{name}.angle' for name in FOUR)}]"
-    with pytest.raises(TopologyError, match="an angle whose turns no pose shows in a loop that is not planar") as error:
+    with pytest.raises(TopologyError, match="an angle whose turns no pose shows in a loop with more than two directions") as error:
         build_topology(read_model_text(BENNETT.replace("OUTPUTS", outputs), "skew.yaml"))
     assert "scene 'move' has its coordinate among the outputs" in str(error.value)
+
+
+#: A Sarrus linkage: two pairs of plates on parallel hinges, across each other, which lift a table straight up.
+SARRUS = """
+cutjoint: 1
+name: sarrus
+gravity: [0, 0, -9.81]
+bodies:
+  table: {mass: 1, centre_of_mass: [0, 0, 1], inertia: [1, 1, 1]}
+  lower_x: {mass: 1, centre_of_mass: [1, 0, 0.3], inertia: [1, 1, 1]}
+  upper_x: {mass: 1, centre_of_mass: [1, 0, 0.7], inertia: [1, 1, 1]}
+  lower_y: {mass: 1, centre_of_mass: [0, 1, 0.3], inertia: [1, 1, 1]}
+  upper_y: {mass: 1, centre_of_mass: [0, 1, 0.7], inertia: [1, 1, 1]}
+joints:
+  foot_x: {kind: revolute, bodies: [ground, lower_x], at: [0.8, 0, 0], axis: [0, 1, 0]}
+  knee_x: {kind: revolute, bodies: [upper_x, lower_x], at: [1.2, 0, 0.5], axis: [0, 1, 0]}
+  head_x: {kind: revolute, bodies: [upper_x, table], at: [0.8, 0, 1], axis: [0, -1, 0]}
+  foot_y: {kind: revolute, bodies: [ground, lower_y], at: [0, 0.8, 0], axis: [1, 0, 0]}
+  knee_y: {kind: revolute, bodies: [lower_y, upper_y], at: [0, 1.2, 0.5], axis: [1, 0, 0]}
+  head_y: {kind: revolute, bodies: [upper_y, table], at: [0, 0.8, 1], axis: [1, 0, 0]}
+outputs: [foot_x.angle, knee_x.angle, head_x.angle, foot_y.angle, knee_y.angle, head_y.angle]
+scenes: {lift: {end: 1}}
+"""
+SIX = ("foot_x", "knee_x", "head_x", "foot_y", "knee_y", "head_y")
+
+
+@pytest.mark.parametrize("joint", SIX)
+def test_angles_of_a_loop_with_two_directions_are_measured(joint: str) -> None:
+    """Against the pose of the bodies that the joint connects, whichever is cut."""
+    model = read_model_text(SARRUS.replace(f"  {joint}: {{", f"  {joint}: {{cut: true, "), "sarrus.yaml")
+    topology, scene = build_topology(model), model.scenes["lift"]
+    assert [cut.name for cut in topology.cuts] == [joint]
+    equations = formulate_recursive(topology, scene, scene.outputs)
+    angle = equations.function("report").results[f"column:{joint}.angle"]
+    moved = [pose for pose in explore(equations)[1:] if pose.closed]
+    assert len(moved) == 4
+    k = derive_kinematics(equations.builder, make_translator(equations.builder, model), topology, {c.joint: c for c in equations.charts})
+    expected = angle_of_pose(k, topology.cuts[0])
+    for pose in moved:
+        values = interpret_blocks([angle, expected], make_inputs(equations, pose.q, np.zeros(equations.speeds)), {})
+        assert values[angle][0, 0] == pytest.approx(values[expected][0, 0], abs=1e-8)
+        assert abs(values[expected][0, 0]) > 1e-3
 
 
 def test_its_rate_is_not() -> None:

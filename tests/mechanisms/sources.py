@@ -31,6 +31,7 @@ from cutjoint.model.records import JointKind, Model, Numerics, Output, Scene
 from cutjoint.pipeline import derive, generate
 from cutjoint.reduce.sequence import STEPS
 from cutjoint.run.scenes import find_scene
+from cutjoint.toolchain.build import write_source
 from tests.mechanisms import bouncing, chains, four_bar, overconstrained, planar, random_models, swaying, switching, symmetric
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -176,9 +177,7 @@ def _record(case: Case, model: Model, scene: Scene, folder: Path | None) -> dict
     except Exception as error:
         return {"refused": f"{type(error).__name__}: {error}"}
     if folder is not None:
-        for name, text in source.files.items():
-            (folder / case.name).mkdir(parents=True, exist_ok=True)
-            (folder / case.name / name).write_text(text, encoding="utf-8")
+        write_source(source, folder / case.name)
     return {
         "files": {name: sha256(text.encode()).hexdigest()[:16] for name, text in source.files.items()},
         "operations": {f.name: program.operations(f.name) for f in program.functions},

@@ -82,7 +82,7 @@ def test_second_order_of_newtons_iteration(problem: Problem) -> None:
 
 
 def test_lanes_change_nothing() -> None:
-    """The governor's two arms side by side or one after the other: the same motion, to what a tolerance of 1e-8 leaves."""
+    """The governor's two arms side by side or one after the other: the same motion, to what the tolerance of the iteration leaves."""
     problem = BY_NAME["A05"]
     together, apart = (compile_model(problem.path, lanes=lanes) for lanes in (True, False))
     assert together.program.instructions("evaluate") < 0.6 * apart.program.instructions("evaluate")

@@ -9,13 +9,14 @@ from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import generate
+from cutjoint.pipeline import derive, generate
 from cutjoint.program.blocks import BindingTime, Block, Builder, Label
 from cutjoint.program.fold import fold
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.schedule import schedule
 from cutjoint.run.scenes import find_scene
+from cutjoint.systems import formulate_system
 from cutjoint.topology.build import build_topology
 from tests.compile_run.generated import FlatRoad, random_states
 from tests.conftest import DATA, MODELS
@@ -200,3 +201,31 @@ def test_an_axle_folds_with_its_tangent() -> None:
     plain, folded = (generate(model, scene, scene.outputs, method="recursive-newton", lanes=lanes) for lanes in (False, True))
     assert folded[1].instructions("linearise") < 0.7 * plain[1].instructions("linearise")
     assert "weights" not in folded[2].files["system_dynamic_residual.cpp"]
+
+
+def test_the_augmented_tangent_of_an_axle_folds() -> None:
+    """Joints that stand alike on the chassis are no nodes of its basis, and members that depend on each other cost the others no lanes."""
+    model = read_model(DATA / "wishbone_axle.yaml")
+    scene = find_scene(model, "chirp")
+    equations, _ = formulate_system(derive(model, scene, ()), "augmented", ())
+    b, results = equations.builder, equations.function("linearise").results
+    folded = fold(b, find_corresponding(b.quantities, equations.topology), results)
+    plain, lanes = (schedule(b, [("linearise", r)]).instructions("linearise") for r in (results, folded))
+    assert lanes < 0.92 * plain
+    rng = np.random.default_rng(0)
+    symbols = {block.data: rng.standard_normal(block.shape[0]) for block in reachable_blocks(results.values()) if block.op == "symbol"}
+    expected, found = (interpret_blocks(r.values(), symbols, {}) for r in (results, folded))
+    for target, block in results.items():
+        assert found[folded[target]] == pytest.approx(expected[block], rel=1e-9, abs=1e-6), target
+
+
+def test_one_family_of_dependent_members_leaves_the_others_their_lanes() -> None:
+    b = Builder()
+    x = [b.symbol(f"x{k}", 3, BindingTime.ITERATION) for k in range(2)]
+    first = b.scale(b.number(2.0), x[0])
+    second = b.scale(b.number(3.0), first)
+    free = tuple(b.cross(b.scale(b.number(4.0 + k), x[k]), x[k]) for k in range(2))
+    results = {"y": b.add(first, second), "z": b.add(*free)}
+    folded = fold(b, [(first, second), free], results)
+    assert folded["y"] == results["y"]
+    assert any(block.lanes for block in reachable_blocks([folded["z"]]))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from math import sqrt
+from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
 from cutjoint.model.steps import count_steps
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
+from tests.conftest import MODELS
 from tests.run.test_failing_starts import PENDULUM
 
 SCENE = "end: 0.02, output_step: 0.01, numerics: {dt: 0.01}"
@@ -50,3 +54,21 @@ def test_steps_that_are_longer_than_a_row_have_a_row_each() -> None:
 def test_a_step_of_the_caller_and_of_real_time_stays() -> None:
     assert steps_of("2.5 ms", "1 ms", options=Options(dt=1e-3)) == (1e-3, 3e-3)
     assert steps_of("2.5 ms", "1 ms", task="realtime", options=Options(integrator="trapezoidal"))[0] == 1e-3
+
+
+@pytest.mark.parametrize(("dt", "said"), [("0.003", "rows are 0.009 s apart, not 0.01 s"), ("0.02", "rows are 0.02 s apart, not 0.01 s")])
+def test_rows_that_a_step_of_the_caller_moves_are_named(tmp_path: Path, dt: str, said: str) -> None:
+    assert said in simulated(tmp_path, "--dt", dt)
+
+
+@pytest.mark.parametrize("arguments", [(), ("--dt", "0.0025")])
+def test_rows_at_the_multiples_of_the_output_step_need_no_word(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    assert "rows are" not in simulated(tmp_path, *arguments)
+
+
+def simulated(folder: Path, *arguments: str) -> str:
+    """What the command line says of the press, whose rows are to be 10 ms apart."""
+    out = str(folder / "press.csv")
+    done = CliRunner().invoke(main, ["simulate", str(MODELS / "press.yaml"), "--out", out, "--no-error", "--end", "0.1", *arguments])
+    assert done.exit_code == 0, done.output
+    return " ".join(done.output.split())

@@ -17,7 +17,8 @@ import numpy as np
 from cutjoint.emit.source import Source
 from cutjoint.locations import templates_folder
 from cutjoint.run.results import read_table
-from cutjoint.toolchain.build import Kind, build
+from cutjoint.toolchain.build import build
+from cutjoint.toolchain.drivers import Kind
 
 SOURCES = Path(__file__).with_name("lagrangian")
 FILES = ("main.cpp", "nothing.hpp", "point_system.cpp", "point_system.hpp")

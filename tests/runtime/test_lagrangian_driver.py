@@ -13,7 +13,8 @@ from cutjoint.pipeline import compile_model
 from cutjoint.run.results import read_effort, read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator
-from cutjoint.toolchain.build import Kind, build
+from cutjoint.toolchain.build import build
+from cutjoint.toolchain.drivers import Kind
 from tests.conftest import MODELS, needs_cpp
 from tests.runtime.points import (
     AUGMENTED,

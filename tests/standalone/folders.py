@@ -11,21 +11,36 @@ from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import generate
 from cutjoint.run.scenes import find_scene
 from cutjoint.standalone import Standalone, make_standalone
+from tests.conftest import MODELS
 
 #: What the README of a folder says of its compilation, but for how far it is optimised.
-CXX = ("-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-fno-math-errno", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics",
-       "-Wno-psabi")  # fmt: skip
+CXX = ("-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-fno-math-errno", "-fno-tree-slp-vectorize", "-fno-exceptions", "-fno-rtti",
+       "-fno-threadsafe-statics", "-Wno-psabi")  # fmt: skip
 C = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1")
 LIBRARIES = ("-lm", "-lmvec")
 
 
+HERE = Path(__file__).parent
+
+#: Random calls under sanitizers; 1e6 of them take half a minute.
+RANDOM_CALLS = 50_000
+
+#: What the code of a model may call: mathematics, and what compilers make of loops.
+_CALLS = {"memcmp", "memcpy", "memmove", "memset", "strcmp", "sin", "cos", "sincos", "tan", "atan", "atan2", "sqrt", "exp", "log", "pow"}
+
+
 @cache
-def folder_of(text: str, name: str, scene: str | None = None) -> Standalone:
+def folder_of(text: str, name: str, scene: str | None = None, integrator: str | None = None) -> Standalone:
     """The folder of a model that is given as text."""
     model = read_model_text(text, name)
     chosen = find_scene(model, scene)
     equations, program, source = generate(model, chosen, chosen.outputs)
-    return make_standalone(equations.mechanism, program, source)
+    return make_standalone(equations.mechanism, program, source, integrator=integrator)
+
+
+def standalone_of(name: str, scene: str | None = None, integrator: str | None = None) -> Standalone:
+    """The folder of a model of the repository."""
+    return folder_of((MODELS / f"{name}.yaml").read_text(encoding="utf-8"), f"{name}.yaml", scene, integrator)
 
 
 def write(folder: Standalone, place: Path) -> Path:
@@ -51,3 +66,17 @@ def link(place: Path, program: str, sources: Sequence[Path | str], *, compiler: 
 def run(program: Path, *arguments: str) -> str:
     """What a program prints."""
     return subprocess.run([program, *arguments], cwd=program.parent, check=True, capture_output=True, text=True).stdout
+
+
+def foreign_symbols(made: Path, name: str) -> list[str]:
+    """What an object file calls besides mathematics, and what it defines besides what has the model's name."""
+    called = [words[-1] for words in _symbols(made, "-u")]
+    own = [words[-1] for words in _symbols(made, "-g", "--defined-only")]
+    assert own
+    foreign = [x for x in called if x not in _CALLS and not x.startswith("_ZGV") and x != "_GLOBAL_OFFSET_TABLE_"]
+    return foreign + [x for x in own if not x.startswith(f"{name}_") and f"{name}_code" not in x]
+
+
+def _symbols(made: Path, *which: str) -> list[list[str]]:
+    """What nm says of an object file."""
+    return [line.split() for line in subprocess.run(["nm", *which, made], capture_output=True, text=True, check=True).stdout.splitlines()]

@@ -4,6 +4,9 @@
 #include <stdlib.h>
 
 #include "press.h"
+#ifndef ADAPTIVE
+#define press_set_most_steps(sim, steps)
+#endif
 
 static double memory[PRESS_SIZE / sizeof(double)];
 static double jacobian[PRESS_EQUATIONS * PRESS_SPEEDS + 1];
@@ -25,10 +28,17 @@ static int call(press_sim* sim) {
   char text[300];
   int i;
   switch (rand() % 26) {
-    case 0: return press_create(memory, sizeof memory) != NULL;
+    case 0:
+      if (!press_create(memory, sizeof memory)) return 1;
+      press_set_most_steps(sim, 100);
+      return 0;
     case 1: return press_start(sim);
     case 2: return press_set_step(sim, rand() % 2 ? 1e-3 : number());
+#ifdef PRESS_EVENTS
+    case 3: return press_advance_to_event(sim, rand() % 4 ? press_time(sim) + 0.01 * rand() / RAND_MAX : number(), rand() % 8 ? &i : NULL);
+#else
     case 3: return press_set_iterations(sim, rand() % 30 - 2);
+#endif
     case 4: return press_set_equilibrium(sim, rand() % 8 == 0);
     case 5: return press_set_parameter(sim, rand() % (PRESS_PARAMETERS + 2) - 1, rand() % 2 ? 1.0 + rand() % 5 : number());
     case 6: return press_give_coordinate(sim, rand() % (PRESS_COORDINATES + 2) - 1, number());
@@ -61,6 +71,7 @@ int main(int argc, char** argv) {
   for (i = 0; i < calls; ++i) {
     if (i % 500 == 0) {  /* what is given may be out of this world by now */
       sim = press_create(memory, sizeof memory);
+      press_set_most_steps(sim, 100);
       press_start(sim);
     }
     good += call(sim) == PRESS_OK;

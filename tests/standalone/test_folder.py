@@ -9,36 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import compile_model, simulate
-from cutjoint.standalone import Standalone
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import compile_model, generate, simulate
+from cutjoint.reduce.guards import guard_forces
+from cutjoint.standalone import make_standalone
 from tests.conftest import MODELS, needs_cpp, with_heavy
+from tests.reduce.test_guards import TEXT as HAMMER
 
-from .folders import compile_object, folder_of, link, run, write
+from .folders import HERE, RANDOM_CALLS, compile_object, folder_of, foreign_symbols, link, run, standalone_of, write
 
 pytestmark = needs_cpp
-
-HERE = Path(__file__).parent
-
-#: What the code of a model may call: mathematics, and what compilers make of loops.
-CALLS = {"memcmp", "memcpy", "memmove", "memset", "strcmp", "sin", "cos", "sincos", "tan", "atan", "atan2", "sqrt", "exp", "log", "pow"}
-
-#: Random calls under sanitizers; 1e6 of them take half a minute.
-RANDOM_CALLS = 50_000
-
-
-def model(name: str, scene: str | None = None) -> Standalone:
-    return folder_of((MODELS / f"{name}.yaml").read_text(encoding="utf-8"), f"{name}.yaml", scene)
-
-
-def symbols(made: Path, *which: str) -> list[list[str]]:
-    """What nm says of an object file."""
-    return [line.split() for line in subprocess.run(["nm", *which, made], capture_output=True, text=True, check=True).stdout.splitlines()]
-
 
 @pytest.fixture(scope="module")
 def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the press with its object file."""
-    place = write(model("press"), tmp_path_factory.mktemp("press"))
+    place = write(standalone_of("press"), tmp_path_factory.mktemp("press"))
     compile_object(place, "press")
     return place
 
@@ -53,12 +38,8 @@ def test_files_include_the_standard_library_alone(press: Path) -> None:
 @pytest.mark.parametrize(("name", "scene"), with_heavy([("press", None), ("iltis", "simul1")], ("iltis", "simul1")))
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
 def test_the_code_calls_mathematics_and_nothing_else(compiler: str, name: str, scene: str | None, tmp_path: Path) -> None:
-    made = compile_object(write(model(name, scene), tmp_path), name, compiler=compiler)
-    called = [words[-1] for words in symbols(made, "-u")]
-    assert not [x for x in called if x not in CALLS and not x.startswith("_ZGV") and x != "_GLOBAL_OFFSET_TABLE_"]
-    own = [words[-1] for words in symbols(made, "-g", "--defined-only")]
-    assert own
-    assert not [x for x in own if not x.startswith(f"{name}_") and f"{name}_code" not in x]
+    made = compile_object(write(standalone_of(name, scene), tmp_path), name, compiler=compiler)
+    assert not foreign_symbols(made, name)
 
 
 def test_calls_right_and_wrong(press: Path) -> None:
@@ -67,7 +48,7 @@ def test_calls_right_and_wrong(press: Path) -> None:
 
 
 def test_random_calls_under_sanitizers(tmp_path: Path) -> None:
-    place = write(model("press"), tmp_path)
+    place = write(standalone_of("press"), tmp_path)
     sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     compile_object(place, "press", flags=sanitize)
     program = link(place, "random", ["-I.", HERE / "random_calls.c", "press.o"], flags=sanitize)
@@ -77,7 +58,7 @@ def test_random_calls_under_sanitizers(tmp_path: Path) -> None:
 
 
 def test_two_models_in_one_program(press: Path, tmp_path: Path) -> None:
-    write(model("four_bar"), tmp_path)
+    write(standalone_of("four_bar"), tmp_path)
     compile_object(tmp_path, "four_bar")
     (tmp_path / "both.c").write_text(
         '#include "press.h"\n#include "four_bar.h"\n'
@@ -100,6 +81,32 @@ def test_its_table_is_that_of_the_command_line_bit_by_bit(name: str, scene: str 
         assert np.array_equal(rows[:, i], known[column]), column
 
 
+def test_a_force_that_was_left_out_and_would_act_ends_the_motion(tmp_path: Path) -> None:
+    model = read_model_text(HAMMER, "hammer.yaml")
+    reduced = guard_forces(model, model.scenes["swing"], ("floor",))
+    equations, program, source = generate(reduced.model, reduced.scene, reduced.scene.outputs)
+    write(make_standalone(equations.mechanism, program, source), tmp_path)
+    compile_object(tmp_path, "hammer")
+    (tmp_path / "high.run").write_text("end 0.7\nparameter depth 0.1\n")
+    program = link(tmp_path, "hammer_simulator", ["hammer_simulator.c", "hammer.o"])
+    assert run(program).count("\n") > 50
+    done = subprocess.run([program, "high.run"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    words = r"at 0\.\d+ s: a guard is violated: the force would act: 'floor' \(hammer.yaml:\d+\); use the full model\n"
+    assert re.fullmatch(words, done.stderr)
+
+
+@pytest.mark.parametrize("name", ["test", "install", "math", "string", "press_sim"])
+def test_any_name_will_do(name: str, tmp_path: Path) -> None:
+    text = (MODELS / "press.yaml").read_text(encoding="utf-8").replace("name: press", f"name: {name}")
+    place = write(folder_of(text, "press.yaml"), tmp_path)
+    build = ["-G", "Ninja", "-DCMAKE_BUILD_TYPE=Debug", f"-D{name}_FLAGS=-O0"]
+    for command in (["cmake", "-S", ".", "-B", "out", *build], ["cmake", "--build", "out"]):
+        done = subprocess.run(command, cwd=place, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert run(place / "out" / f"{name}_simulator").count("\n") == 202
+
+
 def test_a_run_file_changes_the_run(press: Path) -> None:
     program = link(press, "press_simulator", ["press_simulator.c", "press.o"])
     (press / "other.run").write_text("end 0.02 # s\nparameter stiffness 4000\nspeed pin.angle_rate 5\n")
@@ -112,8 +119,8 @@ def test_a_run_file_changes_the_run(press: Path) -> None:
 
 
 def test_a_project_takes_it_in_both_ways(tmp_path: Path) -> None:
-    write(model("press"), tmp_path / "press")
-    write(model("four_bar"), tmp_path / "four_bar")
+    write(standalone_of("press"), tmp_path / "press")
+    write(standalone_of("four_bar"), tmp_path / "four_bar")
     (tmp_path / "main.c").write_text(
         '#include "press.h"\n#include "four_bar.h"\nint main(void) { return !press_status_text(0) || !four_bar_status_text(0); }\n'
     )

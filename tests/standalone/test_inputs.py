@@ -59,6 +59,22 @@ def test_guides_take_rate_and_acceleration(driven: Path) -> None:
         assert sim.outputs[name] == pytest.approx(value, rel=1e-12)
 
 
+def test_a_value_that_is_written_is_held_whatever_was_given_before(driven: Path) -> None:
+    sim = cutjoint.load(driven, scene="free").reset()
+    sim.set_input("lift", 0.2, 0.5, -2.0)
+    sim.advance(0.1)
+    sim.inputs["lift"] = 0.3
+    sim.advance(0.2)
+    assert sim.present_input("lift") == 0.3
+    for name, value in guided((np.float64(0.3), np.float64(0), np.float64(0)), np.float64(0.2)).items():
+        assert sim.outputs[name] == pytest.approx(value, rel=1e-12)
+    rows = cutjoint.rollout(sim, 5, inputs={"push": [1.0, 4.0]})
+    other = sim.copy()
+    other.set_input("push", 4.0)
+    assert np.array_equal(other.play(5), rows[1])
+    assert not np.array_equal(rows[0], rows[1])
+
+
 def test_values_written_into_the_array_are_held(driven: Path) -> None:
     sim = cutjoint.load(driven, scene="free").reset()
     other = sim.copy()

@@ -45,6 +45,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from tests.toolchain.test_locks import Site
+sys.prefix = str(Path(sys.argv[1]) / "installed")  # without drivers
 print("asks", flush=True)
 print(Site(Path(sys.argv[1])).build(sys.argv[2]).fresh)
 """
@@ -89,6 +90,7 @@ class Site:
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "installed"))  # without drivers
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
     monkeypatch.chdir(Path(__file__).parents[2])
     found = Site(tmp_path)

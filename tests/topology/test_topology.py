@@ -5,8 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from cutjoint.cli import main
+from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model, read_model_text
+from cutjoint.topology import reading
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.spanning_tree import TopologyError
 from tests.conftest import MODELS
@@ -99,3 +103,57 @@ def test_a_loop_with_no_joint_that_may_be_cut_is_refused() -> None:
     reason = "it closes a loop but must not be cut, since scene 'lift' gives its coordinate or speed"
     with pytest.raises(TopologyError, match=reason):
         build_topology(read_model_text(text, "cylinder.yaml"))
+
+
+def problems_of(text: str) -> list[str]:
+    with pytest.raises(ModelError) as error:
+        reading.read_model_text(text, "m.yaml")
+    return str(error.value).splitlines()
+
+
+#: The cylinder with every joint held in the tree, so that its loop cannot be cut.
+HELD = CYLINDER.replace("OUTPUTS", "").replace(", axis: ", ", cut: false, axis: ")
+CLOSES = "joint 'slide': it closes a loop but must not be cut, since it has cut: false"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("boom: {mass: 10", "boom: {mass: -10", "6:3: body 'boom': the mass is negative: -10 kg"),
+        ("tube: {mass: 1", "tube: {mass: 1 m", "8:16: body 'tube': mass needs kg, got m"),
+        ("tube: {mass: 1", "tube: {mas: 0, mass: 1", "8:10: body 'tube': unknown field 'mas'; did you mean 'mass'?"),
+    ],
+)
+def test_problems_of_loops_come_with_those_of_the_file(old: str, new: str, expected: str) -> None:
+    """One list, in the file's order."""
+    found = problems_of(HELD.replace(old, new))
+    assert found[0] == f"m.yaml:{expected}"
+    assert CLOSES in found[1]
+
+
+def test_torn_bodies_come_with_the_problems_of_the_file() -> None:
+    text = HELD.replace("at: A, cut: false", "at: A, cut: true").replace("boom: {mass: 10", "boom: {mass: -10")
+    found = problems_of(text)
+    assert found[0] == "m.yaml:6:3: body 'boom': the mass is negative: -10 kg"
+    assert found[1] == "m.yaml:6:3: body 'boom': the cut joints tear it off the ground; leave one of its joints uncut"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("foot: {kind: revolute, bodies: [ground, boom]", "foot: {kind: revolute, bodies: [ground, bom]"),
+        ("at: A,", "at: Q,"),
+        ("foot: {kind: revolute,", "foot: {kind: revolut,"),
+    ],
+)
+def test_loops_are_not_judged_where_a_joint_cannot_be_read(old: str, new: str) -> None:
+    assert not any(CLOSES in line for line in problems_of(HELD.replace(old, new)))
+
+
+def test_a_wrong_file_and_wrong_loops_in_one_message_of_the_command_line(tmp_path: Path) -> None:
+    path = tmp_path / "cylinder.yaml"
+    path.write_text(HELD.replace("boom: {mass: 10", "boom: {mass: -10"))
+    done = CliRunner().invoke(main, ["check", str(path)])
+    assert done.exit_code == 1
+    assert "the mass is negative" in done.output
+    assert CLOSES in done.output

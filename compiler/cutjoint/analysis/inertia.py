@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.analysis.closing import Array, design_coordinates, evaluate_closures, evaluate_rates
-from cutjoint.analysis.poses import explore
+from cutjoint.analysis.poses import Pose, explore
 from cutjoint.elements.joint import Direction, Slide, Turn
 from cutjoint.formulate.inputs import make_translator
 from cutjoint.formulate.records import RecursiveEquations
@@ -59,6 +59,28 @@ def _describe(motion: IdleMotion) -> str:
         f"({', '.join(motion.speeds)}), so that its acceleration would be a division by zero; give it mass and inertia, or take a "
         "joint that does not leave it free (a massless link between two spherical joints: make one of them universal)"
     )
+
+
+def find_momentary_motions(equations: RecursiveEquations, poses: Sequence[Pose]) -> tuple[IdleMotion, ...]:
+    """The motions that move no mass and no cut joint's equation in the first of the ``poses`` of `explore`, the design position.
+
+    Of a mechanism that passes `require_inertia` they are idle for that moment only.  The usual case is a massless link in line: two joints
+    that carry it and the joint or mass that it moves lie in one line.
+    """
+    if _every_body_resists(equations):
+        return ()
+    return _separate(equations, _null_space(equations, _effects(equations), poses[0].q))
+
+
+def describe_momentary(model: Model, motion: IdleMotion) -> str:
+    """What is wrong with the design position, at the lines of the bodies that have no mass, or at all of the motion if each has some."""
+    moved = [body for body in model.bodies if body.name in {t.child for t in motion.joints}]
+    named = [body for body in moved if body.is_massless] or moved
+    message = (
+        f"in the design position no mass resists its motion ({', '.join(motion.speeds)}), as where a massless link is in line with what it "
+        "moves, so that its acceleration is not determined; give it mass and inertia, or start from another pose"
+    )
+    return "\n".join(f"{body.span}: body '{body.name}': {message}" for body in named)
 
 
 def find_idle_motions(equations: RecursiveEquations) -> tuple[IdleMotion, ...]:

@@ -7,16 +7,17 @@ from pathlib import Path
 import click
 
 from cutjoint.analysis.conditioning import rate_choices
-from cutjoint.analysis.inertia import require_inertia
+from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
+from cutjoint.analysis.reactions import find_indeterminate, reaction_outputs
 from cutjoint.analysis.redundancy import find_redundancy
 from cutjoint.commands import options
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.model.read import read_model
 from cutjoint.report import tables
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
+from cutjoint.topology.reading import read_model
 
 
 @click.command("check")
@@ -43,6 +44,10 @@ def command(model: Path, scene: str | None) -> None:
         redundancy = find_redundancy(equations, poses)
         if redundancy.structural or redundancy.momentary:
             options.out.print(tables.redundancy_table(redundancy, checked))
+        if indeterminate := find_indeterminate(topology, chosen, reaction_outputs(checked)):
+            options.out.print(tables.indeterminate_reactions(indeterminate), markup=False)
+    for motion in find_momentary_motions(equations, poses):
+        options.out.print(describe_momentary(checked, motion), markup=False)
     if topology.loops:
         options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)

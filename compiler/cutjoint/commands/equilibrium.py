@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.model.read import read_model
 from cutjoint.report import tables
 from cutjoint.states import find_equilibrium
+from cutjoint.topology.reading import read_model
 
 
 @click.command("equilibrium")

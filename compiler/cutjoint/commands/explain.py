@@ -7,11 +7,11 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.model.read import read_model
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.explain.document import explain
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
+from cutjoint.topology.reading import read_model
 
 
 @click.command("explain")

@@ -7,29 +7,51 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
+from cutjoint.commands.export_fmu import export_fmu, require_fmu
+from cutjoint.emit.standalone import STEPS
 from cutjoint.export.columns import known_outputs
 from cutjoint.export.peers import PEERS, write_export
 from cutjoint.model.link_masses import with_link_masses
-from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.scenes import find_scene
+from cutjoint.topology.reading import read_model
+
+#: What is no other simulator, but is imported by many.
+FMU = "fmu"
 
 
 @click.command("export")
 @options.model
 @options.scene
-@click.option("--to", "peer", type=click.Choice(list(PEERS)), required=True, help="The other simulator.")
+@click.option("--to", "peer", type=click.Choice([*PEERS, FMU]), required=True,
+              help="The other simulator, or an FMU for those that import one.")
 @options.changes
 @options.links
 @click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True,
               help="A column of the table; by default those of the scene that are motions of bodies and markers.")
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the program.")
+@click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise.")
+@click.option("--sources", "content", flag_value="sources", help="An FMU of C++ alone.")
+@click.option("--binary", "content", flag_value="binary", help="An FMU with a binary for this machine alone.")
+@click.option("--both", "content", flag_value="both", help="An FMU with both, which is the default.")
+@click.option("--integrator", type=click.Choice(list(STEPS)), help="Rule of an FMU's steps instead of the scene's.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file.")
 @options.reports_errors
 def command(
-    model: Path, scene: str | None, peer: str, changes: tuple[str, ...], links: tuple[str, ...], asked: tuple[str, ...], out: Path
+    model: Path, scene: str | None, peer: str, changes: tuple[str, ...], links: tuple[str, ...], asked: tuple[str, ...],
+    fmi: str | None, content: str | None, integrator: str | None, out: Path,
 ) -> None:  # fmt: skip
-    """Write MODEL as a program for another simulator, which runs one scene there."""
+    """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU for co-simulation."""
+    if peer == FMU:
+        if changes or asked:
+            option = "--set" if changes else "--output"
+            raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
+        checked = with_link_masses(read_model(model), options.read_parameters(links, "--link-mass"))
+        export_fmu(checked, scene, model, version=int(fmi or "2"), content=content or "both", integrator=integrator, out=out)
+        return
+    require_fmu(peer, fmi=fmi, integrator=integrator, **({} if content is None else {content: True}))
+    if out.exists() and not out.is_dir():
+        raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
     checked = with_link_masses(read_model(model), options.read_parameters(links, "--link-mass"))
     chosen = find_scene(checked, scene)
     outputs = [_output(checked, name) for name in asked] or known_outputs(checked, chosen.outputs)

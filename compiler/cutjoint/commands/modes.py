@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.model.read import read_model
 from cutjoint.report.modes import mode_tables, modes_json
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_scene
 from cutjoint.states import find_scene_modes
+from cutjoint.topology.reading import read_model
 
 
 @click.command("modes")

@@ -10,7 +10,6 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.commands import options
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
-from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
 from cutjoint.prepared import PreparedRun, Request, cache_run
@@ -21,6 +20,7 @@ from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.topology.reading import read_model
 
 Play = Callable[[PreparedRun], Trajectory]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.model.read import read_model
 from cutjoint.reduce.measure import measure_reduced
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.reductions import note_lines, reduction_table
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.scenes import find_scene
+from cutjoint.topology.reading import read_model
 
 
 @click.command("reduce")

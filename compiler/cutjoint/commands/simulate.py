@@ -102,6 +102,8 @@ def command(
     console = options.console_beside(out, steps)
     console.print(tables.facts(f"model {prepared.model}", prepared.counts))
     console.print(tables.run_facts(prepared.compilation, run))
+    if elsewhere := tables.rows_elsewhere(prepared.run):
+        console.print(elsewhere, markup=False)
     if run.failure is None:
         if error:
             console.print(tables.error_facts(run.error))

@@ -57,7 +57,7 @@ def emit(program: Program, equations: Equations, *, batch: bool = False) -> Sour
     page = replace(Page.of(equations, "recursive"), batch=batch)
     files = mechanism_files(page, program, equations)
     files["main.cpp"] = page.render("batch_main.cpp.jinja" if batch else "main.cpp.jinja")
-    return page.source({**files, "CMakeLists.txt": project_file(page, files, {})})
+    return page.source({**files, **project_files(page, files, {})})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,16 +184,23 @@ def _quotable(text: str) -> str:
     return on_one_line(text).replace('"', "?")
 
 
-def project_file(page: Page, mechanism: Mapping[str, str], system: Mapping[str, str]) -> str:
+def project_files(page: Page, mechanism: Mapping[str, str], system: Mapping[str, str]) -> dict[str, str]:
     """The CMake project of a mechanism, and of its system where a Lagrangian method has one."""
-    large = sorted(name for name, text in {**mechanism, **system}.items() if len(text) > LARGE)
-    sources = {"start_sources": _sources(mechanism), "sources": _sources(system), "large_sources": large}
-    return page.render("CMakeLists.txt.jinja", driver=page.driver, **sources)
+    start, start_unity = _library(page, "start", mechanism)
+    running, unity = _library(page, "mechanism", system)
+    project = page.render("CMakeLists.txt.jinja", driver=page.driver, start_sources=start, sources=running)
+    return {"CMakeLists.txt": project, **start_unity, **unity}
 
 
-def _sources(files: Mapping[str, str]) -> list[str]:
-    """The C++ files of a library."""
-    return sorted(f for f in files if f.endswith(".cpp") and f != "main.cpp")
+def _library(page: Page, name: str, files: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
+    """What is compiled for a library, and the file by which its small functions are compiled as one."""
+    sources = sorted(file for file in files if file.endswith(".cpp") and file != "main.cpp")
+    alone = [file for file in sources if len(files[file]) > LARGE or file.endswith("description.cpp")]
+    small = [file for file in sources if file not in alone]
+    unity = f"unity/{name}.cpp"
+    return ([*alone, unity], {unity: page.render("unity.cpp.jinja", sources=small)}) if small else (alone, {})
+
+
 
 
 @cache

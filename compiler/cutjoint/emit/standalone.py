@@ -4,42 +4,85 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from hashlib import sha256
 from itertools import chain
 from typing import Any
 
 import sympy
 
 from cutjoint.emit.amalgamate import amalgamate
-from cutjoint.emit.source import Page, members
+from cutjoint.emit.source import Page, members, switches_of
 from cutjoint.emit.view import Viewer, on_one_line
 from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.locations import runtime_folder
 from cutjoint.model.records import Scene
+from cutjoint.model.steps import count_steps
 from cutjoint.program.records import Program
 
-#: The header of the runtime with all that a simulation needs.
+#: Headers of the runtime: all that a simulation needs but its integrator, and lanes.
 _CORE = "cutjoint/core/simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
 _OF_INTERFACE = ("algorithm", "cstdint", "cstring", "iterator", "limits", "new", "type_traits")
 
-#: Functions that a simulation does not call.
-_UNUSED = frozenset({"domains", "energy", "events"})
+#: Headers of C, which a model's must not hide.
+_C_HEADERS = frozenset((
+    "assert", "complex", "ctype", "errno", "fenv", "float", "inttypes", "iso646", "limits", "locale", "math", "setjmp", "signal",
+    "stdalign", "stdarg", "stdatomic", "stdbool", "stddef", "stdint", "stdio", "stdlib", "stdnoreturn", "string", "tgmath", "threads",
+    "time", "uchar", "wchar", "wctype",
+))  # fmt: skip
+
+#: Functions that a simulation does not call; ``events`` only where its steps end at events.
+_UNUSED = frozenset({"domains", "energy"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """An integrator of the core: its header and its C++ class for a mechanism.
+
+    ``stages`` is the number of slopes that an explicit one holds, ``finds_events`` whether its steps can end at events, ``is_iterated``
+    whether a number of iterations can be set, ``adaptive`` whether tolerances can.
+    """
+
+    header: str
+    name: str
+    stages: int = 0
+    finds_events: bool = False
+    is_iterated: bool = False
+    adaptive: bool = False
+
+
+_EXPLICIT = "cutjoint/core/explicit_steps.hpp"
+
+#: By the names of integrators.
+STEPS: Mapping[str, Steps] = {
+    "trapezoidal": Steps(header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True),
+    "rk4": Steps(
+        header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::ClassicalTable>", stages=5, finds_events=True
+    ),
+    "dormand-prince": Steps(
+        header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::DormandPrinceTable>", stages=7, finds_events=True,
+        adaptive=True,
+    ),
+}  # fmt: skip
 
 _CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
 
 def emit_standalone(program: Program, equations: RecursiveEquations, run_file: Mapping[str, Any], digest: str) -> dict[str, str]:
-    """The files by name; ``run_file`` has the settings, parameters and start that a simulation begins with, ``digest`` tells its snapshots
-    from those of other models."""
+    """The files by name; ``run_file`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
+    tells its snapshots from those of other models."""
     page = Page.of(equations, "recursive")
+    if not run_file["numerics"]["events"]:
+        equations = replace(equations, switches=())
     view = _view(program, equations, run_file, digest)
-    p = page.stem
+    p, header = page.stem, str(view["header"])
     return {
-        f"{p}.h": page.render("standalone/api.h.jinja", **_in_c(page), **view),
-        f"{p}.cpp": _source(page, program, equations, view),
+        f"{header}.h": page.render("standalone/api.h.jinja", **_in_c(page), **view),
+        f"{header}.cpp": _source(page, program, equations, STEPS[run_file["integrator"]], view),
         "CMakeLists.txt": page.render("standalone/CMakeLists.txt.jinja", **view),
         "example.c": page.render("standalone/example.c.jinja", **_in_c(page), **view),
         f"{p}_simulator.c": page.render("standalone/simulator.c.jinja", **_in_c(page), **view),
@@ -52,22 +95,24 @@ def _in_c(page: Page) -> dict[str, object]:
     return {"banner": "\n".join(f"/* {line} */" for line in page.banner)}
 
 
-def _source(page: Page, program: Program, equations: RecursiveEquations, view: Mapping[str, object]) -> str:
+def _source(page: Page, program: Program, equations: RecursiveEquations, steps: Steps, view: Mapping[str, object]) -> str:
     """The one C++ file."""
     viewer = Viewer(program, equations)
-    names = [f.name for f in equations.functions if f.name not in _UNUSED]
-    core = amalgamate([*([_LANES] if viewer.lane_types() else []), _CORE])
+    unused = _UNUSED if equations.switches else _UNUSED | {"events"}
+    names = [f.name for f in equations.functions if f.name not in unused]
+    core = amalgamate([*([_LANES] if viewer.lane_types() else []), _CORE, steps.header])
     functions = page.functions(viewer, names, header=page.header, core=True)
     mechanism = page.render(
         "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", core=True, conditions="bool",
         operations={name: program.operations(name) for name in names}, charts=equations.charts, cuts=[c.first for c in equations.closures],
-        **members(viewer, equations), **_sizes(equations),
+        switches=switches_of(equations), **members(viewer, equations), **_sizes(equations),
     )  # fmt: skip
     standard = sorted({*core.standard, *_OF_INTERFACE})
     p = page.stem
     return "\n".join([
-        "\n".join(f"// {line}" for line in page.banner), f'#include "{p}.h"\n', *(f"#include <{name}>" for name in standard), "",
-        core.top, f"namespace {p}_code {{\n", core.body, "namespace cutjoint::generated {\n", mechanism,
+        "\n".join(f"// {line}" for line in page.banner), f'#include "{view["header"]}.h"\n',
+        *(f"#include <{name}>" for name in standard), "",
+        *([core.top] if core.top.strip() else []), f"namespace {p}_code {{\n", core.body, "namespace cutjoint::generated {\n", mechanism,
         *(functions[name] for name in sorted(functions)), "}  // namespace cutjoint::generated\n", "namespace {\n",
         page.render("standalone/api.cpp.jinja", **view),
     ])  # fmt: skip
@@ -78,19 +123,21 @@ def _sizes(equations: RecursiveEquations) -> dict[str, dict[str, int]]:
         "coordinates": equations.coordinates, "speeds": equations.speeds, "equations": len(equations.equation_names),
         "cuts": len(equations.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
-        "guards": len(guards_of(equations.topology.model, equations.scene)),
+        "guards": len(guards_of(equations.topology.model, equations.scene)), "switches": len(equations.switches),
     }}  # fmt: skip
 
 
 def _view(program: Program, equations: RecursiveEquations, run_file: Mapping[str, Any], digest: str) -> dict[str, object]:
     """What the templates of the folder are given."""
-    model = equations.topology.model
+    model, steps = equations.topology.model, STEPS[run_file["integrator"]]
     tables = _tables(equations)
     names = {table["name"]: list(table["entries"]) for table in tables}
     return {
-        **_sizes(equations), "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
-        "class_name": Page.of(equations, "recursive").class_name, "bytes": simulation_size(program, equations), "causes": _causes(),
-        "mark": digest[:16],
+        **_sizes(equations), "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
+        "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
+        "class_name": Page.of(equations, "recursive").class_name, "bytes": simulation_size(program, equations, run_file["integrator"]),
+        "causes": _causes(), "mark": sha256(f"{digest} {run_file['integrator']}".encode()).hexdigest()[:16],
+        "integrator": run_file["integrator"], "steps": steps.name, "kind": steps,
         "settings": _settings(run_file), "by_step": _by_step(equations.scene), "tables": tables, "end": repr(float(run_file["end"])),
         "output_step": repr(float(run_file["output_step"])),
         "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
@@ -108,12 +155,15 @@ def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, 
 def _settings(run_file: Mapping[str, Any]) -> dict[str, object]:
     numerics, held = run_file["numerics"], run_file["stabilisation"]
     is_proximal = held["closure"] == "proximal"
+    steps = count_steps(numerics["dt"], run_file["end"], run_file["output_step"])
     return {
-        "closure": held["closure"], "penalty": "std::nullopt" if held["penalty"] is None else repr(float(held["penalty"])),
+        "closure": held["closure"], "penalty": _optional(held["penalty"]),
         "damping_ratio": repr(float(held["damping_ratio"])), "frequency": repr(float(held["frequency"])),
         "tolerance": repr(float(numerics["tolerance"])), "iterations": numerics["iterations"],
         "multiplier_updates": numerics["multiplier_updates"], "proximal": _truth(is_proximal), "fixed_cost": _truth(numerics["fixed_cost"]),
-        "dt": repr(float(numerics["dt"])), "equilibrium": _truth(run_file["pose"] == "equilibrium"),
+        "dt": repr(float(numerics["dt"])), "end": repr(steps.number * float(numerics["dt"])),
+        "absolute_tolerance": repr(float(numerics["absolute_tolerance"] or 0.0)), "penalty_of_steps": _optional(numerics["penalty"]),
+        "equilibrium": _truth(run_file["pose"] == "equilibrium"),
     }  # fmt: skip
 
 
@@ -121,6 +171,10 @@ def _by_step(scene: Scene) -> dict[str, str]:
     """C++ of the settings that are expressions of the step."""
     laws = scene.numerics.by_step
     return {name: sympy.cxxcode(law.subs(dict.fromkeys(law.free_symbols, sympy.Symbol("dt")))) for name, law in laws.items()}
+
+
+def _optional(value: float | None) -> str:
+    return "std::nullopt" if value is None else repr(float(value))
 
 
 def _truth(value: object) -> str:
@@ -137,7 +191,9 @@ def _tables(equations: RecursiveEquations) -> list[dict[str, Any]]:
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
         "coordinate_names": equations.coordinate_names, "speed_names": equations.speed_names, "equation_names": equations.equation_names,
         "speed_places": [place[c.joint] for c in equations.charts for _ in c.speed_names],
+        "coordinate_places": [place[c.joint] for c in equations.charts for _ in c.coordinate_names],
         "equation_places": [place[c.joint] for c in equations.closures for _ in c.names],
+        "switch_names": [s.element for s in equations.switches], "switch_places": [str(s["place"]) for s in switches_of(equations)],
         "guard_names": [force.name for force in guards], "guard_places": [on_one_line(f.span.place).replace('"', "?") for f in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
@@ -172,13 +228,16 @@ def _causes() -> list[dict[str, str]]:
     return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
 
 
-def simulation_size(program: Program, equations: RecursiveEquations) -> int:
-    """An upper bound of the bytes that a simulation takes, which the C++ checks when it is compiled."""
+def simulation_size(program: Program, equations: RecursiveEquations, integrator: str) -> int:
+    """An upper bound of the bytes that a simulation takes with an integrator, which the C++ checks when it is compiled."""
+    slopes = STEPS[integrator].stages
     n, m, q = equations.speeds, len(equations.equation_names), equations.coordinates
     stored = sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
     state = 2 + q + 2 * n + m
     start = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
     masses = 3 * m * m + 6 * m + 3 * n
     steps = 6 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
-    others = 4 * state + 8 * (len(equations.parameters) + len(equations.columns) + len(equations.closures))
+    if slopes:
+        steps += (slopes + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
+    others = 4 * state + 8 * (len(equations.parameters) + 2 * len(equations.inputs) + len(equations.columns) + len(equations.closures))
     return 8 * (stored + start + masses + steps + others + 512)

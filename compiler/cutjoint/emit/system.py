@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
-from cutjoint.emit.source import Page, Source, description, mechanism_files, members, project_file, switches_of, system_class
+from cutjoint.emit.source import Page, Source, description, mechanism_files, members, project_files, switches_of, system_class
 from cutjoint.emit.view import Viewer
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import SystemEquations
@@ -43,7 +43,7 @@ def emit_system(
     main = own.render(
         "lagrangian_main.cpp.jinja", start_header=f"{page.header}.hpp", start_class_name=page.class_name, header=f"{_header(own)}.hpp"
     )
-    return own.source({**mechanism, **files, "main.cpp": main, "CMakeLists.txt": project_file(own, mechanism, files)})
+    return own.source({**mechanism, **files, "main.cpp": main, **project_files(own, mechanism, files)})
 
 
 def _header(page: Page) -> str:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from cutjoint.model.printing import printable
 from cutjoint.model.records import Span
+
+if TYPE_CHECKING:
+    from cutjoint.model.records import Model
 
 #: How often problems are noted, those of several instances at one place counted each, before reading ends.
 MAX_PROBLEMS = 1000
@@ -30,10 +34,15 @@ class Problem:
 
 
 class ModelError(Exception):
-    """A model file that cannot be used.  ``problems`` is all that is wrong with it, in the file's order."""
+    """A model file that cannot be used.
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
+    ``problems`` is all that is wrong with it, in the file's order.  ``model`` is what could be read, if later stages can judge its graph
+    of bodies and joints, else None.
+    """
+
+    def __init__(self, problems: Iterable[Problem], model: Model | None = None) -> None:
         self.problems: tuple[Problem, ...] = tuple(sorted(problems, key=lambda problem: problem.span))
+        self.model = model
         super().__init__("\n".join(map(str, self.problems)))
 
 
@@ -61,9 +70,9 @@ class Problems:
     def __bool__(self) -> bool:
         return bool(self._found)
 
-    def error(self) -> ModelError:
-        """All problems noted so far, to be raised."""
-        return ModelError(self._found.values())
+    def error(self, model: Model | None = None) -> ModelError:
+        """All problems noted so far, to be raised, with the ``model`` whose graph can still be judged."""
+        return ModelError(self._found.values(), model)
 
 
 def worded(field: str, message: str) -> str:

@@ -17,7 +17,7 @@ from cutjoint.model.scope import Element
 from cutjoint.model.shape import check_shape
 from cutjoint.model.source import parse_yaml, read_text
 from cutjoint.model.units import ACCELERATION
-from cutjoint.model.validate import check_elements, check_names, check_submodels
+from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected
 
 
 def read_model(path: AnyPath) -> Model:
@@ -51,10 +51,8 @@ def read_model_text(text: str, file: str) -> Model:
     gravity = root.triple(document.gravity, ACCELERATION, ("gravity",))
     # one check of the whole
     check_elements(expansion, problems)
-    if problems:
-        raise problems.error()
     elements = expansion.elements
-    return Model(
+    model = Model(
         name=document.name,
         gravity=gravity,
         parameters=expansion.parameters,
@@ -69,3 +67,6 @@ def read_model_text(text: str, file: str) -> Model:
         span=source.key_span(("name",)),
         text=text,
     )
+    if problems:
+        raise problems.error(model if is_connected(expansion) else None)
+    return model

@@ -13,7 +13,7 @@ from cutjoint.model.expressions import symbols_of
 from cutjoint.model.forces import JOINT_FORCES
 from cutjoint.model.mass import moments_problem
 from cutjoint.model.records import GROUND, Body, Joint, Span
-from cutjoint.model.scope import LARGEST, Scope
+from cutjoint.model.scope import FAILED, LARGEST, Scope
 from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
 
@@ -96,11 +96,16 @@ def check_elements(expansion: Expansion, problems: Problems) -> None:
     if not _joints_are_known(expansion):
         return
     check_guides(expansion, problems)
-    reached = _reached(expansion.elements.joints)
-    for body in expansion.elements.bodies:
-        if body.name not in reached:
-            message, hint = "no joint connects it to the ground", "add a joint, for example one of kind: free"
-            problems.add(body.span, f"body '{body.name}'", message, hint)
+    for body in _unreached(expansion):
+        message, hint = "no joint connects it to the ground", "add a joint, for example one of kind: free"
+        problems.add(body.span, f"body '{body.name}'", message, hint)
+
+
+def is_connected(expansion: Expansion) -> bool:
+    """Whether every joint could be read, and joints connect every body to the ground."""
+    joints = expansion.elements.joints
+    has_places = not any(x.has(FAILED) for joint in joints for vector in (joint.at, *joint.axes) for x in vector)
+    return has_places and _joints_are_known(expansion) and not any(_unreached(expansion))
 
 
 def check_guides(expansion: Expansion, problems: Problems) -> None:
@@ -139,6 +144,12 @@ def _joints_are_known(expansion: Expansion) -> bool:
     known = directory.bodies | {GROUND}
     ends = [(joint.base, joint.follower) for joint in expansion.elements.joints]
     return not directory.broken and all({a, b} <= known and a != b for a, b in ends)
+
+
+def _unreached(expansion: Expansion) -> Iterator[Body]:
+    """The bodies that no chain of joints connects to the ground."""
+    reached = _reached(expansion.elements.joints)
+    return (body for body in expansion.elements.bodies if body.name not in reached)
 
 
 def _reached(joints: tuple[Joint, ...]) -> set[str]:

@@ -8,7 +8,7 @@ blocks that they use; where they differ otherwise, each computes on its own and 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
@@ -35,17 +35,24 @@ _PLACED: Mapping[str, tuple[str, ...]] = {"signed": ("neg",), "sum": ("add", "su
 
 
 class _DependentMembersError(Exception):
-    """Members depend on each other, so that they cannot be computed side by side."""
+    """The members of a ``family`` depend on each other, so that they cannot be computed side by side."""
+
+    def __init__(self, family: Family) -> None:
+        self.family = family
+        super().__init__()
 
 
 @dataclass
 class _Folding:
+    """Families and their blocks in lanes; the members of those ``apart`` are computed one by one."""
+
     builder: Builder
+    apart: Set[Family]
     plans: dict[Family, _Plan] = field(default_factory=dict)
     place: dict[Block, tuple[Family, int]] = field(default_factory=dict)
     folded: dict[Family, Block] = field(default_factory=dict)
     rewritten: dict[Block, Block] = field(default_factory=dict)
-    busy: set[Family] = field(default_factory=set)
+    busy: dict[Family, None] = field(default_factory=dict)
 
     def plan(self, family: Family) -> None:
         """Plan a family and all that it is computed from, without recursion."""
@@ -66,6 +73,8 @@ class _Folding:
             return _Plan("uniform", family)
         if all(b.op == "const" for b in family):
             return _Plan("const", family)
+        if family in self.apart:
+            return _Plan("gather", family)
         spines = [self._spine(b) for b in family]
         if len({len(spine) for spine in spines}) > 1:
             return _Plan("sum", family, self._aligned(spines))
@@ -99,11 +108,17 @@ class _Folding:
         """The block that computes a planned family."""
         if family not in self.folded:
             if family in self.busy:
-                raise _DependentMembersError
-            self.busy.add(family)
+                raise _DependentMembersError(self._computed_within(family))
+            self.busy[family] = None
             with self.builder.within(family[0].section):
                 self.folded[family] = self._make(self.plans[family])
+            del self.busy[family]
         return self.folded[family]
+
+    def _computed_within(self, family: Family) -> Family:
+        """The first family of a circle of dependences whose blocks stand in lanes: gathers follow their members."""
+        circle = list(self.busy)
+        return next(f for f in circle[circle.index(family) :] if self.plans[f].kind in ("same", *_PLACED))
 
     def _make(self, plan: _Plan) -> Block:
         b, family = self.builder, plan.family
@@ -193,17 +208,23 @@ def _in_lanes(label: Label, lanes: int) -> Label:
 
 
 def fold(builder: Builder, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:
-    """The results of a function with the families' common work in lanes; unchanged if the members depend on each other."""
-    folding, computed = _Folding(builder), reachable_blocks(results.values())
+    """The results of a function with the families' common work in lanes; members that depend on each other are computed one by one."""
+    apart: set[Family] = set()
+    while True:
+        try:
+            return _fold(_Folding(builder, apart), families, results)
+        except _DependentMembersError as error:
+            apart.add(error.family)
+
+
+def _fold(folding: _Folding, families: Sequence[Family], results: Mapping[str, Block]) -> dict[str, Block]:
+    computed = reachable_blocks(results.values())
     for family in _known_families(families, computed):
         if len(set(family)) == len(family) and not any(is_zero(b) for b in family):
             folding.plan(family)
-    try:
-        for block in computed:
-            folding.uniform(block)  # arguments first, so that the recursion stays shallow
-        return {target: folding.uniform(block) for target, block in results.items()}
-    except _DependentMembersError:
-        return dict(results)
+    for block in computed:
+        folding.uniform(block)  # arguments first, so that the recursion stays shallow
+    return {target: folding.uniform(block) for target, block in results.items()}
 
 
 def _known_families(families: Sequence[Family], computed: Sequence[Block]) -> list[Family]:

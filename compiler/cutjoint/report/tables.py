@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from cutjoint.model.steps import count_steps
 from cutjoint.report.names import closing_equations
 from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, MechanismState, Residuals, Trajectory
-from cutjoint.run.simulator_run import Compilation, Start
+from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 
 if TYPE_CHECKING:
     from cutjoint.analysis.conditioning import RatedChoice, RatedOption
@@ -127,6 +128,28 @@ def _figures(rated: RatedOption, base: int) -> str:
     return "".join(f"  {figure:>{len(heading)}}" for figure, heading in zip(figures, _FIGURES, strict=True))
 
 
+def rows_elsewhere(run: SimulatorRun) -> str:
+    """What to say of a run whose rows are not at the multiples of its output_step; "" of others."""
+    dt, end, wanted = run.run_file["numerics"]["dt"], run.run_file["end"], run.run_file["output_step"]
+    steps = count_steps(dt, end, wanted)
+    apart = steps.stride * dt
+    if steps.rows < 3 or abs(apart - wanted) <= 1e-6 * wanted:
+        return ""
+    return (
+        f"rows are {apart:g} s apart, not {wanted:g} s: equal steps of {dt:g} s have rows at their ends alone; take a step that divides "
+        "output_step, or leave out dt"
+    )
+
+
+#: What the columns of indeterminate reactions have.
+LEAST = "of all solutions the one with the smallest multipliers of cut joints"
+
+
+def indeterminate_reactions(columns: Iterable[str]) -> str:
+    """What `check` says of components of reactions that mechanics does not determine."""
+    return f"indeterminate reactions: {', '.join(columns)}; a run reports {LEAST}"
+
+
 def run_facts(compilation: Compilation, run: Trajectory) -> Table:
     """What compiling and running took."""
     c = compilation
@@ -142,6 +165,7 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
         *_effort_facts(run.effort),
         *_balance_facts(run.energy),
         *_speeds_not_given(c.start, run.undetermined),
+        *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
     ])  # fmt: skip
 
 

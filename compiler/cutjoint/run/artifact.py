@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from cutjoint.analysis.reactions import find_indeterminate
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, Implementation, either, names_of
@@ -66,6 +68,11 @@ class Artifact:
         """The spanning tree with its cut joints."""
         return self.equations.topology
 
+    @cached_property
+    def indeterminate(self) -> tuple[str, ...]:
+        """The columns of reactions that the equations of the loops do not determine."""
+        return find_indeterminate(self.topology, self.scene, self.equations.outputs)
+
     @property
     def file(self) -> Path:
         """The model file."""
@@ -121,6 +128,7 @@ def make_simulator_run(
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
         description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
+        indeterminate=artifact.indeterminate,
         others=tuple(_other_settings(artifact, options, run_file["integrator"])),
         is_free=goal is not None and _leaves_choice(artifact, options),
     )  # fmt: skip

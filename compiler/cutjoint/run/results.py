@@ -147,9 +147,10 @@ class Trajectory:
     """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
 
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
-    start, ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if there is one.  ``instead`` says
-    which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where nothing can.
-    ``energy`` is the balance of work and energy, None where none was asked for.
+    start, ``indeterminate`` the columns of reactions that redundant equations of loops leave open (of all solutions they are the one with
+    the smallest multipliers of cut joints), ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if
+    there is one.  ``instead`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where
+    nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.
     """
 
     t: Array
@@ -160,6 +161,7 @@ class Trajectory:
     seconds: float
     undetermined: tuple[str, ...]
     failure: FailureReport | None
+    indeterminate: tuple[str, ...] = ()
     effort: Effort = Effort()
     energy: EnergyBalance | None = None
     table: Path | None = None

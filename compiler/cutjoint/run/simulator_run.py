@@ -22,9 +22,9 @@ class SimulatorRun:
     generated code), ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that
     steps are to keep, None where steps are given.
 
-    ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``others`` are the settings of other integrators that
-    it has: parts of a run file.  ``is_free`` is whether scene and caller leave the choice of the integrator and of what
-    steps do at events.
+    ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``indeterminate`` are the components of reactions that
+    these do not determine, ``others`` the settings of other integrators that it has: parts of a run file.  ``is_free`` is whether scene and
+    caller leave the choice of the integrator and of what steps do at events.
     """
 
     simulator: Path
@@ -34,6 +34,7 @@ class SimulatorRun:
     goal: float | None = None
     method: str = DEFAULT_METHOD
     closes_loops: bool = False
+    indeterminate: Sequence[str] = ()
     others: Sequence[Mapping[str, Any]] = ()
     is_free: bool = False
 
@@ -96,5 +97,5 @@ def start(
     return Trajectory(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
-        effort=read_effort(summary), energy=read_energy(summary), table=table,
+        indeterminate=tuple(run.indeterminate), effort=read_effort(summary), energy=read_energy(summary), table=table,
     )  # fmt: skip

@@ -8,18 +8,23 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from cutjoint.emit.standalone import Steps
+
 
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
-    ``balls`` are the places of the angular velocities of balls among the speeds, ``equations`` is the number of equations of loops.
+    ``balls`` are the places of the angular velocities of balls among the speeds, ``equations`` is the number of equations of loops,
+    ``steps`` what the integrator can do.
 
     Raises:
         OSError: the file is no library.
     """
 
-    def __init__(self, path: Path, model: str, size: int, *, has_inputs: bool, balls: Sequence[int], equations: int) -> None:
-        self.model, self.size, self.balls, self.equations = model, size, balls, equations
+    def __init__(
+        self, path: Path, model: str, size: int, *, has_inputs: bool, balls: Sequence[int], equations: int, steps: Steps
+    ) -> None:
+        self.model, self.size, self.balls, self.equations, self.steps = model, size, balls, equations, steps
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double
@@ -31,7 +36,13 @@ class Library:
         self.time = self._function("time", number, sim)
         self.outputs = self._function("outputs", pointer, sim)
         self.set_step = self._function("set_step", index, sim, number)
-        self.set_iterations = self._function("set_iterations", index, sim, index)
+        if steps.is_iterated:
+            self.set_iterations = self._function("set_iterations", index, sim, index)
+        if steps.adaptive:
+            self.set_tolerance = self._function("set_tolerance", index, sim, number, number)
+        if steps.finds_events:
+            self.advance_to_event = self._function("advance_to_event", index, sim, number, ctypes.POINTER(ctypes.c_int))
+            self.event_names = self._table("event_name")
         self.set_equilibrium = self._function("set_equilibrium", index, sim, index)
         self.set_state = self._function("set_state", index, sim, number, ctypes.c_void_p, ctypes.c_void_p)
         self.displace = self._function("displace", index, sim, ctypes.c_void_p)

@@ -14,30 +14,32 @@ from cutjoint.stepping.values import Array
 
 def rollout(
     simulation: Simulation, steps: int, *, parameters: Mapping[str, Sequence[float]] | None = None,
-    snapshots: Sequence[bytes] | None = None, threads: int | None = None,
+    inputs: Mapping[str, Sequence[float]] | None = None, snapshots: Sequence[bytes] | None = None, threads: int | None = None,
 ) -> Array:  # fmt: skip
     """Many simulations from a state or several: the outputs of each at the end of each step, (simulations, steps, outputs).
 
-    ``parameters`` have a value for each simulation, ``snapshots`` a state; where there are none all start as ``simulation`` stands, which
-    itself stays.  They run in ``threads`` (as many as there are processors).  Where a step fails, the rows from there on are NaN.
+    ``parameters`` and ``inputs``, which are held, have a value for each simulation, ``snapshots`` a state; where there are none all start
+    as ``simulation`` stands, which itself stays.  They run in ``threads`` (as many as there are processors).  Where a step fails, the
+    rows from there on are NaN.
 
     Raises:
         ValueError: the numbers of simulations differ, or there is nothing to tell it by.
-        KeyError: there is no such parameter.
+        KeyError: there is no such parameter or input.
         SimulationError: there was no `Simulation.reset`.
     """
-    values = {name: [float(v) for v in column] for name, column in (parameters or {}).items()}
-    counts = {len(column) for column in values.values()} | ({len(snapshots)} if snapshots is not None else set())
+    given = (parameters or {}, inputs or {})
+    counts = {len(column) for columns in given for column in columns.values()} | ({len(snapshots)} if snapshots is not None else set())
     if len(counts) != 1:
-        raise ValueError(f"parameters and snapshots need one and the same number of simulations, not {sorted(counts)}")
+        raise ValueError(f"parameters, inputs and snapshots need one and the same number of simulations, not {sorted(counts)}")
     common = simulation.snapshot()
     rows = np.full((counts.pop(), steps, len(simulation.outputs)), np.nan)
 
     def run(i: int) -> None:
         one = Simulation(simulation.library)
         one.restore(common if snapshots is None else snapshots[i])
-        for name, column in values.items():
-            one.parameters[name] = column[i]
+        for values, columns in zip((one.parameters, one.inputs), given, strict=True):
+            for name, column in columns.items():
+                values[name] = column[i]
         simulation.library.play(one.address, steps, rows[i].ctypes.data)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:

@@ -51,13 +51,16 @@ class Simulation:
 
     def reset(
         self, *, coordinates: Mapping[str, float] | None = None, speeds: Mapping[str, float] | None = None, dt: float | None = None,
-        iterations: int | None = None, equilibrium: bool | None = None,
+        iterations: int | None = None, tolerance: float | None = None, equilibrium: bool | None = None,
     ) -> Simulation:  # fmt: skip
         """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) besides.
 
-        ``dt`` is the length of steps (s), ``iterations`` their fixed number in each (0: as many as it takes).  What is given stays given.
+        ``dt`` is the length of steps (s).  ``iterations``, of the trapezoidal rule, is their fixed number in each (0: as many as it
+        takes); ``tolerance``, of dormand-prince, is what the error of a step may be, absolute (SI units) and as a share.  What is given
+        stays given.
 
         Raises:
+            TypeError: the integrator has no iterations, or no tolerance.
             KeyError: there is no such coordinate or speed.
             SimulationError: a setting is out of its range, or no consistent state was found.
         """
@@ -65,7 +68,11 @@ class Simulation:
         if dt is not None:
             call(library.set_step, dt)
         if iterations is not None:
+            self._require(library.steps.is_iterated, "iterations are of the trapezoidal rule")
             call(library.set_iterations, iterations)
+        if tolerance is not None:
+            self._require(library.steps.adaptive, "a tolerance is of dormand-prince")
+            call(library.set_tolerance, tolerance, tolerance)
         if equilibrium is not None:
             call(library.set_equilibrium, int(equilibrium))
         for kind, given, give in (("coordinate", coordinates, library.give_coordinate), ("speed", speeds, library.give_speed)):
@@ -92,6 +99,18 @@ class Simulation:
             SimulationError: a step failed, the time has passed, or there was no `reset`.
         """
         self._call(self.library.advance, time)
+
+    def advance_to_event(self, time: float) -> str | None:
+        """Take steps up to a time (s), or to where a force, guide or drive changes its formula: returns the name of that element, or None.
+
+        Raises:
+            TypeError: the integrator goes over events; load the model with rk4 or dormand-prince.
+            SimulationError: a step failed, the time has passed, or there was no `reset`.
+        """
+        self._require(self.library.steps.finds_events, "steps of the trapezoidal rule go over events: load(..., integrator='rk4')")
+        event = ctypes.c_int(-1)
+        self._call(self.library.advance_to_event, time, ctypes.byref(event))
+        return None if event.value < 0 else self.library.event_names[event.value]
 
     def play(self, steps: int) -> Array:
         """Take so many steps; returns the outputs at the end of each, (steps, outputs).
@@ -243,6 +262,11 @@ class Simulation:
         else:
             other.parameters.array[:] = self.parameters.array
         return other
+
+    @staticmethod
+    def _require(able: bool, advice: str) -> None:
+        if not able:
+            raise TypeError(advice)
 
     def _require_start(self) -> None:
         if not self._is_started:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutjoint.locations import runtime_folder
-from cutjoint.methods import DEFAULT_PRECISION
-from cutjoint.toolchain.cache import alone, cache_folder, fetch, find_or_make, is_sound, store
+from cutjoint.methods import PRECISIONS
+from cutjoint.toolchain.cache import cache_folder, find_or_make
 from cutjoint.toolchain.cmake import build_project, plain_runtime
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
+from cutjoint.toolchain.digests import digest_of, runtime_digest
+from cutjoint.toolchain.drivers import Kind, driver_parts, make_drivers, parts_for, store_parts
+from cutjoint.toolchain.objects import fetch_objects, find_objects, store_objects
 
 if TYPE_CHECKING:
     from cutjoint.emit.source import Source
@@ -32,19 +31,6 @@ class Binary:
     fresh: bool
     compiler: str
     flags: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Kind:
-    """What of a simulator is chosen besides its source and flags."""
-
-    comparison: bool = False
-    precision: str = DEFAULT_PRECISION
-
-    @property
-    def definitions(self) -> tuple[str, ...]:
-        """Of CMake."""
-        return f"-DCUTJOINT_COMPARISON={'ON' if self.comparison else 'OFF'}", f"-DCUTJOINT_PRECISION={self.precision}"
 
 
 _PLAIN = Kind()
@@ -72,10 +58,19 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) 
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = _digest([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.definitions])
+    key = digest_of([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.definitions])
     cached = cache_folder() / key / "simulator"
     fresh = find_or_make(cached, lambda place: _build_in(place, source, compiler, flags, kind))
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
+
+
+def warm(driver: str, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> bool:
+    """Build a driver, one of DRIVERS, for all models, unless it is there; returns whether it was built now.
+
+    Raises:
+        ToolchainError: a tool is missing, the compiler refused the code, or neither installation nor cache can be written.
+    """
+    return make_drivers(driver, find_compiler(), (*flags, *PRECISIONS[kind.precision].flags), kind)
 
 
 def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
@@ -85,7 +80,7 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = _digest([runtime_digest(part="generic"), *compiler.key, *resolve(flags)])
+    key = digest_of([runtime_digest(part="generic"), *compiler.key, *resolve(flags)])
     cached = cache_folder() / f"generic-{key}" / "simulator"
     fresh = find_or_make(cached, lambda place: _build_generic_in(place, compiler, flags))
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
@@ -105,16 +100,20 @@ def build_folder(
     Raises:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
-    compiler = find_compiler()
     made = f"lib{name}.so" if shared else simulator_of(name)
-    key = _digest([digest, *files.values(), *compiler.key, *resolve(flags)])
+    return build_files(name, files, made, digest, flags, f"-DBUILD_SHARED_LIBS={'ON' if shared else 'OFF'}")
+
+
+def build_files(name: str, files: Mapping[str, str], made: str, digest: str, flags: Sequence[str], *settings: str) -> Path:
+    """Build the CMake project of ``files`` around the folder of a model, or find the file ``made`` by it in the cache; errors as above."""
+    compiler = find_compiler()
+    key = digest_of([digest, *files.values(), *compiler.key, *resolve(flags)])
     cached = cache_folder() / f"alone-{key}" / made
 
     def make(folder: Path) -> Path:
         for file, text in files.items():
             write_text(folder / "source" / file, text)
-        settings = (f"-D{name}_FLAGS={' '.join(flags)}", f"-DBUILD_SHARED_LIBS={'ON' if shared else 'OFF'}")
-        build_project(folder / "source", folder / "out", compiler, flags, *settings)
+        build_project(folder / "source", folder / "out", compiler, flags, f"-D{name}_FLAGS={' '.join(flags)}", *settings)
         return folder / "out" / made
 
     find_or_make(cached, make)
@@ -127,48 +126,13 @@ def _build_generic_in(folder: Path, compiler: Compiler, flags: Sequence[str]) ->
 
 
 def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:
-    """Configure and build in a folder; the first simulator brings the driver's parts into the cache."""
-    parts = _driver_parts(source, compiler, flags, kind)
-    out = folder / "out"
-    with ExitStack() as stack:
-        for part in parts.values():
-            if not is_sound(part):
-                stack.enter_context(alone(part))
-        known = {name: copy for name, part in parts.items() if fetch(part, copy := folder / part.name)}
-        definitions = [f"-DCUTJOINT_{name.upper()}={copy}" for name, copy in known.items()]
+    """Configure and build in a folder; the driver's parts that it had to build, and its object files, go into the cache."""
+    out, objects = folder / "out", find_objects(source, compiler, flags, kind)
+    with parts_for(driver_parts(source.driver, compiler, flags, kind), folder, cache_folder()) as (definitions, missing):
         write_source(source, folder / "source")
-        runtime = plain_runtime(folder)
-        build_project(folder / "source", out, compiler, flags, f"-DCUTJOINT_RUNTIME={runtime}", *kind.definitions, *definitions)
-        for part in (part for name, part in parts.items() if name not in known):
-            store(out / part.name, part)
+        known = fetch_objects(objects, folder / "objects")
+        places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_OBJECTS={folder / 'objects'}")
+        build_project(folder / "source", out, compiler, flags, *places, *kind.definitions, *definitions)
+        store_parts(missing, out, cache_folder())
+    store_objects([o for o in objects if o not in known], out)
     return out / "simulator"
-
-
-def _driver_parts(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> dict[str, Path]:
-    """The cache entries of the driver's parts.
-
-    Starts and integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts
-    are, too.
-    """
-    start = [runtime_digest(), *compiler.key, *resolve(flags)]
-    driver = [*start, source.driver, runtime_digest(part=source.driver), *kind.definitions]
-    keys = {"initial_state": start, "driver": driver}
-    return {name: cache_folder() / f"{name}-{_digest(key)}" / f"lib{name}.a" for name, key in keys.items()}
-
-
-#: Parts of the runtime that only one kind of simulator has: the generic twin, and batches.
-_PARTS = ("generic", "batch")
-
-
-@cache
-def runtime_digest(*, part: str = "") -> str:
-    """A digest of the runtime's headers and sources; of those that only one kind of simulator has, with its ``part``."""
-    folder = runtime_folder()
-    files = sorted(p for p in folder.rglob("*") if p.suffix in (".hpp", ".cpp", ".txt", ".cmake"))
-    left_out = {*_PARTS} - {part}
-    files = [p for p in files if left_out.isdisjoint(p.relative_to(folder).with_suffix("").parts)]
-    return _digest([text for p in files for text in (str(p.relative_to(folder)), p.read_text(encoding="utf-8"))])
-
-
-def _digest(parts: Sequence[str]) -> str:
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]

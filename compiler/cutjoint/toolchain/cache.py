@@ -2,6 +2,8 @@
 
 A digest is compared at each use: a file of 1 MB takes a millisecond, while size and time of change do not show a flipped bit.  For the same
 reason nothing is flushed to the disk: what a power failure cuts off is no longer what was stored.
+
+What all caches share is stored beside the installation, in the same form.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import json
 import os
 import shutil
 import stat
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from hashlib import file_digest, sha256
@@ -25,6 +28,11 @@ from cutjoint.toolchain.temporary import PREFIX, hold, plain_folder, temporary_f
 def cache_folder() -> Path:
     """Where binaries are cached: $CUTJOINT_CACHE, else the user's cache folder."""
     return Path(os.environ.get("CUTJOINT_CACHE") or platformdirs.user_cache_path("cutjoint")).absolute()
+
+
+def installed_folder() -> Path:
+    """Where files are that all caches share: beside the installation."""
+    return Path(sys.prefix) / "share" / "cutjoint"
 
 
 def is_sound(file: Path) -> bool:
@@ -49,7 +57,7 @@ def find_or_make(file: Path, make: Callable[[Path], Path]) -> bool:
     with alone(file):
         if is_sound(file):
             return False
-        with plain_folder(cache_folder()) as folder:
+        with plain_folder(_store_of(file)) as folder:
             store(make(folder), file)
         return True
 
@@ -61,9 +69,10 @@ def alone(file: Path) -> Iterator[None]:
     Raises:
         ToolchainError: the cache cannot be written.
     """
-    lock = cache_folder() / f"{PREFIX}{'-'.join(file.relative_to(cache_folder()).with_suffix('').parts)}.lock"
+    folder = _store_of(file)
+    lock = folder / f"{PREFIX}{'-'.join(file.relative_to(folder).with_suffix('').parts)}.lock"
     with ExitStack() as stack:
-        with _writing():
+        with _writing(folder):
             _made(lock.parent)
             stack.enter_context(hold(lock))
         yield
@@ -77,7 +86,8 @@ def store(file: Path, target: Path) -> None:
     """
     if not file.is_file():
         raise ToolchainError(f"the compiler reported no error but made no {file.name}; set $CXX to a C++20 compiler, or unset it")
-    with _writing(), temporary_folder(_made(cache_folder())) as folder:
+    place = _store_of(target)
+    with _writing(place), temporary_folder(_made(place)) as folder:
         copy, beside = folder / "content", folder / "digest"
         shutil.copy(file, copy)
         beside.write_text(_describe(copy), encoding="ascii")
@@ -90,7 +100,10 @@ def fetch(file: Path, target: Path) -> bool:
     """Copy a file out of the cache; returns whether the copy is what was stored."""
     if not is_sound(file):
         return False
-    shutil.copy(file, target)
+    try:
+        shutil.copy(file, target)
+    except FileNotFoundError:  # removed since
+        return False
     return _digest_place(file).read_text(encoding="ascii", errors="replace") == _describe(target)
 
 
@@ -110,10 +123,25 @@ def write_record(place: Path, record: Any) -> None:
         ToolchainError: the cache cannot be written.
     """
     text = json.dumps(record).encode()
-    with _writing(), temporary_folder(_made(cache_folder())) as folder:
+    with _writing(cache_folder()), temporary_folder(_made(cache_folder())) as folder:
         (folder / "record").write_bytes(sha256(text).hexdigest().encode() + b"\n" + text)
         _make_way(place)
         (folder / "record").replace(place)
+
+
+def require_writable(folder: Path) -> None:
+    """Check that files can be stored in a folder.
+
+    Raises:
+        ToolchainError: it cannot be written.
+    """
+    with _writing(folder), temporary_folder(_made(folder)):
+        pass
+
+
+def _store_of(file: Path) -> Path:
+    """Which of the two folders a file is in."""
+    return installed_folder() if file.is_relative_to(installed_folder()) else cache_folder()
 
 
 def _digest_place(file: Path) -> Path:
@@ -135,8 +163,9 @@ def _made(folder: Path) -> Path:
 
 def _make_way(target: Path) -> None:
     """Remove what stands where a file and its folders are to be, and is of another kind."""
-    for part in reversed(target.relative_to(cache_folder()).parents):
-        if not (folder := cache_folder() / part).is_dir():
+    store = _store_of(target)
+    for part in reversed(target.relative_to(store).parents):
+        if not (folder := store / part).is_dir():
             folder.unlink(missing_ok=True)
     target.parent.mkdir(parents=True, exist_ok=True)
     for file in (target, _digest_place(target)):
@@ -145,12 +174,12 @@ def _make_way(target: Path) -> None:
 
 
 @contextmanager
-def _writing() -> Iterator[None]:
+def _writing(folder: Path) -> Iterator[None]:
     """Errors of the file system as what to do about them."""
     try:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
         raise ToolchainError(
-            f"the cache {cache_folder()} cannot be written: {reason}; set $CUTJOINT_CACHE to a folder that can"
+            f"the cache {folder} cannot be written: {reason}; set $CUTJOINT_CACHE to a folder that can"
         ) from error

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from cutjoint.model.errors import Problem
 from cutjoint.model.records import GROUND, Body, Joint, Model
 from cutjoint.topology.measured import Use, reason_not_to_measure, uses_of_coordinates
 from cutjoint.topology.records import TreeJoint
@@ -76,25 +77,27 @@ def shortest_paths(joints: Sequence[Joint], bound: Iterable[str]) -> set[str]:
     return chosen
 
 
-def torn_bodies(bodies: Iterable[Body], joints: Sequence[Joint], chosen: set[str]) -> Iterator[str]:
+def torn_bodies(bodies: Iterable[Body], joints: Sequence[Joint], chosen: set[str]) -> Iterator[Problem]:
     """What is wrong where the ``chosen`` joints do not reach all bodies."""
     reached = {GROUND} | {b for j in joints if j.name in chosen for b in (j.base, j.follower)}
     for body in bodies:
         if body.name not in reached:
-            yield f"{body.span}: body '{body.name}': the cut joints tear it off the ground; leave one of its joints uncut"
+            yield Problem(
+                span=body.span, element=f"body '{body.name}'", message="the cut joints tear it off the ground",
+                hint="leave one of its joints uncut",
+            )  # fmt: skip
 
 
-def wrong_cuts(rules: CutRules, tree: Sequence[TreeJoint], cuts: Iterable[Joint]) -> Iterator[str]:
+def wrong_cuts(rules: CutRules, tree: Sequence[TreeJoint], cuts: Iterable[Joint]) -> Iterator[Problem]:
     """What is wrong where joints are cut that must not be."""
     for cut in cuts:
-        reason, what = rules.reason(cut, tree), f"{cut.span}: joint '{cut.name}'"
-        if reason and cut.cut is True:
-            yield f"{what}: it must not be cut, since {reason}; cut another joint of its loop"
-        elif reason:
-            yield (
-                f"{what}: it closes a loop but must not be cut, since {reason}, and no other joint of the loop may be; "
-                "leave one of them free to be cut"
-            )
+        reason = rules.reason(cut, tree)
+        message, hint = f"it must not be cut, since {reason}", "cut another joint of its loop"
+        if cut.cut is not True:
+            message = f"it closes a loop but must not be cut, since {reason}, and no other joint of the loop may be"
+            hint = "leave one of them free to be cut"
+        if reason:
+            yield Problem(span=cut.span, element=f"joint '{cut.name}'", message=message, hint=hint)
 
 
 def _reach(body: str, held: Sequence[Joint], known: set[str], chosen: set[str]) -> list[str]:

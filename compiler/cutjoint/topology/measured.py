@@ -1,13 +1,16 @@
 """Which coordinates of a cut joint can be measured from the pose of its bodies.
 
-A displacement is a distance.  An angle counts turns, which no pose shows: it is the sum of the turns around its loop where all of them are
-about one direction, as in a planar loop.  A screw's angle is its advance.  A rate needs the velocities only.
+A displacement is a distance.  An angle counts turns, which no pose shows.  It is the sum of the turns around its loop where all of them are
+about one direction, as in a planar loop.  Where the turns of a loop are about one direction and then about a second one, as in a Sarrus
+linkage, both sums vanish, since no turn about one undoes one about the other.  A screw's angle is its advance.  A rate needs the velocities
+only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 from cutjoint.elements.joint import ABOUT_AXIS, rate_name
 from cutjoint.model.expressions import variable
@@ -66,24 +69,37 @@ def reason_not_to_measure(cut: Joint, uses: Iterable[Use], around: Sequence[Tree
         if use.coordinate not in cut.element.measurable:
             return f"{use.reason}, which a cut {cut.kind} joint does not have"
         if not use.rate_alone and use.coordinate in cut.element.angles and not cut.element.advances and turns_around(cut, around) is None:
-            return f"{use.reason}, an angle whose turns no pose shows in a loop that is not planar"
+            return f"{use.reason}, an angle whose turns no pose shows in a loop with more than two directions of axes"
     return ""
 
 
 def turns_around(cut: Joint, around: Sequence[TreeJoint]) -> tuple[SignedTurn, ...] | None:
-    """The turns whose sum is the angle of a cut joint; None if one of them is about another direction."""
-    turns, body = list[SignedTurn](), cut.follower
+    """The turns whose sum is the angle of a cut joint: those next to it in its loop about its direction.
+
+    None if the others are not all about one other direction.
+    """
+    turning = [(t, is_inwards) for t, is_inwards in _directed(cut, around) if not t.joint.element.keeps_attitude]
+    before = list(takewhile(lambda turn: _sign(cut, turn[0].joint), turning))
+    after = list(takewhile(lambda turn: _sign(cut, turn[0].joint), reversed(turning[len(before) :])))
+    others = [t.joint for t, _ in turning[len(before) : len(turning) - len(after)]]
+    if not all(_sign(others[0], joint) for joint in others):
+        return None
+    return tuple(
+        SignedTurn(
+            joint=t.joint, coordinate=t.joint.element.angles[0],
+            sign=_sign(cut, t.joint) * (1 if is_inwards else -1) * (-1 if t.reversed else 1),
+        )
+        for t, is_inwards in (*before, *after)
+    )  # fmt: skip
+
+
+def _directed(cut: Joint, around: Sequence[TreeJoint]) -> Iterator[tuple[TreeJoint, bool]]:
+    """The joints of a loop from the follower of its cut joint on, and whether each leads inwards, on the follower's side."""
+    body = cut.follower
     for t in around:
-        is_inwards = body == t.child  # still on the follower's side
+        is_inwards = body == t.child
         body = t.parent if is_inwards else t.child
-        if t.joint.element.keeps_attitude:
-            continue
-        sign = _sign(cut, t.joint)
-        if sign == 0:
-            return None
-        turned = sign * (1 if is_inwards else -1) * (-1 if t.reversed else 1)
-        turns.append(SignedTurn(joint=t.joint, coordinate=t.joint.element.angles[0], sign=turned))
-    return tuple(turns)
+        yield t, is_inwards
 
 
 def _sign(cut: Joint, other: Joint) -> int:

@@ -30,13 +30,13 @@ def span(model: Model) -> Spanning:
     joints, rules = [j for j in model.joints if j.cut is not True], find_rules(model)
     chosen = shortest_paths(joints, [*rules.stay, *rules.uses])
     if problems := list(torn_bodies(model.bodies, joints, chosen)):
-        raise TopologyError("\n".join(problems))
+        raise TopologyError(problems)
     best = Spanning(model=model, cut=frozenset(j.name for j in model.joints if j.name not in chosen))
     if len(chosen) < len(joints):
         exchanges = Exchanges(rules=rules, number=number_alike(model))
         best = _Search(joints=joints, exchanges=exchanges, geometry=JointGeometry(model=model)).improve(best)
     if problems := list(wrong_cuts(rules, best.tree, best.cuts)):
-        raise TopologyError("\n".join(problems))
+        raise TopologyError(problems)
     return best
 
 

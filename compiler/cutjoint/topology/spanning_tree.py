@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, Joint, Model
 from cutjoint.topology.elimination import degrees
 from cutjoint.topology.operations import predict_operations
 from cutjoint.topology.records import TreeJoint
 
 
-class TopologyError(ValueError):
+class TopologyError(ModelError):
     """The graph cannot be spanned as the model asks."""
 
 

@@ -10,7 +10,6 @@ from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations
 from cutjoint.locations import AnyPath
 from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, all_of, names_of
-from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.model.reduced import is_reduced
 from cutjoint.pipeline import generate
@@ -18,6 +17,7 @@ from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS, build_generic
+from cutjoint.topology.reading import read_model
 from cutjoint.twin.mechanism import describe_generic
 from cutjoint.twin.system import describe_generic_natural
 

@@ -30,7 +30,7 @@ from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.truth import Truth, at_step, find_truth
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
-from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.machine import machine
 from cutjoint.version import __version__
 from cutjoint_bench.store import Record, Store

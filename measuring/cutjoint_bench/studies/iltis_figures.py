@@ -18,7 +18,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
 from cutjoint.states import find_equilibrium
-from cutjoint.toolchain.build import runtime_digest
+from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.machine import machine
 from cutjoint.twin.artifact import compile_generic_model
 from cutjoint.version import __version__

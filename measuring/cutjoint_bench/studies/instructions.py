@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from shutil import which
@@ -23,6 +24,7 @@ from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.options import Options
 from cutjoint.run.simulator_run import SimulatorRun
+from cutjoint.standalone import make_standalone
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.provenance import provenance
 
@@ -40,12 +42,39 @@ def count(run: SimulatorRun, within: str = "") -> tuple[int, int]:
         folder = Path(name)
         (folder / "run.json").write_text(json.dumps({**run.run_file, "out": str(folder / "table.csv")}), encoding="utf-8")
         only = [f"--toggle-collect={within}"] if within else []
-        valgrind = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder / 'out'}", *only]
-        done = subprocess.run([*valgrind, run.simulator, folder / "run.json"], capture_output=True, text=True, check=True)
-    summary = json.loads(done.stdout.splitlines()[-1])
-    collected = re.search(r"Collected : (\d+)", done.stderr)
-    assert collected is not None, done.stderr
-    return int(collected[1]), summary["steps"]
+        done = call_under_valgrind([str(run.simulator), str(folder / "run.json")], folder, *only)
+    return collected(done), json.loads(done.stdout.splitlines()[-1])["steps"]
+
+
+def count_instructions(command: Sequence[str], folder: Path) -> int:
+    """Instructions of a program."""
+    return collected(call_under_valgrind(command, folder))
+
+
+def call_under_valgrind(command: Sequence[str], folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """A program under callgrind, whose own file goes into the folder."""
+    valgrind = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder / 'out'}", *options]
+    return subprocess.run([*valgrind, *command], capture_output=True, text=True, check=True)
+
+
+def collected(done: subprocess.CompletedProcess[str]) -> int:
+    """The instructions that callgrind has counted."""
+    found = re.search(r"Collected : (\d+)", done.stderr)
+    assert found is not None, done.stderr
+    return int(found[1])
+
+
+def per_step_alone(artifact: Artifact, ends: tuple[float, float]) -> float:
+    """Instructions of a step of the folder that stands alone, in whole steps of the scene's length."""
+    standalone = make_standalone(artifact.mechanism, artifact.program, artifact.source)
+    program, dt = standalone.build_simulator(FLAGS), artifact.scene.numerics.of_method(artifact.method).step
+    totals, steps = [], [round(end / dt) for end in ends]
+    with TemporaryDirectory() as name:
+        place = Path(name) / "run"
+        for number in steps:
+            place.write_text(f"step {dt!r}\nend {number * dt!r}\noutput_step {number * dt!r}\n", encoding="utf-8")
+            totals.append(count_instructions([str(program), str(place)], Path(name)))
+    return (totals[1] - totals[0]) / (steps[1] - steps[0])
 
 
 def per_step(artifact: Artifact, ends: tuple[float, float], within: str = "") -> float:
@@ -66,6 +95,8 @@ def main() -> None:
             inside = f"{per_step(artifact, ends, '*::evaluate*'):.0f}" if METHODS[method].formulation is Formulation.RECURSIVE else ""
             dt = artifact.scene.numerics.of_method(method).step
             table.add_row(f"{model} {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
+            if METHODS[method].stands_alone:
+                table.add_row("", f"{method}, folder that stands alone", f"{dt * 1e3:g}", f"{per_step_alone(artifact, ends):.0f}", "")
     console = Console(highlight=False, width=140)
     console.print(provenance(FLAGS), markup=False)
     console.print(table)

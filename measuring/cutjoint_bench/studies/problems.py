@@ -113,8 +113,8 @@ def _slider_crank(t: Array) -> Array:
     return reference_rows("ref_slidercrank3d_slender.csv", ("s_slider",), t)
 
 
-# Steps: small enough for the dt^2 term to lead, large enough for the error to stand well above the fixed point's tolerance (1e-8 of the
-# accelerations, 1e-6 for A02) and the reference's 13 digits.
+# Steps: small enough for the dt^2 term to lead, large enough for the error to stand well above the fixed point's tolerance (1e-6 of the
+# accelerations, 1e-8 for A03 and SC3D) and the reference's 13 digits.
 PROBLEMS = (
     Problem(
         name="A01", title="planar pendulum", model="pendulum", outputs=("bob.x", "bob.y"), unit="m", threshold=0.1,

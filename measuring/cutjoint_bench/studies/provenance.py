@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cutjoint.toolchain.build import FLAGS, runtime_digest
+from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.compiler import find_compiler
+from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.machine import machine
 from cutjoint.version import __version__
 

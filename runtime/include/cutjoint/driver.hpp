@@ -1,10 +1,12 @@
 // The interface of the driver: it takes generated mechanisms and systems as their base classes, so that one driver serves all models.
 #pragma once
 
-#include "cutjoint/lagrangian/system.hpp"
 #include "cutjoint/mechanism.hpp"
 
 namespace cutjoint {
+
+template <class Real>
+class AnySystem;
 
 /// The program of a simulator: `simulator RUN.json` reads the run file, does its task and prints a summary.
 /// The exit status is that of `run_program`.

@@ -92,7 +92,7 @@ class EnergyBalance {
     if constexpr (requires { subject_.energy(nullptr, nullptr, nullptr, nullptr, nullptr); })
       subject_.energy(state.q.data(), state.v.data(), state.vdot.data(), state.lambda.data(), energy.data());
     else
-      throw_missing("energy");
+      throw_no_energy();
     return energy;
   }
 

@@ -1,8 +1,7 @@
 // Mechanisms behind virtual functions, and what they say of themselves.
 #pragma once
 
-#include <stdexcept>
-#include <string>
+#include <exception>
 #include <string_view>
 #include <vector>
 
@@ -25,15 +24,21 @@ struct Guard {
   std::string_view place;
 };
 
-/// A value at whose change of sign a force, a guide or a drive goes over to another formula; the element that it belongs to, and the line of
-/// the model's file.  With a `road` the value is a place along it, which changes formula where the road does; the switch `across` has the
-/// place across it (without one, that place is right of the middle).
+/// A value at whose change of sign a force, a guide or a drive goes over to another formula, or a tyre at a break of its road; the element that it
+/// belongs to, and the line of the model's file.
 struct Switch {
   std::string_view element;
   std::string_view place;
   int road = -1;
   int across = -1;
 };
+
+/// Where switches are watched.
+inline std::vector<SwitchPlace> places_of(const std::vector<Switch>& switches) {
+  std::vector<SwitchPlace> places;
+  for (const Switch& each : switches) places.push_back({each.road, each.across});
+  return places;
+}
 
 /// What must lie in its domain for a law of an element to have a value, and the line of the model's file.  Its margin is not negative there,
 /// or positive if it is strict.
@@ -63,9 +68,17 @@ struct Description {
 };
 
 /// A function was called that the compiler had no reason to make.
-[[noreturn]] inline void throw_missing(const char* function) {
-  throw std::logic_error(std::string("this mechanism was compiled without the function ") + function);
-}
+class MissingFunction : public std::exception {
+ public:
+  explicit MissingFunction(const char* message) : message_(message) {}
+  const char* what() const noexcept override { return message_; }
+
+ private:
+  const char* message_;
+};
+
+[[noreturn]] inline void throw_no_energy() { throw MissingFunction("this mechanism was compiled without the function energy"); }
+[[noreturn]] inline void throw_no_projection() { throw MissingFunction("this mechanism was compiled without the function project"); }
 
 /// The base of generated mechanisms: the same contract behind virtual functions, so that one driver serves all models.
 template <class Real>
@@ -81,8 +94,8 @@ class AnyMechanism {
   virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
   virtual void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
-  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_missing("energy"); }  ///< of q, v, vdot, lambda
-  virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_missing("project"); }
+  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_no_energy(); }  ///< of q, v, vdot, lambda
+  virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_no_projection(); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
   virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v, the margins of the domains; only models that have some

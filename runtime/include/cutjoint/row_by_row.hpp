@@ -13,6 +13,7 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/settings.hpp"
+#include "cutjoint/state.hpp"
 
 namespace cutjoint {
 
@@ -46,7 +47,7 @@ class RowByRow {
 
   void step(long number) {
     const Real until = origin_ + Real(number) * dt_;
-    stepper_->advance(t_, until, y_, number);
+    require_none(stepper_->advance(t_, until, y_, number), subject_.description());
     t_ = until;
     check(number);
   }
@@ -103,11 +104,14 @@ class RowByRow {
  private:
   void balance_energy() {
     energy_.emplace(subject_, *state_);
-    stepper_->watch([this](auto& scheme) {
-      const auto time = energy_->time();
-      scheme.read_end(*state_);
-      energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
-    });
+    stepper_->watch({.call = [](void* who, auto& scheme) { static_cast<RowByRow*>(who)->add_energy(scheme); }, .who = this});
+  }
+
+  template <class Scheme>
+  void add_energy(Scheme& scheme) {
+    const auto time = energy_->time();
+    scheme.read_end(*state_);
+    energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
   }
 
   void check(long number) {

@@ -30,7 +30,13 @@ Failure failure_of(const Fault& fault, const Described& d) {
   std::string what = text_of(fault.cause);
   if (fault.cause == Cause::not_converged) what += " in " + std::to_string(fault.iterations) + " iterations";
   const auto index = static_cast<std::size_t>(fault.index);
-  const std::string name(fault.list == FaultList::speeds ? d.speeds[index] : fault.list == FaultList::equations ? d.equations[index] : "");
+  if (fault.list == FaultList::switches)
+    what.replace(0, std::string("a force").size(), "'" + std::string(d.switches[index].element) + "' (" + std::string(d.switches[index].place) + ")");
+  const std::string name(fault.list == FaultList::speeds        ? d.speeds[index]
+                         : fault.list == FaultList::coordinates ? d.coordinates[index]
+                         : fault.list == FaultList::equations   ? d.equations[index]
+                         : fault.list == FaultList::switches    ? d.switches[index].element
+                                                                : "");
   return Failure(what, fault.t, fault.step, name, fault.value, advice_of(fault));
 }
 

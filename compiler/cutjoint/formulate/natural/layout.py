@@ -1,7 +1,8 @@
 """Model -> the layout of natural coordinates: which points and unit vectors are coordinates, and what follows from them.
 
 Bodies are laid out from the ground outwards.  A body is spanned by up to four nodes, a point first: those that a joint shares with a
-body laid out before, then points and directions of its own, then unit vectors across these.  All else of it is a linear combination
+body laid out before, then points and directions of its own, then unit vectors across these.  Of joints that stand alike on a body none is
+a node of its basis before the others, so that all of them are computed in the same way.  All else of it is a linear combination
 of them.  A body without mass gets no more than its points and directions span: a rod needs two points, and no attitude.
 Joints that leave the attitude alone (fixed, prismatic) share all directions; bodies joined by a fixed joint are one group.
 """
@@ -212,6 +213,7 @@ class _Builder:
         for joint in model.joints:
             for group in dict.fromkeys((self.group_of[joint.base], self.group_of[joint.follower])):
                 self._joints_at[group].append(joint)
+        self._alike = frozenset(name for c in topology.classes if c.independent for member in c.members for name in member)
         outwards = {t.joint.name: (t.parent, t.child) for t in topology.tree}
         self.layout = Layout(group_of=self.group_of, value=value, outwards=outwards)
         self._needs: dict[str, Needs] = {}
@@ -306,6 +308,8 @@ class _Builder:
         items: list[Node | Need] = [*given, *needs.shared, *needs.spanned]
         rank = _span([self._column(item) for item in items])
         points = sorted(needs.shared, key=lambda n: n.kind is not NodeKind.POINT)
+        if rank == 4 and group not in self._alike:
+            points = [need for need in points if not self._is_of_alike(need)]
         if not given and rank == 4:
             self._free(group, needs, selection)
         if given and given[0].kind is not NodeKind.POINT:
@@ -316,6 +320,10 @@ class _Builder:
                 selection.offer(group, need, _OWN if selection.nodes else _SHARED)
         self._complete(group, needs, selection, rank)
         return selection.nodes, surplus
+
+    def _is_of_alike(self, need: Need) -> bool:
+        """Whether a need is that of a joint which stands alike with others, so that lanes compute them side by side."""
+        return need.name in self._alike or need.name.rpartition(".")[0] in self._alike
 
     def _first_point(self, group: str, points: Sequence[Need], needs: Needs) -> Need:
         known = [n for n in (*points, *needs.spanned) if n.kind is NodeKind.POINT]

@@ -10,10 +10,10 @@
 
 namespace cutjoint {
 
-/// How many coordinates, speeds, equations of cut joints, cut joints, parameters, inputs, tyres, columns and guards a
-/// mechanism has.
+/// How many coordinates, speeds, equations of cut joints, cut joints, parameters, inputs, tyres, columns, guards and switches a
+/// mechanism has; switches are those at which steps end.
 struct Sizes {
-  std::size_t coordinates = 0, speeds = 0, equations = 0, cuts = 0, parameters = 0, inputs = 0, roads = 0, columns = 0, guards = 0;
+  std::size_t coordinates = 0, speeds = 0, equations = 0, cuts = 0, parameters = 0, inputs = 0, roads = 0, columns = 0, guards = 0, switches = 0;
 };
 
 /// A mechanism whose class knows its `sizes`, its `charts` and its `cuts`.
@@ -37,7 +37,8 @@ Sizes sizes_of(const M& mechanism) {
   } else {
     const auto& d = mechanism.description();
     return {.coordinates = d.coordinates.size(), .speeds = d.speeds.size(), .equations = d.equations.size(), .cuts = d.cuts.size(),
-            .parameters = d.parameters.size(), .roads = d.roads.size(), .columns = d.columns.size()};
+            .parameters = d.parameters.size(), .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(),
+            .guards = d.guards.size()};
   }
 }
 

@@ -6,19 +6,24 @@ namespace cutjoint {
 /// What stopped a start or a step.  Numbers stay the same from version to version; new ones are added at the end.
 enum class Cause : int {
   none = 0,
-  not_converged = 1,        ///< the iteration of a step does not end
-  diverged = 2,             ///< it goes to infinity
-  loops_open = 3,           ///< a projection finds no positions that close the loops
-  speeds_open = 4,          ///< it finds no speeds that keep them closed
-  no_assembly = 5,          ///< the loops cannot close from the given coordinates
-  speeds_contradict = 6,    ///< the given speeds do not keep the loops closed
-  infinite_acceleration = 7,  ///< an acceleration of the start is not finite
-  no_equilibrium = 8,       ///< no pose near the given one is at rest
-  guard_violated = 9,       ///< a force that was left out of the model would act
+  not_converged = 1,              ///< the iteration of a step does not end
+  diverged = 2,                   ///< the iteration of a step goes to infinity
+  loops_open = 3,                 ///< no positions near by close the loops
+  speeds_open = 4,                ///< no speeds near by keep the loops closed
+  no_assembly = 5,                ///< the loops cannot close from the given coordinates
+  speeds_contradict = 6,          ///< the given speeds do not keep the loops closed
+  infinite_acceleration = 7,      ///< an acceleration is not finite
+  no_equilibrium = 8,             ///< no pose near the given one is at rest
+  guard_violated = 9,             ///< a force that was left out of the model would act
+  tolerance_not_met = 10,         ///< no step is small enough for the tolerance
+  stiff = 11,                     ///< the same, where stability and not accuracy limits the steps
+  accelerations_not_finite = 12,  ///< an acceleration within a step is not finite
+  switches_without_end = 13,      ///< a force switches to and fro between its formulas
+  too_many_steps = 14,            ///< a call would take more steps than it may
 };
 
 /// The list in which what failed most has its place.
-enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3 };
+enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5 };
 
 /// A failure: nothing if the cause is none.  `index` is the place of what failed most in its list, `value` what is left of it (SI units), `size` what
 /// is compared with, `iterations` how many were made.
@@ -47,6 +52,11 @@ constexpr const char* text_of(Cause cause) {
     case Cause::speeds_contradict: return "the given speeds contradict the loops";
     case Cause::infinite_acceleration: return "an acceleration has no finite value at the start";
     case Cause::guard_violated: return "a guard is violated: the force would act";
+    case Cause::tolerance_not_met:
+    case Cause::stiff: return "no step is small enough for the tolerance";
+    case Cause::accelerations_not_finite: return "the accelerations have no finite value";
+    case Cause::switches_without_end: return "a force switches to and fro without end";
+    case Cause::too_many_steps: return "a call would take more steps than it may";
     case Cause::no_equilibrium: return "no static equilibrium was found near the given pose";
   }
   return "unknown cause";
@@ -63,6 +73,11 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::no_assembly:
     case Cause::speeds_contradict: return "check the joints' points, guides, and the given coordinates and speeds of this loop";
     case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line";
+    case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose; not tried: a larger tolerance";
+    case Cause::stiff: return "stability limits the steps, as of a stiff model; not tried: method recursive-newton";
+    case Cause::accelerations_not_finite: return "not tried: a smaller dt";
+    case Cause::switches_without_end: return "make its law continuous there, or let steps go over it with events: crossed";
+    case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
     case Cause::no_equilibrium: return "check that every free direction has a spring or is held";
   }

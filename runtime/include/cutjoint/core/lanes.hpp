@@ -10,16 +10,16 @@
 #if defined(__x86_64__) && defined(__GLIBC__)
 #define CUTJOINT_IN_LIBMVEC(of) of(sin) of(cos) of(tan) of(atan) of(exp) of(log)
 extern "C" {  // glibc's vector mathematics, errors of at most 4 units in the last place
-#define CUTJOINT_DECLARE(name) __m128d _ZGVbN2v_##name(__m128d);
+#define CUTJOINT_DECLARE(name) cutjoint_register2 _ZGVbN2v_##name(cutjoint_register2);
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 #undef CUTJOINT_DECLARE
 #ifdef __AVX2__
-#define CUTJOINT_DECLARE(name) __m256d _ZGVdN4v_##name(__m256d);
+#define CUTJOINT_DECLARE(name) cutjoint_register4 _ZGVdN4v_##name(cutjoint_register4);
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 #undef CUTJOINT_DECLARE
 #endif
 #ifdef __AVX512F__
-#define CUTJOINT_DECLARE(name) __m512d _ZGVeN8v_##name(__m512d);
+#define CUTJOINT_DECLARE(name) cutjoint_register8 _ZGVeN8v_##name(cutjoint_register8);
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 #undef CUTJOINT_DECLARE
 #endif
@@ -159,18 +159,18 @@ Lanes<Real, N> abs(Lanes<Real, N> a) {
 #define CUTJOINT_DEFINE(name) inline Lanes<double, 2> name(Lanes<double, 2> a) { return _ZGVbN2v_##name(a.v); }
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DEFINE)
 #undef CUTJOINT_DEFINE
-inline Lanes<double, 2> sqrt(Lanes<double, 2> a) { return _mm_sqrt_pd(a.v); }
+inline Lanes<double, 2> sqrt(Lanes<double, 2> a) { return CUTJOINT_SQRT2(a.v); }
 #ifdef __AVX2__
 #define CUTJOINT_DEFINE(name) inline Lanes<double, 4> name(Lanes<double, 4> a) { return _ZGVdN4v_##name(a.v); }
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DEFINE)
 #undef CUTJOINT_DEFINE
-inline Lanes<double, 4> sqrt(Lanes<double, 4> a) { return _mm256_sqrt_pd(a.v); }
+inline Lanes<double, 4> sqrt(Lanes<double, 4> a) { return CUTJOINT_SQRT4(a.v); }
 #endif
 #ifdef __AVX512F__
 #define CUTJOINT_DEFINE(name) inline Lanes<double, 8> name(Lanes<double, 8> a) { return _ZGVeN8v_##name(a.v); }
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DEFINE)
 #undef CUTJOINT_DEFINE
-inline Lanes<double, 8> sqrt(Lanes<double, 8> a) { return _mm512_sqrt_pd(a.v); }
+inline Lanes<double, 8> sqrt(Lanes<double, 8> a) { return CUTJOINT_SQRT8(a.v); }
 #endif
 #endif
 

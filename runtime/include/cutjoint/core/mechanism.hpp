@@ -30,6 +30,13 @@ struct Stabilisation {
   const Real* penalties = nullptr;
 };
 
+/// A value that is watched for a change of formula: the place along a `road`, or where there is none, one that changes its sign; the switch
+/// `across` has the place across the road (without one, that place is right of the middle).
+struct SwitchPlace {
+  int road = -1;
+  int across = -1;
+};
+
 template <class Real>
 class Road;
 
@@ -71,6 +78,12 @@ std::span<const Chart> charts_of(const M& mechanism) {
     return M::charts;
   else
     return mechanism.description().charts;
+}
+
+/// The switches of a mechanism whose class knows them.
+template <Sized M>
+std::span<const SwitchPlace> switches_of() {
+  return M::switches;
 }
 
 /// The first equation of each cut joint.

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <span>
 
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/dot.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/mechanism.hpp"
@@ -140,9 +142,7 @@ class Projection {
   }
 
   static Real dot(const Equations<M>& a, const Equations<M>& b) {
-    Real result(0);
-    for (std::size_t i = 0; i < a.size(); ++i) result += a[i] * b[i];
-    return result;
+    return cutjoint::dot(std::span<const Real>(a.data(), a.size()), std::span<const Real>(b.data(), b.size()));
   }
 
   Real measure(const StateOf<M>& state, const Equations<M>& open) {

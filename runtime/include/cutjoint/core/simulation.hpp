@@ -13,45 +13,66 @@
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
+#include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/stabilisation.hpp"
 #include "cutjoint/core/state.hpp"
-#include "cutjoint/core/trapezoidal.hpp"
 
 namespace cutjoint {
 
-/// What a simulation needs to know besides its parameters.
-struct SimulationSettings {
-  StabilisationSettings stabilisation;
-  FixedPoint fixed_point;
-  double dt;
-  bool equilibrium;
-};
-
-/// What a host gives of its inputs: value, rate and acceleration at a time, from which on an input goes on like that.  An input whose value is no
-/// number follows the scene.
+/// What a host gives of its inputs.  An input whose value is no number follows the scene.  A value that was `put` with its rate and acceleration at a
+/// time goes on like that; one that was written instead is held.
 template <class Real, std::size_t n>
 struct HostInputs {
-  Fixed<Real, n> values, rates, accelerations, times;
+  Fixed<Real, n> values;
 
   HostInputs() { values.fill(std::numeric_limits<Real>::quiet_NaN()); }
+
+  void put(std::size_t i, Real t, Real value, Real rate, Real acceleration) {
+    values[i] = put_[i] = value;
+    rates_[i] = rate;
+    accelerations_[i] = acceleration;
+    times_[i] = t;
+  }
 
   static void fill(void* host, Real t, Real* input) {
     const HostInputs& given = *static_cast<const HostInputs*>(host);
     for (std::size_t i = 0; i < n; ++i, input += numbers_per_input) {
       if (!(given.values[i] == given.values[i])) continue;
-      const Real since = t - given.times[i];
-      input[0] = given.values[i] + since * (given.rates[i] + since / 2 * given.accelerations[i]);
-      input[1] = given.rates[i] + since * given.accelerations[i];
-      input[2] = given.accelerations[i];
+      const bool is_put = given.values[i] == given.put_[i];
+      const Real since = t - given.times_[i], rate = is_put ? given.rates_[i] : Real(0), acceleration = is_put ? given.accelerations_[i] : Real(0);
+      input[0] = given.values[i] + since * (rate + since / 2 * acceleration);
+      input[1] = rate + since * acceleration;
+      input[2] = acceleration;
     }
   }
+
+  /// Whether others would give the same.
+  bool operator==(const HostInputs& other) const {
+    bool same = true;
+    for (std::size_t i = 0; i < n; ++i) {
+      const bool follow = !(values[i] == values[i]) && !(other.values[i] == other.values[i]);
+      same = same && (follow || (values[i] == other.values[i] && put_[i] == other.put_[i] && rates_[i] == other.rates_[i] &&
+                               accelerations_[i] == other.accelerations_[i] && times_[i] == other.times_[i]));
+    }
+    return same;
+  }
+
+ private:
+  Fixed<Real, n> put_, rates_, accelerations_, times_;
 };
 
-/// The recursive method with the trapezoidal rule.
+/// The recursive method with an integrator such as fixed_point_steps.hpp.
 ///
 /// Settings, parameters, and coordinates and speeds to start with are those of the scene until others are given.  `start` finds a consistent
 /// state from them; `step` and `advance` go on from there.
-template <Sized M>
+///
+/// An integrator has
+///
+/// - `fixed_point_step` and `stabilise`, the settings and penalties that its mechanism is loaded with,
+/// - `begin`, which takes over a state, and `step`, which goes on from one; it `finds_events`, or is `adaptive`: its steps are as long as errors allow,
+/// - `complete`, a state with accelerations and multipliers, and `projection`, which closes loops,
+/// - `memory` and `restore`, what it remembers from step to step.
+template <Sized M, class Integrator>
 class Simulation {
  public:
   using Real = typename M::real_type;
@@ -59,23 +80,35 @@ class Simulation {
   Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads)
       : settings_(settings), roads_(roads), start_(blank(mechanism_)), state_(start_), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
-    if constexpr (sizes.inputs > 0) mechanism_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs_});
+    if constexpr (sizes.inputs > 0) drive_by(used_);
   }
 
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
   SimulationSettings& settings() { return settings_; }
+
+  /// What the error of a step may be, from the next one on.
+  void set_tolerance(double relative, double absolute) {
+    settings_.tolerance = relative;
+    settings_.absolute_tolerance = absolute;
+    counted_ = 0.0;  // as for steps of another length
+  }
+
   auto& parameters() { return parameters_; }
   const auto& parameters() const { return parameters_; }
 
-  /// Inputs, from the next step on.
+  /// Inputs, from the next step on; what is reported until then is of those before.
   auto& inputs() { return inputs_; }
 
-  /// The value of an input at the present time.
+  /// The value of an input at the present time, as the next step begins with it.
   Real present_input(std::size_t i) {
+    drive_by(inputs_);
     mechanism_.begin_step(state_.t, Real(1));
-    return mechanism_.last_inputs()[numbers_per_input * i];
+    const Real value = mechanism_.last_inputs()[numbers_per_input * i];
+    drive_by(used_);
+    mechanism_.begin_step(state_.t, Real(1));
+    return value;
   }
 
   /// Coordinates and speeds to start with, and which of them are given.
@@ -86,6 +119,7 @@ class Simulation {
   /// Find a consistent state.
   Fault start() {
     is_started_ = false;
+    used_ = inputs_;
     state_ = start_;
     Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     if (const Fault fault = how.place(state_, given_coordinates_)) return fault;
@@ -102,24 +136,48 @@ class Simulation {
 
   /// A step of the settings' length; the state stays where it fails.
   Fault step() {
-    if (settings_.dt != counted_) count_from_here();
-    const Fault fault = integrate(settings_.dt);
-    if (!fault) state_.t = origin_ + Real(++number_) * Real(settings_.dt);
-    return fault;
+    heed_settings();
+    const Real until = origin_ + Real(number_ + 1) * Real(settings_.dt);
+    const Fault fault = integrate(Real(settings_.dt), until);
+    if (fault) return fault;
+    ++number_;
+    state_.t = until;
+    return {};
   }
 
   /// Steps to a time, the last one shorter where they do not end there.
   Fault advance(double until) {
+    heed_settings();
     const Real rounding = Real(1e-9) * Real(settings_.dt);
     while (Real(until) - state_.t > rounding) {
       const Real left = Real(until) - state_.t;
-      if (left + rounding >= Real(settings_.dt)) {
+      if (!Integrator::adaptive && left + rounding >= Real(settings_.dt)) {
         if (const Fault fault = step()) return fault;
         continue;
       }
-      if (const Fault fault = integrate(static_cast<double>(left))) return fault;
+      if (const Fault fault = integrate(left, Real(until))) return fault;
       state_.t = Real(until);
       count_from_here();
+    }
+    return {};
+  }
+
+  /// The same, or to where a force changes its formula, if that is earlier: `event` is then its switch, else -1.
+  Fault advance_to_event(double until, int& event)
+    requires Integrator::finds_events
+  {
+    event = -1;
+    heed_settings();
+    heed_changes();
+    const long events = steps_->events();
+    while (Real(until) > state_.t && event < 0) {
+      const Real whole = origin_ + Real(number_ + 1) * Real(settings_.dt), next = Integrator::adaptive ? Real(until) : std::min(whole, Real(until));
+      is_reported_ = false;
+      if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
+      if (const Fault fault = watch()) return fault;
+      if (steps_->events() > events) event = static_cast<int>(steps_->last_event());
+      if (state_.t == whole) ++number_;
+      else count_from_here();
     }
     return {};
   }
@@ -130,30 +188,27 @@ class Simulation {
     for (std::size_t i = 0; i < sizes.speeds; ++i) state_.v[i] = v[i];
     state_.t = t;
     count_from_here();
-    is_reported_ = false;
-    heed_parameters();
-    Starter<M>& starter = initialisation_->starter();
-    starter.accelerate(state_, Real(1));
-    return starter.require_finite(state_);
+    return accelerate();
   }
 
   /// Move the coordinates by displacements, one for each speed, then close the loops by moving the masses least; speeds stay as near as closed loops
   /// let them, and accelerations follow.
   Fault displace(const Real* delta) {
-    heed_parameters();
-    is_reported_ = false;
-    const Coordinates<M> from = state_.q;
-    retract<Real>(charts_of(mechanism_), from.data(), delta, state_.q.data());
+    heed_changes();
+    const StateOf<M> from = state_;
+    retract<Real>(charts_of(mechanism_), from.q.data(), delta, state_.q.data());
     mechanism_.begin_step(state_.t, Real(1));
-    if (const Fault fault = steps_->projection().positions(state_)) return fault;
-    if (const Fault fault = steps_->projection().velocities(state_)) return fault;
-    initialisation_->starter().accelerate(state_, Real(1));
-    return initialisation_->starter().require_finite(state_);
+    Fault fault = steps_->projection().positions(state_);
+    if (!fault) fault = steps_->projection().velocities(state_);
+    if (!fault) return accelerate();
+    state_ = from;
+    is_reported_ = false;
+    return fault;
   }
 
   /// The Jacobian of the loops' equations by the speeds, column by column.
   const Real* jacobian() {
-    heed_parameters();
+    heed_changes();
     mechanism_.begin_step(state_.t, Real(1));
     return initialisation_->starter().jacobian(state_);
   }
@@ -161,28 +216,37 @@ class Simulation {
   /// The columns at the present state.
   const Real* report() {
     heed_parameters();
-    if (!is_reported_) mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), columns_.data());
+    if (!is_reported_) {
+      const StateOf<M>& x = steps_->complete(state_);
+      mechanism_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), columns_.data());
+    }
     is_reported_ = true;
     return columns_.data();
   }
 
+  /// The present state; with its accelerations and multipliers only if it is complete.
   const StateOf<M>& state() const { return state_; }
+  const StateOf<M>& complete_state() {
+    heed_parameters();
+    return steps_->complete(state_);
+  }
 
   /// Everything that the next steps follow from.
   struct Memory {
     SimulationSettings settings;
     Fixed<Real, M::sizes.parameters> parameters;
-    HostInputs<Real, M::sizes.inputs> inputs;
+    HostInputs<Real, M::sizes.inputs> inputs, used;
     StateOf<M> state;
     Cuts<M> penalties;
+    [[no_unique_address]] typename Integrator::Memory integrator;
     Real origin;
     long number;
     double counted;
   };
 
   Memory memory() const {
-    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .state = state_, .penalties = penalties_, .origin = origin_, .number = number_,
-            .counted = counted_};
+    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .used = used_, .state = state_, .penalties = penalties_,
+            .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_};
   }
 
   /// Go on from what another moment, or another simulation, remembers.
@@ -190,6 +254,7 @@ class Simulation {
     settings_ = memory.settings;
     parameters_ = memory.parameters;
     inputs_ = memory.inputs;
+    used_ = memory.used;
     state_ = memory.state;
     penalties_ = memory.penalties;
     origin_ = memory.origin;
@@ -197,6 +262,7 @@ class Simulation {
     counted_ = memory.counted;
     initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     load();
+    steps_->restore(state_, memory.integrator);
     is_started_ = true;
   }
 
@@ -204,7 +270,7 @@ class Simulation {
   static constexpr Sizes sizes = M::sizes;
 
   typename Initialisation<M>::Settings how_to_start() const {
-    return {.stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Real(settings_.dt)};
+    return {.stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Integrator::fixed_point_step(settings_)};
   }
 
   /// Times of steps are those of whole steps since now.
@@ -214,13 +280,28 @@ class Simulation {
     counted_ = settings_.dt;
   }
 
+  /// Steps have another length from now on, from which a given penalty and the frequency may follow, or another tolerance.
+  void heed_settings() {
+    if (settings_.dt == counted_) return;
+    count_from_here();
+    if (settings_.stabilisation.penalty && settings_.stabilisation.closure == Closure::penalty)
+      std::fill(penalties_.begin(), penalties_.end(), Real(*settings_.stabilisation.penalty));
+    load();
+  }
+
   /// Load the mechanism and get ready for steps; the state stays.
   void load() {
     loaded_ = parameters_;
-    load_mechanism(mechanism_, parameters_.data(), roads_, settings_.stabilisation, penalties_);
+    const StabilisationSettings stabilisation = Integrator::stabilise(settings_, penalties_);
+    load_mechanism(mechanism_, parameters_.data(), roads_, stabilisation, penalties_);
     mechanism_.begin_step(state_.t, Real(1));
-    steps_.emplace(mechanism_, Real(settings_.dt), settings_.fixed_point);
+    steps_.emplace(mechanism_, settings_, roads_);
+    steps_->begin(state_);
     is_reported_ = false;
+  }
+
+  void drive_by(HostInputs<Real, M::sizes.inputs>& inputs) {
+    if constexpr (sizes.inputs > 0) mechanism_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs});
   }
 
   /// Parameters that have changed count from now on.
@@ -228,12 +309,28 @@ class Simulation {
     if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) load();
   }
 
-  Fault integrate(double h) {
+  /// So do inputs; what was reported before is of those of the last step.
+  void heed_changes() {
     heed_parameters();
-    steps_->set_step(Real(h));
-    steps_->set_fixed_point(settings_.fixed_point);
+    if (inputs_ == used_) return;
+    used_ = inputs_;
+    steps_->begin(state_);
+  }
+
+  /// Accelerations that belong to the state.
+  Fault accelerate() {
+    heed_changes();
+    Starter<M>& starter = initialisation_->starter();
+    starter.accelerate(state_, Real(1));
     is_reported_ = false;
-    const Fault fault = steps_->step(state_, number_ + 1);
+    steps_->begin(state_);
+    return starter.require_finite(state_);
+  }
+
+  Fault integrate(Real h, Real until) {
+    heed_changes();
+    is_reported_ = false;
+    const Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
     return fault ? fault : watch();
   }
 
@@ -254,14 +351,14 @@ class Simulation {
   SimulationSettings settings_;
   const Road<Real>* roads_;
   Fixed<Real, M::sizes.parameters> parameters_, loaded_;
-  HostInputs<Real, M::sizes.inputs> inputs_;
+  HostInputs<Real, M::sizes.inputs> inputs_, used_;
   StateOf<M> start_, state_;
   Coordinates<M, unsigned char> given_coordinates_;
   SpeedFlags<M> given_speeds_;
   Cuts<M> penalties_;
   Fixed<Real, M::sizes.columns> columns_;
   std::optional<Initialisation<M>> initialisation_;
-  std::optional<Trapezoidal<M>> steps_;
+  std::optional<Integrator> steps_;
   Real origin_{0};
   long number_ = 0;       ///< of steps since then
   double counted_ = 0.0;  ///< their length

@@ -103,7 +103,7 @@ class AnySystem {
   virtual void apply_jacobian_transposed(const Real* q, const Real* w, Real* force) const = 0;
   virtual void apply_jacobian(const Real* q, const Real* x, Real* change) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
-  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_missing("energy"); }  ///< of q, v, vdot, lambda
+  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_no_energy(); }  ///< of q, v, vdot, lambda
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with switches have it
   virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with domains have it

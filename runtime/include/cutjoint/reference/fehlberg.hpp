@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "cutjoint/coefficients.hpp"
+#include "cutjoint/core/coefficients.hpp"
 
 namespace cutjoint::reference {
 

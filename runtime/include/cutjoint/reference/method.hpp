@@ -1,7 +1,9 @@
 // Accurate solutions to measure others by, as the driver sees them.
 #pragma once
 
+#include <cstddef>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "cutjoint/json.hpp"
@@ -9,16 +11,28 @@
 #include "cutjoint/reference/extrapolation.hpp"
 #include "cutjoint/reference/fehlberg.hpp"
 #include "cutjoint/reference/natural.hpp"
-#include "cutjoint/relative.hpp"
+#include "cutjoint/core/relative.hpp"
 #include "cutjoint/row_by_row.hpp"
 #include "cutjoint/run_file.hpp"
 
 namespace cutjoint::reference {
 
+/// The equation of a mechanism whose unknowns have names.
+template <Mechanism M>
+class NamedRelative : public Relative<M> {
+ public:
+  using Relative<M>::Relative;
+
+  std::string name(std::size_t i) const {
+    const Description& d = this->mechanism_.description();
+    return std::string(i < d.coordinates.size() ? d.coordinates[i] : d.speeds[i - d.coordinates.size()]);
+  }
+};
+
 /// A mechanism in relative coordinates with extrapolation.
 template <Mechanism M>
-class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, Extrapolation>, M> {
-  using Base = RowByRow<Relative<M>, Controlled<Relative<M>, Extrapolation>, M>;
+class RelativeReference : public RowByRow<NamedRelative<M>, Controlled<NamedRelative<M>, Extrapolation>, M> {
+  using Base = RowByRow<NamedRelative<M>, Controlled<NamedRelative<M>, Extrapolation>, M>;
 
  public:
   using Real = typename M::real_type;
@@ -41,7 +55,7 @@ class RelativeReference : public RowByRow<Relative<M>, Controlled<Relative<M>, E
  private:
   M& mechanism_;
   ModelData<Real> data_;
-  Relative<M> dynamics_;
+  NamedRelative<M> dynamics_;
 };
 
 /// A system in natural coordinates with Fehlberg's formula.

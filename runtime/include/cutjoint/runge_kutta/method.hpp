@@ -9,13 +9,14 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/runge_kutta/scheme.hpp"
-#include "cutjoint/runge_kutta/tables.hpp"
-#include "cutjoint/runge_kutta/watched.hpp"
+#include "cutjoint/core/runge_kutta/scheme.hpp"
+#include "cutjoint/core/runge_kutta/tables.hpp"
+#include "cutjoint/core/runge_kutta/watched.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/row_by_row.hpp"
 #include "cutjoint/run_file.hpp"
-#include "cutjoint/stepping/stepper.hpp"
+#include "cutjoint/core/stepping/stepper.hpp"
+#include "cutjoint/stepping/summarise.hpp"
 
 namespace cutjoint::runge_kutta {
 
@@ -29,8 +30,8 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
 
   ExplicitMethod(M& mechanism, const RunSettings& settings, const Json& file)
       : Base(mechanism, dynamics_, settings), mechanism_(mechanism), data_(mechanism.description(), file),
-        dynamics_(mechanism, switches_of(mechanism.description(), settings), data_.roads(),
-                  Table::adaptive ? Real(settings.tolerance) / 100 : Real(1e-12)) {
+        switches_(switches_of(mechanism.description(), settings)), places_(places_of(switches_)),
+        dynamics_(mechanism, {places_, data_.roads().data()}, tolerance_of_multipliers<Table>(Real(settings.tolerance))) {
     load_penalties(std::vector<double>(mechanism.description().cuts.size(), 1.0));
   }
 
@@ -70,13 +71,13 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
     Base::summarise(summary);
     if (!measured_.empty() || this->energy()) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
     if (!this->stepper()) return;
-    this->stepper()->summarise(summary);
+    stepping::summarise(this->stepper()->counts(), switches_, summary);
     summary["stiff_steps"] = this->stepper()->scheme().stiff();
   }
 
  private:
   std::pair<double, double> find_residuals() {
-    const auto [position, velocity] = dynamics_.residuals(this->time(), this->row());
+    const auto [position, velocity, acceleration] = dynamics_.residuals(this->time(), this->row());
     position_ = std::max(position_, position);
     velocity_ = std::max(velocity_, velocity);
     return {position, velocity};
@@ -84,6 +85,8 @@ class ExplicitMethod : public RowByRow<Watched<M>, stepping::Stepper<Scheme<Watc
 
   M& mechanism_;
   ModelData<Real> data_;
+  const std::vector<Switch>& switches_;
+  std::vector<SwitchPlace> places_;
   Watched<M> dynamics_;
   std::vector<double> measured_;
   long steps_ = 0;

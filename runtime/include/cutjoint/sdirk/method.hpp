@@ -14,7 +14,8 @@
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/sdirk/stages.hpp"
 #include "cutjoint/stepping/implicit_scheme.hpp"
-#include "cutjoint/stepping/stepper.hpp"
+#include "cutjoint/core/stepping/stepper.hpp"
+#include "cutjoint/stepping/summarise.hpp"
 
 namespace cutjoint::sdirk {
 
@@ -25,12 +26,13 @@ struct Parts {
 
   Parts(S& system, const RunSettings& settings, const Json& file)
       : data(system.description(), file), solver(choose_solver(system, *settings.solver)), other(choose_solver(system, *settings.solver)),
-        stages(system, *solver, *other, switches_of(system.description(), settings), data.roads()) {
+        switches(switches_of(system.description(), settings)), stages(system, *solver, *other, switches, data.roads()) {
     data.load_system(system);
   }
 
   ModelData<Real> data;
   std::unique_ptr<LinearSolver<Real>> solver, other;
+  const std::vector<Switch>& switches;
   Stages<S> stages;
 };
 
@@ -76,7 +78,7 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::St
     summary["iterations"] = this->stages.iterations();
     summary["factorisations"] = this->stages.factorisations();
     summary["residuals"] = Json{{"position", number_or_null(worst_.position)}, {"velocity", number_or_null(worst_.velocity)}};
-    if (this->stepper()) this->stepper()->summarise(summary);
+    if (this->stepper()) stepping::summarise(this->stepper()->counts(), this->switches, summary);
   }
 
  private:

@@ -14,8 +14,8 @@
 #include "cutjoint/lagrangian/recursive_newton.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/sdirk/table.hpp"
-#include "cutjoint/stepping/regime.hpp"
-#include "cutjoint/stepping/step_control.hpp"
+#include "cutjoint/core/stepping/regime.hpp"
+#include "cutjoint/core/stepping/step_control.hpp"
 
 namespace cutjoint::sdirk {
 
@@ -35,6 +35,7 @@ template <class S>
 class Stages : public Workspace<S> {
  public:
   using typename Workspace<S>::Real;
+  using Subject = S;
 
   static constexpr int order = Table::order;
   static constexpr bool estimates = true;  ///< an error
@@ -44,7 +45,7 @@ class Stages : public Workspace<S> {
          const std::vector<Road<Real>>& roads)
       : Workspace<S>(system, solver),
         single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(n_, m_),
-        switches_(switches), regime_(switches, roads),
+        places_(places_of(switches)), regime_(places_, roads.data()),
         turns_(unit_turns<Real>(d_.charts)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
         way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
         forces_(Table::stages + 1, push_), middle_(2, delta_), middle_forces_(2, push_) {}
@@ -187,8 +188,7 @@ class Stages : public Workspace<S> {
     return regime_.found();
   }
 
-  stepping::Regime<Real>& regime() { return regime_; }
-  const std::vector<Switch>& switches() const { return switches_; }
+  stepping::Regime<S>& regime() { return regime_; }
 
   /// Close the loops of a state, positions first, then speeds.  Returns what is left.
   Residuals project(State<Real>& state) {
@@ -389,8 +389,8 @@ class Stages : public Workspace<S> {
 
   RecursiveNewton<S> single_;
   Closing<Real> closing_;
-  const std::vector<Switch>& switches_;
-  stepping::Regime<Real> regime_;
+  std::vector<SwitchPlace> places_;
+  stepping::Regime<S> regime_;
   std::vector<Real> turns_;
   State<Real> row_, start_, at_, probe_;  ///< of a row, at the step's start, of a stage, and beside it
   std::vector<Real> pose_, moved_;    ///< that of the factors

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstddef>
 
-#include "cutjoint/coefficients.hpp"
+#include "cutjoint/core/coefficients.hpp"
 
 namespace cutjoint::sdirk {
 

@@ -11,7 +11,7 @@
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/state.hpp"
-#include "cutjoint/stepping/regime.hpp"
+#include "cutjoint/core/stepping/regime.hpp"
 
 namespace cutjoint::stepping {
 
@@ -32,12 +32,13 @@ template <class Rule>
 class EqualSteps {
  public:
   using Real = typename Rule::Real;
+  using Subject = typename Rule::Subject;
 
   static constexpr int order = 2;
   static constexpr bool estimates = false;
 
   EqualSteps(Rule& rule, const std::vector<Road<Real>>& roads, Real dt)
-      : rule_(rule), regime_(rule.description().switches, roads), dt_(dt), start_(rule.blank()), at_(start_), way_(start_.v), moved_(start_.v) {}
+      : rule_(rule), places_(places_of(rule.description().switches)), regime_(places_, roads.data()), dt_(dt), start_(rule.blank()), at_(start_), way_(start_.v), moved_(start_.v) {}
 
   std::size_t size() const { return start_.q.size() + start_.v.size(); }
   std::span<const Chart> charts() const { return rule_.description().charts; }
@@ -125,8 +126,7 @@ class EqualSteps {
     return start_.t;
   }
 
-  Regime<Real>& regime() { return regime_; }
-  const std::vector<Switch>& switches() const { return rule_.description().switches; }
+  Regime<Subject>& regime() { return regime_; }
 
   /// Close the loops of a state that lies between steps.
   void project(State<Real>& state) { rule_.project(state); }
@@ -171,7 +171,8 @@ class EqualSteps {
   }
 
   Rule& rule_;
-  Regime<Real> regime_;
+  std::vector<SwitchPlace> places_;
+  Regime<Subject> regime_;
   Real dt_;
   State<Real> start_, at_;  ///< at the step's start, and its attempted end
   std::vector<Real> way_, moved_;

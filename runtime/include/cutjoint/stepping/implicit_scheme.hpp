@@ -9,7 +9,7 @@
 
 #include "cutjoint/state.hpp"
 #include "cutjoint/stepping/interpolant.hpp"
-#include "cutjoint/stepping/stepper.hpp"
+#include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint::stepping {
 
@@ -19,6 +19,8 @@ template <class Stages>
 class ImplicitScheme {
  public:
   using Real = typename Stages::Real;
+  using Subject = typename Stages::Subject;
+  using Vector = std::vector<Real>;
   using Attempt = stepping::Attempt<Real>;
 
   static constexpr int order = Stages::order;
@@ -32,7 +34,6 @@ class ImplicitScheme {
   bool adaptive() const { return adaptive_; }
   Real time() const { return present().t; }
   auto& regime() { return stages_.regime(); }
-  const std::vector<Switch>& switches() const { return stages_.switches(); }
 
   /// Short enough for the accelerations to change no speed by more than the root of what is allowed.
   Real begin(Real, const std::vector<Real>&, Real left) const {
@@ -58,11 +59,13 @@ class ImplicitScheme {
 
   void advance(Real) { regime().advance(); }
 
-  void accept(Real h) {
+  /// Throws Failure, as what follows does, where loops do not close.
+  Fault accept(Real h) {
     stages_.accept(h, before_);
     interpolant_.join(h, before_, present(), stages_.moved());
     h_last_ = h;
     trial_ = present();
+    return {};
   }
 
   Real follow(Real s) {
@@ -78,9 +81,10 @@ class ImplicitScheme {
   bool seek() { return stages_.seek(trial_); }
   std::size_t found() { return stages_.found(trial_); }
 
-  void finish() {
+  Fault finish() {
     stages_.project(trial_);
     stages_.go_to(trial_);
+    return {};
   }
 
   void restart() { stages_.restart(); }
@@ -102,11 +106,12 @@ class ImplicitScheme {
     stages_.accelerate(state);
   }
 
-  void read(Real t, bool lies_between, std::vector<Real>& y) {
+  Fault read(Real t, bool lies_between, std::vector<Real>& y) {
     trial_ = present();
     if (lies_between) follow_to(t);
     if constexpr (Stages::estimates) residuals_ = stages_.project(trial_);
     std::copy(trial_.v.begin(), trial_.v.end(), std::copy(trial_.q.begin(), trial_.q.end(), y.begin()));
+    return {};
   }
 
   /// A step that would be only a little longer keeps its length, since that keeps its factors.
@@ -114,7 +119,7 @@ class ImplicitScheme {
 
   const Residuals& residuals() const { return residuals_; }  ///< of the last row
 
-  [[noreturn]] void give_up(const Attempt& attempt, const Counts&, long number) const {
+  [[noreturn]] Fault give_up(const Attempt& attempt, long, long number) const {
     if constexpr (Stages::estimates) {
       const char* what = attempt.found ? "no step is small enough for the tolerance"
                          : adaptive_   ? "Newton's iteration converges with no step, however small"

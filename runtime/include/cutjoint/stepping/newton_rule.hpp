@@ -22,6 +22,7 @@ template <class S>
 class NewtonRule {
  public:
   using Real = typename S::real_type;
+  using Subject = S;
 
   static constexpr double least = 1e-4;
 

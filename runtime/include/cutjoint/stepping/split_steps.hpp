@@ -10,7 +10,8 @@
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/stepping/equal_steps.hpp"
 #include "cutjoint/stepping/implicit_scheme.hpp"
-#include "cutjoint/stepping/stepper.hpp"
+#include "cutjoint/core/stepping/stepper.hpp"
+#include "cutjoint/stepping/summarise.hpp"
 
 namespace cutjoint::stepping {
 
@@ -76,7 +77,7 @@ class SplitSteps : private Parts<Subject, Rule>, public RowByRow<EqualSteps<Rule
   void summarise(Json& summary) const {
     Base::summarise(summary);
     this->rule.summarise(summary);
-    if (this->stepper()) this->stepper()->summarise(summary);
+    if (this->stepper()) stepping::summarise(this->stepper()->counts(), this->rule.description().switches, summary);
   }
 
  private:

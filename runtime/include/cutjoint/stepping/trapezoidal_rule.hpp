@@ -10,7 +10,7 @@
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/core/projection.hpp"
-#include "cutjoint/relative.hpp"
+#include "cutjoint/core/relative.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
@@ -23,6 +23,7 @@ template <Mechanism M>
 class TrapezoidalRule {
  public:
   using Real = typename M::real_type;
+  using Subject = M;
 
   static constexpr double least = 0;
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstddef>
 
-#include "cutjoint/coefficients.hpp"
+#include "cutjoint/core/coefficients.hpp"
 
 namespace cutjoint::runge_kutta {
 
@@ -54,5 +54,11 @@ struct DormandPrinceTable {
                               {-1453857185, 822651844},
                               {69997945, 29380423}}};
 };
+
+/// The tolerance of the multipliers in each evaluation, where steps keep to one.
+template <class Table, class Real>
+Real tolerance_of_multipliers(Real tolerance) {
+  return Table::adaptive ? tolerance / 100 : Real(1e-12);
+}
 
 }  // namespace cutjoint::runge_kutta

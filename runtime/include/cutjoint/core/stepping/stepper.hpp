@@ -4,22 +4,22 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <functional>
 #include <limits>
-#include <string>
 #include <utility>
-#include <vector>
 
-#include "cutjoint/json.hpp"
-#include "cutjoint/state.hpp"
-#include "cutjoint/stepping/step_control.hpp"
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/stepping/step_control.hpp"
 
 namespace cutjoint::stepping {
 
 /// What steps took.
+template <class M>
 struct Counts {
   long steps = 0, rejected = 0, events = 0;
-  std::vector<long> by_switch{};  ///< events
+  Array<M, static_sizes<M>().switches, long> by_switch;  ///< events
+
+  explicit Counts(std::size_t switches) : by_switch(switches) {}
 };
 
 /// What came of an attempt of a step.
@@ -27,6 +27,16 @@ template <class Real>
 struct Attempt {
   Real size{0};       ///< of the error, 1 being what is allowed: 0 where it is not estimated, infinite where it is no number
   bool found = true;  ///< whether all stages were found
+};
+
+/// Where a stepper stands: `limit`, beyond which no step goes, the length of the next step, events and the switches behind them, the row's number.
+template <class Real>
+struct Progress {
+  Real limit{0}, h{0}, last_event{-1};
+  std::size_t latest = 0;    ///< the switch by which a regime was left last
+  std::size_t switched = 0;  ///< that of the last event
+  long number = 0, events_in_a_row = 0;
+  bool begun = false;
 };
 
 /// Advances a scheme by steps as long as the error allows, or without an estimate by one step a row.
@@ -43,7 +53,7 @@ struct Attempt {
 /// - `advance` makes the regime go on at the end of the attempt, `accept` makes that end the present state,
 /// - `follow` puts the trial state at a share of the last step's length, which may be above 1, and returns its time,
 /// - `seek` seeks the switches that the trial state has out of the regime, `found` is the first of these (see Regime),
-/// - `finish` closes the loops of the trial state, which becomes the present one,
+/// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state,
 /// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
 /// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
@@ -52,96 +62,132 @@ template <class Scheme>
 class Stepper {
  public:
   using Real = typename Scheme::Real;
+  using Vector = typename Scheme::Vector;
 
   /// `end` is where the integration ends: no step goes beyond.  `how` is what else the scheme is made with.
   template <class Dynamics, class... How>
   Stepper(Dynamics& dynamics, const Tolerances<Real>& tolerances, Real end, How&&... how)
-      : scheme_(dynamics, tolerances, std::forward<How>(how)...), until_(end) {
-    counts_.by_switch.resize(scheme_.switches().size());
+      : scheme_(dynamics, tolerances, std::forward<How>(how)...), end_(end), counts_(scheme_.regime().size()) {
+    now_.limit = end;
   }
 
   /// Go on from y at t to `until`; `number` is the row's.  Steps of adaptive methods do not end at rows: y is then what lies between.
-  /// Throws Failure where no step is small enough.
-  void advance(Real t, Real until, std::vector<Real>& y, long number) {
-    number_ = number;
-    if (!begun_) {
-      const Real first = scheme_.begin(t, y, until_ - t);
-      if (scheme_.adaptive()) h_ = first;
-      begun_ = true;
-    }
-    if (!scheme_.adaptive()) h_ = until - time();
-    while (until - time() > least(until)) {
-      step(scheme_.adaptive() ? until_ : until);
-      if (stepped_) stepped_(scheme_);
-    }
-    scheme_.read(until, time() - until > least(until), y);
+  /// There is a fault where no step is small enough.
+  Fault advance(Real t, Real until, Vector& y, long number) {
+    if (const Fault fault = step_to(t, until, y, number, false)) return fault;
+    return scheme_.read(until, time() - until > least(until), y);
   }
 
-  /// What is called after each step.
-  using Watch = std::function<void(Scheme&)>;
+  /// Go on from y at t, to `until` or to the end of a step at which an event lies; `time` says where.
+  Fault advance_to_event(Real t, Real until, Vector& y, long number) {
+    if (const Fault fault = step_to(t, until, y, number, true)) return fault;
+    return scheme_.read(time(), false, y);
+  }
 
-  void watch(Watch stepped) { stepped_ = std::move(stepped); }
+  /// Go on from another y at t, with steps as long as before.
+  void go_to(Real t, const Vector& y) {
+    scheme_.go_to(t, y);
+    control_.restart();
+  }
+
+  /// No step goes beyond from now on.
+  void limit(Real limit) { now_.limit = limit; }
+
+  /// Steps that one call may try; without a bound as many as it takes.
+  void bound(long most) { most_ = most; }
+
+  Real time() const { return scheme_.time(); }
+
+  /// What is called after each step.
+  struct Watch {
+    void (*call)(void* who, Scheme& scheme) = nullptr;
+    void* who = nullptr;
+  };
+
+  void watch(const Watch& watch) { watch_ = watch; }
 
   long steps() const { return counts_.steps; }
-  const Counts& counts() const { return counts_; }
+  const Counts<typename Scheme::Subject>& counts() const { return counts_; }
   const Scheme& scheme() const { return scheme_; }
 
-  /// Put the counts into a run's summary.
-  void summarise(Json& summary) const {
-    summary["steps"] = counts_.steps;
-    summary["rejected"] = counts_.rejected;
-    summary["events"] = counts_.events;
-    Json by_element = Json::object();
-    for (std::size_t i = 0; i < counts_.by_switch.size(); ++i)
-      if (const long n = counts_.by_switch[i]; n > 0) {
-        Json& known = by_element[std::string(scheme_.switches()[i].element)];
-        known = known.is_null() ? n : known.template get<long>() + n;
-      }
-    summary["events_by_element"] = by_element;
+  /// The switch of the last event; as many as there are switches for one that none of them explains.
+  std::size_t last_event() const { return now_.switched; }
+
+  /// What the next steps follow from, besides what they took.
+  struct Memory {
+    typename Scheme::Memory scheme;
+    StepControl<Real, Scheme::order> control;
+    Progress<Real> now;
+  };
+
+  Memory memory() const { return {.scheme = scheme_.memory(), .control = control_, .now = now_}; }
+
+  void restore(const Memory& memory) {
+    scheme_.restore(memory.scheme);
+    control_ = memory.control;
+    now_ = memory.now;
   }
 
  private:
-  Real time() const { return scheme_.time(); }
+  Fault step_to(Real t, Real until, const Vector& y, long number, bool to_event) {
+    now_.number = number;
+    if (!now_.begun) {
+      const Real first = scheme_.begin(t, y, now_.limit - t);
+      if (scheme_.adaptive()) now_.h = first;
+      now_.begun = true;
+    }
+    if (!scheme_.adaptive()) now_.h = until - time();
+    const long events = counts_.events, tried = counts_.steps + counts_.rejected;
+    while (until - time() > least(until) && !(to_event && counts_.events > events)) {
+      if (counts_.steps + counts_.rejected - tried >= most_)
+        return {.cause = Cause::too_many_steps, .t = static_cast<double>(time()), .step = number, .iterations = static_cast<int>(most_)};
+      if (const Fault fault = step(scheme_.adaptive() ? now_.limit : until)) return fault;
+      if (watch_.call) watch_.call(watch_.who, scheme_);
+    }
+    return {};
+  }
 
   /// One step, or the part of it before an event.
-  void step(Real limit) {
+  Fault step(Real limit) {
     const Real left = limit - time();
-    Real h = scheme_.adaptive() ? std::min(h_, left) : left;
+    Real h = scheme_.adaptive() ? std::min(now_.h, left) : left;
     if (left - h < h / 1000) h = left;
     Real way(-1);  // to where the regime is left, if it is
     for (;; ++counts_.rejected) {
       const bool whole = h <= shortest();
-      const Attempt<Real> attempt = scheme_.attempt(h, whole, number_);
+      const Attempt<Real> attempt = scheme_.attempt(h, whole, now_.number);
       if (scheme_.regime().crossed()) {
         if (whole && attempt.found) return pass(h);
         if (!whole) {
           const Real last = way;
           way = scheme_.regime().crossing() - time();
-          latest_ = scheme_.regime().first();
+          now_.latest = scheme_.regime().first();
           const bool sure = attempt.found && way > last * Real(0.9) && way < last * Real(1.1);
           h = std::max(std::clamp(Real(0.9) * way, sure ? Real(0) : h / 10, Real(0.9) * h), shortest());
           continue;
         }
       }
       if (attempt.found && attempt.size <= Real(1)) {
-        accept(h, attempt.size);
-        if (way >= Real(0) && whole) count_event();
-        if (way >= Real(0)) locate(limit);
-        return;
+        if (const Fault fault = accept(h, attempt.size)) return fault;
+        if (!(way >= Real(0))) return {};
+        if (whole)
+          if (const Fault fault = count_event()) return fault;
+        return locate(limit);
       }
-      if (!scheme_.adaptive() || !(h > least(time()))) scheme_.give_up(attempt, counts_, number_);
-      h_ = h = attempt.found ? control_.instead_of(h, attempt.size) : h / 4;
+      if (!scheme_.adaptive() || !(h > least(time()))) return scheme_.give_up(attempt, counts_.steps, now_.number);
+      now_.h = h = attempt.found ? control_.instead_of(h, attempt.size) : h / 4;
     }
   }
 
-  void accept(Real h, Real size) {
+  Fault accept(Real h, Real size) {
     if (scheme_.adaptive()) {
       const Real next = control_.after(h, size);
-      if (next > h_ || h >= h_) h_ = scheme_.length(h, next);
+      if (next > now_.h || h >= now_.h) now_.h = scheme_.length(h, next);
     }
     scheme_.advance(h);
-    scheme_.accept(h);
+    if (const Fault fault = scheme_.accept(h)) return fault;
     ++counts_.steps;
+    return {};
   }
 
   /// How far the state at a share of the last step has left the regime by a switch that is sought; at most zero where it has not.
@@ -186,81 +232,78 @@ class Stepper {
   }
 
   /// Go on from the end of the last step to where the regime ends, if that is near, or to the limit, if that is nearer.
-  void locate(Real limit) {
+  Fault locate(Real limit) {
     const Real low(1);
     Real high(1.3);
     scheme_.follow(high);
-    if (!scheme_.seek()) return;
+    if (!scheme_.seek()) return {};
     const Real at_high = beyond(high), at_low = beyond(low);
     if (at_high > Real(0)) high = at_low > Real(0) ? low : find_end(low, high, at_low, at_high);
     if (scheme_.follow(high) > limit + shortest()) {
       scheme_.follow_to(limit);
-      scheme_.finish();
-      return scheme_.restart();
+      const Fault fault = scheme_.finish();
+      scheme_.restart();
+      return fault;
     }
     for (Real more = sharp() / 16; more < Real(1e-3); more *= 8) {  // settling must not take the state back
       scheme_.follow(high);
-      scheme_.finish();
+      if (const Fault fault = scheme_.finish()) return fault;
       const std::size_t which = scheme_.found();
       if (which < counts_.by_switch.size()) return change(which);
       high += more;
     }
     scheme_.restart();
+    return {};
   }
 
   /// A step that rounding would swallow leaves the regime.
-  void pass(Real h) {
+  Fault pass(Real h) {
     scheme_.regime().advance();
-    scheme_.accept(h);
-    scheme_.seek() ? change(scheme_.found()) : count_event();
+    if (const Fault fault = scheme_.accept(h)) return fault;
+    return scheme_.seek() ? change(scheme_.found()) : count_event();
   }
 
   /// The regime of the state begins.
-  void change(std::size_t which) {
+  Fault change(std::size_t which) {
     scheme_.adopt();
     control_.restart();
     ++counts_.events;
+    now_.switched = which;
     if (which < counts_.by_switch.size()) {
       ++counts_.by_switch[which];
-      latest_ = which;
+      now_.latest = which;
     }
-    count_event();
+    return count_event();
   }
 
   /// Count an event, or a shortest step before one, if the last one was less than a thousandth of a step ago.  The run fails when the count
   /// is so large that some switch must have changed again and again.
-  void count_event() {
-    const Real since = time() - last_event_;
-    events_in_a_row_ = since <= Real(1e-3) * h_ ? events_in_a_row_ + 1 : 0;
-    last_event_ = time();
-    if (events_in_a_row_ >= 50 + 2 * static_cast<long>(counts_.by_switch.size())) give_up_switching(since);
+  Fault count_event() {
+    const Real since = time() - now_.last_event;
+    now_.events_in_a_row = since <= Real(1e-3) * now_.h ? now_.events_in_a_row + 1 : 0;
+    now_.last_event = time();
+    if (now_.events_in_a_row >= 50 + 2 * static_cast<long>(counts_.by_switch.size()))
+      return {.cause = Cause::switches_without_end, .list = FaultList::switches, .index = static_cast<int>(now_.latest),
+              .t = static_cast<double>(time()), .step = now_.number, .value = static_cast<double>(since)};
+    return {};
   }
 
   /// The shortest step that differs from none.
   Real least(Real t) const {
     using std::abs;
-    return 16 * std::numeric_limits<Real>::epsilon() * std::max(abs(t), until_ - t);
+    return 16 * std::numeric_limits<Real>::epsilon() * std::max(abs(t), end_ - t);
   }
 
   /// The shortest step before an event.
   Real shortest() const { return 256 * least(time()); }
 
-  [[noreturn]] void give_up_switching(Real since) const {
-    const Switch& which = scheme_.switches()[latest_];
-    throw Failure("'" + std::string(which.element) + "' (" + std::string(which.place) + ") switches to and fro without end",
-                  static_cast<double>(time()), number_, std::string(which.element), static_cast<double>(since),
-                  "make its law continuous there, or let steps go over it with events: crossed");
-  }
-
   Scheme scheme_;
   StepControl<Real, Scheme::order> control_;
-  Real until_, h_{0}, last_event_{-1};
-  std::size_t latest_ = 0;
-  long number_ = 0;
-  long events_in_a_row_ = 0;
-  bool begun_ = false;
-  Watch stepped_;
-  Counts counts_;
+  Real end_;
+  long most_ = std::numeric_limits<long>::max();
+  Progress<Real> now_;
+  Watch watch_;
+  Counts<typename Scheme::Subject> counts_;
 };
 
 }  // namespace cutjoint::stepping

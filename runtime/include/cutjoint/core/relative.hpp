@@ -3,13 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
-#include <string>
-#include <vector>
+#include <utility>
 
+#include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/largest.hpp"
-#include "cutjoint/mechanism.hpp"
-#include "cutjoint/state.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
 
@@ -19,33 +20,35 @@ template <Mechanism M>
 class Relative {
  public:
   using Real = typename M::real_type;
+  using Subject = M;
+  using Vector = Array<M, static_sizes<M>().coordinates + static_sizes<M>().speeds>;  ///< y and its slope
 
   Relative(M& mechanism, Real tolerance)
-      : mechanism_(mechanism), d_(mechanism.description()), n_(d_.coordinates.size()), state_(d_),
-        tolerance_(std::max(tolerance, 16 * std::numeric_limits<Real>::epsilon())), before_(d_.speeds.size()), correction_(d_.equations.size()) {}
+      : mechanism_(mechanism), state_(blank(mechanism)), complete_(state_), tolerance_(std::max(tolerance, 16 * std::numeric_limits<Real>::epsilon())),
+        before_(state_.v.size()), correction_(state_.lambda.size()) {}
 
-  std::size_t size() const { return n_ + d_.speeds.size(); }
-  std::string name(std::size_t i) const { return std::string(i < n_ ? d_.coordinates[i] : d_.speeds[i - n_]); }
+  const M& subject() const { return mechanism_; }
+  std::size_t size() const { return state_.q.size() + state_.v.size(); }
 
   /// Take over coordinates, speeds, and multipliers to begin with.
-  std::vector<Real> begin(const State<Real>& start) {
+  Vector begin(const StateOf<M>& start) {
     state_ = start;
-    std::vector<Real> y(start.q);
-    y.insert(y.end(), start.v.begin(), start.v.end());
+    Vector y(size());
+    put(state_, y);
     return y;
   }
 
-  void derive(Real t, const std::vector<Real>& y, std::vector<Real>& slope) {
+  void derive(Real t, const Vector& y, Vector& slope) {
     take(t, y);
     accelerate();
-    for (const Chart& chart : d_.charts) follow(chart, slope);
-    std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + static_cast<std::ptrdiff_t>(n_));
+    for (const Chart& chart : charts_of(mechanism_)) follow(chart, slope);
+    std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + middle());
   }
 
   /// Quaternions get their length back.
-  void project(Real, std::vector<Real>& y) const {
+  void project(Real, Vector& y) const {
     using std::sqrt;
-    for (const Chart& chart : d_.charts) {
+    for (const Chart& chart : charts_of(mechanism_)) {
       if (!chart.ball) continue;
       Real* e = y.data() + chart.q + chart.scalars;
       const Real length = sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]);
@@ -53,40 +56,55 @@ class Relative {
     }
   }
 
-  /// Multipliers for the next evaluation to begin with.
-  void guess(const std::vector<Real>& lambda) { state_.lambda = lambda; }
+  /// Multipliers of the last evaluation, and others for the next one to begin with.
+  const Equations<M>& multipliers() const { return state_.lambda; }
+  void guess(const Equations<M>& lambda) { state_.lambda = lambda; }
 
   /// The state with its accelerations and multipliers.
-  const State<Real>& solve(Real t, const std::vector<Real>& y) {
+  const StateOf<M>& solve(Real t, const Vector& y) {
     take(t, y);
     accelerate();
     return state_;
   }
 
-  /// The same; what that takes is no part of a step.
-  const State<Real>& complete(Real t, const std::vector<Real>& y) {
-    const long counted = evaluations_;
+  /// The same for who looks on: it leaves no trace in what comes next, and counts nowhere.
+  const StateOf<M>& complete(Real t, const Vector& y) {
+    const Experience experience = experience_;
+    complete_ = state_;
     solve(t, y);
-    evaluations_ = counted;
-    return state_;
+    std::swap(complete_, state_);
+    experience_ = experience;
+    return complete_;
   }
 
-  long evaluations() const { return evaluations_; }
+  long evaluations() const { return experience_.evaluations; }
+
+  /// What an evaluation leaves for the next one, besides multipliers.
+  struct Experience {
+    Real effect{0};        ///< of a correction of 1 on the accelerations
+    int age = 1000;        ///< evaluations since it was seen
+    long evaluations = 0;
+  };
 
  protected:
-  void take(Real t, const std::vector<Real>& y) {
-    const auto middle = y.begin() + static_cast<std::ptrdiff_t>(n_);
+  /// Coordinates and speeds of a state, one behind the other.
+  static void put(const StateOf<M>& state, Vector& y) {
+    std::copy(state.v.begin(), state.v.end(), std::copy(state.q.begin(), state.q.end(), y.begin()));
+  }
+
+  void take(Real t, const Vector& y) {
     state_.t = t;
-    std::copy(y.begin(), middle, state_.q.begin());
-    std::copy(middle, y.end(), state_.v.begin());
+    std::copy(y.begin(), y.begin() + middle(), state_.q.begin());
+    std::copy(y.begin() + middle(), y.end(), state_.v.begin());
   }
 
   M& mechanism_;
-  const Description& d_;
-  std::size_t n_;
-  State<Real> state_;
+  StateOf<M> state_;
+  Experience experience_;
 
  private:
+  std::ptrdiff_t middle() const { return static_cast<std::ptrdiff_t>(state_.q.size()); }
+
   /// A pass adds its correction to the multipliers; how far that moves the accelerations is known from a pass not long ago.
   void accelerate() {
     constexpr int most = 40, fresh = 8;
@@ -95,20 +113,20 @@ class Relative {
     for (int pass = 0; pass < most; ++pass) {
       before_ = state_.vdot;
       mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), state_.vdot.data(), correction_.data());
-      ++evaluations_;
-      if (d_.equations.empty()) return;
+      ++experience_.evaluations;
+      if (correction_.empty()) return;
       const Real size = Real(1) + largest(state_.vdot), change = pass > 0 ? largest_change() : Real(0);
       if (pass == 1 && owed > Real(0)) {
-        effect_ = change / owed;
-        age_ = 0;
+        experience_.effect = change / owed;
+        experience_.age = 0;
       }
       owed = largest(correction_);
       for (std::size_t i = 0; i < correction_.size(); ++i) state_.lambda[i] += correction_[i];
-      if (age_ < fresh && Real(10) * effect_ * owed <= tolerance_ * size) break;
+      if (experience_.age < fresh && Real(10) * experience_.effect * owed <= tolerance_ * size) break;
       if (pass > 1 && !(change < last)) break;  // what is left is rounding
       if (pass > 0) last = change;
     }
-    ++age_;
+    ++experience_.age;
   }
 
   Real largest_change() const {
@@ -120,7 +138,7 @@ class Relative {
   }
 
   /// Rates of the coordinates: of a quaternion e, (0, omega)/2 e with the angular velocity on the left.
-  void follow(const Chart& chart, std::vector<Real>& slope) const {
+  void follow(const Chart& chart, Vector& slope) const {
     for (int i = 0; i < chart.scalars; ++i)
       slope[static_cast<std::size_t>(chart.q + i)] = state_.v[static_cast<std::size_t>(chart.v + i)];
     if (!chart.ball) return;
@@ -133,11 +151,10 @@ class Relative {
     rate[3] = (w[2] * e[0] + w[0] * e[2] - w[1] * e[1]) / Real(2);
   }
 
+  StateOf<M> complete_;
   Real tolerance_;
-  std::vector<Real> before_, correction_;
-  Real effect_{0};  ///< of a correction of 1 on the accelerations
-  int age_ = 1000;  ///< evaluations since it was seen
-  long evaluations_ = 0;
+  Speeds<M> before_;
+  Equations<M> correction_;
 };
 
 }  // namespace cutjoint

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cstddef>
-#include <vector>
 
 namespace cutjoint {
 
@@ -20,8 +19,8 @@ template <std::size_t stages>
 using Coefficients = std::array<Fraction, stages>;
 
 /// sum += h times the weighted slopes.
-template <class Real, std::size_t stages>
-void add_slopes(Real h, const Coefficients<stages>& weights, const std::vector<std::vector<Real>>& slopes, std::vector<Real>& sum) {
+template <class Real, std::size_t stages, class Slopes, class Numbers>
+void add_slopes(Real h, const Coefficients<stages>& weights, const Slopes& slopes, Numbers& sum) {
   for (std::size_t j = 0; j < stages; ++j) {
     if (weights[j].above == 0) continue;
     const Real weight = h * weights[j].template as<Real>();

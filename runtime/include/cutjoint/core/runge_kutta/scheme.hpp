@@ -5,11 +5,11 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <vector>
 
-#include "cutjoint/runge_kutta/formula.hpp"
-#include "cutjoint/state.hpp"
-#include "cutjoint/stepping/stepper.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/runge_kutta/formula.hpp"
+#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint::runge_kutta {
 
@@ -18,6 +18,8 @@ template <class Dynamics, class Table>
 class Scheme {
  public:
   using Real = typename Dynamics::Real;
+  using Subject = typename Dynamics::Subject;
+  using Vector = typename Dynamics::Vector;
   using Attempt = stepping::Attempt<Real>;
 
   static constexpr int order = Table::order;
@@ -28,12 +30,18 @@ class Scheme {
   static constexpr bool adaptive() { return Table::adaptive; }
   Real time() const { return t_; }
   auto& regime() { return dynamics_.regime(); }
-  const std::vector<Switch>& switches() const { return dynamics_.switches(); }
 
-  Real begin(Real t, const std::vector<Real>& y, Real left) {
+  Real begin(Real t, const Vector& y, Real left) {
     t_ = t;
     y_ = y;
     return adaptive() ? first_length(left) : left;
+  }
+
+  /// Take over another y at t.
+  void go_to(Real t, const Vector& y) {
+    t_ = t;
+    y_ = y;
+    restart();
   }
 
   Attempt attempt(Real h, bool, long) {
@@ -47,13 +55,13 @@ class Scheme {
     dynamics_.advance(t_ + h);
   }
 
-  void accept(Real h) {
+  Fault accept(Real h) {
     formula_.accept(h, y_, end_);
     before_ = t_;
     h_last_ = h;
     trial_ = end_;
     trial_time_ = t_ + h;
-    finish();
+    return finish();
   }
 
   Real follow(Real s) {
@@ -69,10 +77,11 @@ class Scheme {
   bool seek() { return dynamics_.seek(trial_time_, trial_); }
   std::size_t found() { return dynamics_.found(trial_time_, trial_); }
 
-  void finish() {
+  Fault finish() {
     t_ = trial_time_;
-    dynamics_.project(t_, trial_);
+    const Fault fault = dynamics_.project(t_, trial_);
     y_ = trial_;
+    return fault;
   }
 
   void restart() { formula_.restart(); }
@@ -82,18 +91,18 @@ class Scheme {
     restart();
   }
 
-  void read_end(State<Real>& state) { dynamics_.inspect(t_, y_, state); }
+  void read_end(StateOf<Subject>& state) { dynamics_.inspect(t_, y_, state); }
 
-  void read_between(Real t, State<Real>& state) {
+  void read_between(Real t, StateOf<Subject>& state) {
     follow_to(t);
     dynamics_.inspect(t, trial_, state);
   }
 
-  void read(Real t, bool lies_between, std::vector<Real>& y) {
+  Fault read(Real t, bool lies_between, Vector& y) {
     y = y_;
-    if (!lies_between) return;
+    if (!lies_between) return {};
     formula_.interpolate((t - before_) / h_last_, y);
-    dynamics_.project(t, y);
+    return dynamics_.project(t, y);
   }
 
   Real length(Real, Real allowed) const { return allowed; }
@@ -101,13 +110,32 @@ class Scheme {
   /// Steps whose length stability limited, not accuracy.
   long stiff() const { return stiff_; }
 
-  [[noreturn]] void give_up(const Attempt& attempt, const stepping::Counts& counts, long number) const {
-    const bool stiff = stiff_ > counts.steps / 2;
-    const char* what = adaptive() ? "no step is small enough for the tolerance" : "the accelerations have no finite value";
-    const char* advice = !adaptive() ? "not tried: a smaller dt"
-                         : stiff     ? "stability limits the steps, as of a stiff model; not tried: method recursive-newton"
-                                     : "look for a force without bound, or for a singular pose; not tried: a larger tolerance";
-    throw Failure(what, static_cast<double>(t_), number, dynamics_.name(worst_), static_cast<double>(attempt.size), advice);
+  Fault give_up(const Attempt& attempt, long steps, long number) const {
+    const Cause cause = !adaptive() ? Cause::accelerations_not_finite : stiff_ > steps / 2 ? Cause::stiff : Cause::tolerance_not_met;
+    const std::size_t coordinates = sizes_of(dynamics_.subject()).coordinates;
+    const bool is_speed = worst_ >= coordinates;
+    return {.cause = cause, .list = is_speed ? FaultList::speeds : FaultList::coordinates,
+            .index = static_cast<int>(is_speed ? worst_ - coordinates : worst_), .t = static_cast<double>(t_), .step = number,
+            .value = static_cast<double>(attempt.size)};
+  }
+
+  /// What the next steps follow from, those of the regime included.
+  struct Memory {
+    typename Dynamics::Memory dynamics;
+    typename Formula<Dynamics, Table>::Memory formula;
+    Vector y;
+    Real t;
+    long stiff;
+  };
+
+  Memory memory() const { return {.dynamics = dynamics_.memory(), .formula = formula_.memory(), .y = y_, .t = t_, .stiff = stiff_}; }
+
+  void restore(const Memory& memory) {
+    dynamics_.restore(memory.dynamics);
+    formula_.restore(memory.formula);
+    y_ = memory.y;
+    t_ = memory.t;
+    stiff_ = memory.stiff;
   }
 
  private:
@@ -128,7 +156,7 @@ class Scheme {
   /// A first step (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4).
   Real first_length(Real left) {
     using std::abs, std::pow;
-    auto largest = [this](const std::vector<Real>& values) {
+    auto largest = [this](const Vector& values) {
       Real result(0);
       for (std::size_t i = 0; i < values.size(); ++i) result = std::max(result, abs(values[i]) / tolerances_.of(y_[i]));
       return result;
@@ -149,7 +177,7 @@ class Scheme {
   Formula<Dynamics, Table> formula_;
   stepping::Tolerances<Real> tolerances_;
   Real t_{0}, before_{0}, h_last_{1}, trial_time_{0};
-  std::vector<Real> y_, end_, error_, trial_;
+  Vector y_, end_, error_, trial_;
   std::size_t worst_ = 0;
   long stiff_ = 0;
 };

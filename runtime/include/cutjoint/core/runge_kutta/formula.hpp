@@ -2,11 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
-#include "cutjoint/coefficients.hpp"
+#include "cutjoint/core/coefficients.hpp"
 
 namespace cutjoint::runge_kutta {
 
@@ -21,17 +21,33 @@ template <class Dynamics, class Table>
 class Formula {
  public:
   using Real = typename Dynamics::Real;
+  using Vector = typename Dynamics::Vector;
 
   static constexpr int order = Table::order;
 
-  explicit Formula(Dynamics& dynamics)
-      : dynamics_(dynamics), at_(dynamics.size()), before_(at_), slopes_(Table::stages, at_), parts_(5, at_) {}
+  explicit Formula(Dynamics& dynamics) : dynamics_(dynamics), at_(dynamics.size()), before_(at_) {
+    slopes_.fill(at_);
+    parts_.fill(at_);
+  }
 
   /// The state has been changed otherwise than by a step: no slope is known.
   void restart() { begun_ = false; }
 
+  /// The slope where the next step begins, if it is known.
+  struct Memory {
+    Vector slope;
+    bool begun;
+  };
+
+  Memory memory() const { return {slopes_[0], begun_}; }
+
+  void restore(const Memory& memory) {
+    slopes_[0] = memory.slope;
+    begun_ = memory.begun;
+  }
+
   /// A step of h from y at t, into `end`; the estimate of its error, into `error`.
-  void attempt(Real t, Real h, const std::vector<Real>& y, std::vector<Real>& end, std::vector<Real>& error) {
+  void attempt(Real t, Real h, const Vector& y, Vector& end, Vector& error) {
     if (!begun_) dynamics_.derive(t, y, slopes_[0]);
     begun_ = true;
     for (std::size_t stage = 1; stage < Table::stages; ++stage) {
@@ -47,7 +63,7 @@ class Formula {
 
   /// h times the largest eigenvalue, from the last two stages, both at the end (Hairer, Wanner, Solving Ordinary Differential Equations
   /// II, section IV.2); 0 where the stages agree.
-  Real stiffness(Real h, const std::vector<Real>& end) const {
+  Real stiffness(Real h, const Vector& end) const {
     using std::sqrt;
     Real above(0), below(0);
     for (std::size_t i = 0; i < end.size(); ++i) {
@@ -59,7 +75,7 @@ class Formula {
   }
 
   /// The attempted step from y counts; its interpolant stays until the next one does.
-  void accept(Real h, const std::vector<Real>& y, const std::vector<Real>& end) {
+  void accept(Real h, const Vector& y, const Vector& end) {
     const auto &first = slopes_[0], &last = slopes_[Table::stages - 1];
     std::fill(parts_[4].begin(), parts_[4].end(), Real(0));
     add_slopes(h, Table::dense, slopes_, parts_[4]);
@@ -74,7 +90,7 @@ class Formula {
   }
 
   /// The accepted step at the share s of its length; s somewhat above 1 goes on from it.
-  void interpolate(Real s, std::vector<Real>& y) const {
+  void interpolate(Real s, Vector& y) const {
     const Real left = Real(1) - s;
     for (std::size_t i = 0; i < y.size(); ++i)
       y[i] = parts_[0][i] + s * (parts_[1][i] + left * (parts_[2][i] + s * (parts_[3][i] + left * parts_[4][i])));
@@ -82,8 +98,9 @@ class Formula {
 
  private:
   Dynamics& dynamics_;
-  std::vector<Real> at_, before_;
-  std::vector<std::vector<Real>> slopes_, parts_;
+  Vector at_, before_;
+  std::array<Vector, Table::stages> slopes_;
+  std::array<Vector, 5> parts_;
   bool begun_ = false;
 };
 

@@ -1,0 +1,52 @@
+"""What `cutjoint export --to fmu` does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cutjoint.commands import options
+from cutjoint.export.fmu.archive import make_fmu
+from cutjoint.model.records import Model
+from cutjoint.run.errors import RunError
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_whole
+from cutjoint.run.scenes import find_scene
+
+#: What an FMU may have, by the option that asks for it: sources, a binary.
+CONTENTS = {"sources": (True, False), "binary": (False, True), "both": (True, True)}
+
+
+def export_fmu(model: Model, scene: str | None, path: Path, *, version: int, content: str, integrator: str | None, out: Path) -> None:
+    """Write a model as an FMU; errors as of `make_fmu` and `Fmu.pack`.
+
+    Raises:
+        RunError: the file's name does not end as those of FMUs do.
+        OutputError: the file is the model, or cannot be written.
+    """
+    if out.suffix != ".fmu" or out.is_dir():
+        raise RunError(f"--out {out}: an FMU is one file whose name ends in .fmu")
+    require_apart({"the model": path}, documents=[("--out", out)])
+    sources, binary = CONTENTS[content]
+    with options.progress_bar(f"exporting {path.name}"):
+        fmu = make_fmu(model, find_scene(model, scene), version=version, integrator=integrator)
+        packed = fmu.pack(sources=sources, binary=binary)
+    write_whole(out, packed)
+    variables = fmu.interface.variables
+    inputs, outputs = ([v.name for v in variables if v.causality == kind] for kind in ("input", "output"))
+    options.out.print(
+        f"FMI {version} co-simulation, steps by {fmu.standalone.integrator}; {len(inputs)} inputs, {len(outputs)} outputs in {out}",
+        markup=False,
+    )
+
+
+def require_fmu(peer: str, **given: object) -> None:
+    """Check that options that only FMUs have are given with them alone.
+
+    Raises:
+        UsageError: one is given for another simulator.
+    """
+    wrong = [name for name, value in given.items() if value is not None]
+    if wrong:
+        raise click.UsageError(f"--{wrong[0]} is for --to fmu, not for --to {peer}")

@@ -1,0 +1,31 @@
+"""`cutjoint warm`."""
+
+from __future__ import annotations
+
+import click
+
+from cutjoint.commands import options
+from cutjoint.methods import DEFAULT_PRECISION, PRECISIONS
+from cutjoint.toolchain.build import FLAGS, warm
+from cutjoint.toolchain.drivers import DRIVERS, Kind
+
+
+@click.command("warm")
+@click.option("--driver", "drivers", multiple=True, type=click.Choice(DRIVERS), default=DRIVERS, help="Some of the drivers; all otherwise.")
+@click.option("--precision", type=click.Choice(list(PRECISIONS)), default=DEFAULT_PRECISION, show_default=True, help="Number type.")
+@click.option("--comparison", is_flag=True, help="With the solvers of SuiteSparse, some of them under the GPL.")
+@options.reports_errors
+def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
+    """Compile what does not depend on the model, once for all models: half a minute a driver.
+
+    The libraries go beside the installation, or into the cache where the installation cannot be written.  The compiler and its flags are
+    those of $CXX and $CUTJOINT_FLAGS.
+    """
+    if "batch" in drivers and precision != DEFAULT_PRECISION:
+        raise click.UsageError(f"batches have {DEFAULT_PRECISION} only; name the other drivers by --driver")
+    if comparison and not PRECISIONS[precision].libraries:
+        raise click.UsageError(f"the solvers of SuiteSparse do not have {precision}; leave --comparison away")
+    for driver in drivers:
+        with options.progress_bar(f"compiling the driver {driver}"):
+            fresh = warm(driver, kind=Kind(comparison=comparison, precision=precision))
+        options.out.print(f"driver {driver}: {'compiled' if fresh else 'was there'} ({' '.join(FLAGS)})", markup=False)

@@ -1,0 +1,78 @@
+"""What an output follows from at the start.  At a communication point it is that of the last step, and follows from nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.program.blocks import Block
+
+_PARAMETERS = "parameters"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leaves:
+    """The symbols that blocks follow from: numbers of inputs and of parameters, and the names of all others."""
+
+    inputs: frozenset[int] = field(default_factory=frozenset)
+    parameters: frozenset[int] = field(default_factory=frozenset)
+    symbols: frozenset[str] = field(default_factory=frozenset)
+
+    def __or__(self, other: Leaves) -> Leaves:
+        return Leaves(
+            inputs=self.inputs | other.inputs, parameters=self.parameters | other.parameters, symbols=self.symbols | other.symbols
+        )
+
+    def has(self, *prefixes: str) -> bool:
+        """Whether a symbol begins with one of these."""
+        return any(symbol.startswith(prefixes) for symbol in self.symbols)
+
+
+def find_leaves(blocks: Iterable[Block]) -> Leaves:
+    """The symbols that any of the blocks follows from."""
+    inputs, parameters, symbols = set(), set(), set()
+    waiting, seen = list(blocks), set()
+    while waiting:
+        block = waiting.pop()
+        if block in seen:
+            continue
+        seen.add(block)
+        of = block.args[0] if block.op == "take" else block
+        rows = range(*block.data[0]) if block.op == "take" else range(block.shape[0])  # type: ignore[index]
+        if of.op != "symbol":
+            waiting += block.args
+        elif of.data == INPUTS:
+            inputs |= {row // len(INPUT_ORDERS) for row in rows}
+        elif of.data == _PARAMETERS:
+            parameters |= set(rows)
+        else:
+            symbols.add(str(of.data))
+    return Leaves(inputs=frozenset(inputs), parameters=frozenset(parameters), symbols=frozenset(symbols))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartDependencies:
+    """What an output follows from at the start: numbers of inputs and parameters, and names of given coordinates and speeds;
+    ``by_settings`` where settings of the steps count too."""
+
+    leaves: Leaves
+    by_settings: bool
+
+
+def find_dependencies(equations: RecursiveEquations, given: Iterable[str]) -> tuple[StartDependencies, ...]:
+    """Those of each column; ``given`` are the names of the coordinates and speeds that the start gives."""
+    names = ("evaluate", "constraint_residual")
+    solving = find_leaves(block for name in names for block in equations.function(name).results.values())
+    solved, report = replace(solving, symbols=frozenset(given)), equations.function("report").results
+    return tuple(_of_column(equations, find_leaves([report[f"column:{c.name}"]]), solved) for c in equations.columns)
+
+
+def _of_column(equations: RecursiveEquations, own: Leaves, solved: Leaves) -> StartDependencies:
+    """A column follows from all that the start's equations do where it needs a result of them, else from what its own joints are given."""
+    closes = bool(equations.closures) or equations.scene.pose == "equilibrium"
+    is_solved = own.has("vdot:", "lambda:", *(("q:", "v:") if closes else ()))
+    free = frozenset(name for name in solved.symbols if own.has(*(f"{a}:{name.rpartition('.')[0]}" for a in "qv")))
+    direct = replace(own, symbols=free)
+    return StartDependencies(leaves=direct | solved if is_solved else direct, by_settings=is_solved)

@@ -1,0 +1,40 @@
+"""Functions of FMI 3 that every FMU exports and that a co-simulation FMU without events, clocks and derivatives refuses."""
+
+from __future__ import annotations
+
+_REFERENCES = "const fmi3ValueReference*, size_t"
+_KNOWN = f", {_REFERENCES}, {_REFERENCES}, const fmi3Float64*, size_t, fmi3Float64*, size_t"
+
+#: Names without the prefix, and what C++ arguments they have after the instance.
+MISSING: tuple[tuple[str, str], ...] = (
+    ("EnterEventMode", ""),
+    ("GetNumberOfVariableDependencies", ", fmi3ValueReference, size_t*"),
+    ("GetVariableDependencies", ", fmi3ValueReference, size_t*, fmi3ValueReference*, size_t*, int*, size_t"),
+    ("GetDirectionalDerivative", _KNOWN),
+    ("GetAdjointDerivative", _KNOWN),
+    ("EnterConfigurationMode", ""),
+    ("ExitConfigurationMode", ""),
+    ("GetIntervalDecimal", f", {_REFERENCES}, fmi3Float64*, int*"),
+    ("GetIntervalFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*, int*"),
+    ("GetShiftDecimal", f", {_REFERENCES}, fmi3Float64*"),
+    ("GetShiftFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*"),
+    ("SetIntervalDecimal", f", {_REFERENCES}, const fmi3Float64*"),
+    ("SetIntervalFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*"),
+    ("SetShiftDecimal", f", {_REFERENCES}, const fmi3Float64*"),
+    ("SetShiftFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*"),
+    ("EvaluateDiscreteStates", ""),
+    ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*"),
+    ("EnterContinuousTimeMode", ""),
+    ("CompletedIntegratorStep", ", fmi3Boolean, fmi3Boolean*, fmi3Boolean*"),
+    ("SetTime", ", fmi3Float64"),
+    ("SetContinuousStates", ", const fmi3Float64*, size_t"),
+    ("GetContinuousStateDerivatives", ", fmi3Float64*, size_t"),
+    ("GetEventIndicators", ", fmi3Float64*, size_t"),
+    ("GetContinuousStates", ", fmi3Float64*, size_t"),
+    ("GetNominalsOfContinuousStates", ", fmi3Float64*, size_t"),
+    ("GetNumberOfEventIndicators", ", size_t*"),
+    ("GetNumberOfContinuousStates", ", size_t*"),
+    ("EnterStepMode", ""),
+    ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t"),
+    ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64"),
+)

@@ -1,0 +1,158 @@
+"""The variables of an FMU: time, parameters, settings, the given start, inputs, outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from cutjoint.elements.joints import JOINTS
+from cutjoint.emit.standalone import STEPS
+from cutjoint.export.fmu.dependencies import StartDependencies, find_dependencies
+from cutjoint.formulate.inputs import TIME, input_functions
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.run.run_file import Evaluator
+
+#: What a joint's attitude, a quaternion, is counted in.
+_PLAIN = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """A real variable in the words of the standard; its value reference is its place among all.
+
+    ``start`` is its value before a run, None of what is calculated.  ``dependencies`` are the value references of what an output
+    follows from at the start.
+    """
+
+    name: str
+    causality: str
+    variability: str
+    description: str
+    unit: str
+    start: float | None
+    dependencies: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """A coordinate or speed that the start gives: ``kind`` says which, ``index`` is its place among all of them."""
+
+    name: str
+    kind: str
+    index: int
+    unit: str
+    value: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interface:
+    """Each kind of variable in the order of value references, after time, which has 0."""
+
+    parameters: tuple[Variable, ...]
+    settings: tuple[Variable, ...]
+    starts: tuple[Start, ...]
+    inputs: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """All of them; their places are their value references.  The model's names stay, others give way to them."""
+        time = Variable(name="time", causality="independent", variability="continuous", description="Time", unit="s", start=None)
+        taken = {v.name for v in (*self.parameters, *self.inputs, *self.outputs)}
+        own = [_beside(taken, v) for v in (time, *self.settings, *map(_of_start, self.starts))]
+        return (own[0], *self.parameters, *own[1:], *self.inputs, *self.outputs)
+
+
+def _beside(taken: set[str], variable: Variable) -> Variable:
+    """A variable with a name that is not taken."""
+    while variable.name in taken:
+        variable = replace(variable, name=f"{variable.name}_")
+    return variable
+
+
+def make_interface(equations: RecursiveEquations, run_file: Mapping[str, Any]) -> Interface:
+    """The variables of a mechanism's folder that begins as a run file says.
+
+    Raises:
+        RunError: an input has no finite value at the start.
+    """
+    parameters = tuple(
+        Variable(
+            name=p.name, causality="parameter", variability="tunable", description="Parameter of the model", unit=p.unit,
+            start=float(run_file["parameters"][p.name]),
+        )
+        for p in equations.parameters
+    )  # fmt: skip
+    settings, starts, inputs = tuple(_settings(run_file)), tuple(_starts(equations, run_file)), _inputs(equations)
+    counts = (len(parameters), len(settings), len(starts), len(inputs))
+    return Interface(
+        parameters=parameters, settings=settings, starts=starts, inputs=inputs, outputs=_outputs(equations, starts, counts)
+    )
+
+
+def _settings(run_file: Mapping[str, Any]) -> Iterator[Variable]:
+    numerics = run_file["numerics"]
+    settings = [("step", "Length of the integrator's steps", "s", numerics["dt"])]
+    if STEPS[run_file["integrator"]].adaptive:
+        settings = [("step", "Longest step", "s", numerics["dt"])]
+        settings.append(("relative_tolerance", "Error of a step as a share of a coordinate or speed", "", numerics["tolerance"]))
+        settings.append(("absolute_tolerance", "Error of a step in SI units", "", numerics["absolute_tolerance"] or numerics["tolerance"]))
+    for name, description, unit, value in settings:
+        yield Variable(
+            name=f"integrator.{name}", causality="parameter", variability="tunable", description=description, unit=unit, start=float(value)
+        )
+
+
+def _starts(equations: RecursiveEquations, run_file: Mapping[str, Any]) -> Iterator[Start]:
+    units = {
+        f"{joint.name}.{name}": unit for joint in equations.topology.model.joints for name, unit in JOINTS[joint.kind].units.items()
+    }
+    for kind, part, names in (
+        ("coordinate", "positions", equations.coordinate_names), ("speed", "rates", equations.speed_names),
+    ):  # fmt: skip
+        for name, value in run_file[part].items():
+            yield Start(name=name, kind=kind, index=names.index(name), unit=units.get(name, _PLAIN), value=float(value))
+
+
+def _of_start(start: Start) -> Variable:
+    return Variable(
+        name=f"start.{start.name}", causality="parameter", variability="fixed", description=f"The {start.kind} at the start",
+        unit=start.unit, start=start.value,
+    )  # fmt: skip
+
+
+def _inputs(equations: RecursiveEquations) -> tuple[Variable, ...]:
+    model, scene = equations.topology.model, equations.scene
+    laws, value = input_functions(model, scene), Evaluator(model, {})
+    return tuple(
+        Variable(
+            name=p.name, causality="input", variability="continuous", description="Input of the model", unit=p.unit,
+            start=value(laws[p.symbol].subs(TIME, 0), f"{scene.span}: scene '{scene.name}': input '{p.name}' at the start"),
+        )
+        for p in equations.inputs
+    )  # fmt: skip
+
+
+def _outputs(equations: RecursiveEquations, starts: Sequence[Start], counts: tuple[int, int, int, int]) -> tuple[Variable, ...]:
+    first_setting = 1 + counts[0]
+    first_start = first_setting + counts[1]
+    first_input = first_start + counts[2]
+
+    def initial(found: StartDependencies) -> tuple[int, ...]:
+        places = {
+            *(1 + i for i in found.leaves.parameters), *(first_input + i for i in found.leaves.inputs),
+            *(first_start + i for i, start in enumerate(starts) if start.name in found.leaves.symbols),
+            *(range(first_setting, first_start) if found.by_settings else ()),
+        }  # fmt: skip
+        return tuple(sorted(places))
+
+    return tuple(
+        Variable(
+            name=c.name, causality="output", variability="continuous", description=f"{o.quantity} of {o.element}", unit=c.unit, start=None,
+            dependencies=initial(found),
+        )
+        for c, o, found in zip(
+            equations.columns, equations.outputs, find_dependencies(equations, [s.name for s in starts]), strict=True
+        )
+    )  # fmt: skip

@@ -1,0 +1,27 @@
+"""Digests by which entries of the cache are found."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+
+from cutjoint.locations import runtime_folder
+
+#: Parts of the runtime that only one kind of simulator has: the generic twin, and batches.
+_PARTS = ("generic", "batch")
+
+
+def digest_of(parts: Sequence[str]) -> str:
+    """A digest of texts, as names of files have it."""
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
+@cache
+def runtime_digest(*, part: str = "") -> str:
+    """A digest of the runtime's headers and sources; of those that only one kind of simulator has, with its ``part``."""
+    folder = runtime_folder()
+    files = sorted(p for p in folder.rglob("*") if p.suffix in (".hpp", ".cpp", ".txt", ".cmake"))
+    left_out = {*_PARTS} - {part}
+    files = [p for p in files if left_out.isdisjoint(p.relative_to(folder).with_suffix("").parts)]
+    return digest_of([text for p in files for text in (str(p.relative_to(folder)), p.read_text(encoding="utf-8"))])

@@ -1,0 +1,140 @@
+"""The parts of simulators that do not depend on the model: libraries that are built once for all models.
+
+`make_drivers` builds them beside the installation, where every cache finds them.  What is not there goes into the cache with the first
+simulator that needs it.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from cutjoint.methods import DEFAULT_PRECISION
+from cutjoint.toolchain.cache import alone, cache_folder, fetch, installed_folder, is_sound, require_writable, store
+from cutjoint.toolchain.cmake import build_project, plain_runtime
+from cutjoint.toolchain.compiler import Compiler, resolve
+from cutjoint.toolchain.digests import digest_of, runtime_digest
+from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.toolchain.temporary import plain_folder
+
+#: The kinds of drivers, as `Source.driver` has them.
+DRIVERS = ("recursive", "lagrangian", "batch")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What of a simulator is chosen besides its source and flags."""
+
+    comparison: bool = False
+    precision: str = DEFAULT_PRECISION
+
+    @property
+    def definitions(self) -> tuple[str, ...]:
+        """Of CMake."""
+        return f"-DCUTJOINT_COMPARISON={'ON' if self.comparison else 'OFF'}", f"-DCUTJOINT_PRECISION={self.precision}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A library of the driver: its ``name`` in CMake, and the digest of all that it follows from."""
+
+    name: str
+    digest: str
+
+    @property
+    def file(self) -> str:
+        """The library's file."""
+        return f"lib{self.name}.a"
+
+    def place(self, folder: Path) -> Path:
+        """Where one of the folders of libraries has it."""
+        return folder / f"{self.name}-{self.digest}" / self.file
+
+    @property
+    def places(self) -> tuple[Path, Path]:
+        """Where it may be: beside the installation, and in the cache."""
+        return self.place(_installed_drivers()), self.place(cache_folder())
+
+    def fetch(self, folder: Path) -> Path | None:
+        """A copy in a folder; None where there is nothing to copy."""
+        return next((folder / self.file for place in self.places if fetch(place, folder / self.file)), None)
+
+    @property
+    def definition(self) -> str:
+        """The name of CMake's variable that says where it is."""
+        return f"CUTJOINT_{self.name.upper()}"
+
+
+def driver_parts(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind) -> tuple[Part, ...]:
+    """The parts of a driver, one of DRIVERS.
+
+    Starts and integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts
+    are, too.
+    """
+    start = [runtime_digest(), *compiler.key, *resolve(flags)]
+    rest = [*start, driver, runtime_digest(part=driver), *kind.definitions]
+    return Part(name="initial_state", digest=digest_of(start)), Part(name="driver", digest=digest_of(rest))
+
+
+@contextmanager
+def parts_for(parts: Sequence[Part], folder: Path, library: Path) -> Iterator[tuple[list[str], list[Part]]]:
+    """Definitions for CMake of the parts that there are, copied into a folder, and the parts that are to be built for a ``library``.
+
+    Of several processes that build parts, one builds each part and the others wait for it here.
+
+    Raises:
+        ToolchainError: parts are missing and the library cannot be written.
+    """
+    with ExitStack() as stack:
+        for part in parts:
+            if not any(map(is_sound, part.places)):
+                stack.enter_context(alone(part.place(library)))
+        copies = {part: part.fetch(folder) for part in parts}
+        yield [f"-D{part.definition}={copy}" for part, copy in copies.items() if copy], [part for part, copy in copies.items() if not copy]
+
+
+def store_parts(missing: Sequence[Part], out: Path, library: Path) -> None:
+    """Put parts that are in a folder, that of a build for example, into a library."""
+    for part in missing:
+        store(out / part.file, part.place(library))
+
+
+def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind) -> bool:
+    """Build the parts of a driver beside the installation, or in the cache where the installation cannot be written.
+
+    Parts for other versions of the runtime are removed from beside the installation.  Returns whether anything had to be built.
+
+    Raises:
+        ToolchainError: a tool is missing, the compiler refused the code, or neither place can be written.
+    """
+    library = _library()
+    parts = driver_parts(driver, compiler, flags, kind)
+    with plain_folder(library) as folder, parts_for(parts, folder, library) as (definitions, missing):
+        if missing:
+            runtime = plain_runtime(folder)
+            project = (f"-DCUTJOINT_DRIVER_KIND={driver}", *kind.definitions, *definitions)
+            build_project(runtime / "driver" / "alone", folder / "out", compiler, flags, *project)
+            store_parts(missing, folder / "out", library)
+        store_parts([part for part in parts if not is_sound(part.place(library))], folder, library)  # what only the cache had
+    return bool(missing)
+
+
+def _installed_drivers() -> Path:
+    """Where the drivers of this version of the runtime are, beside the installation."""
+    return installed_folder() / f"drivers-{runtime_digest(part='batch')}"
+
+
+def _library() -> Path:
+    """Where parts are put that are built for all caches: the cache where the installation cannot be written."""
+    installed = _installed_drivers()
+    try:
+        require_writable(installed)
+    except ToolchainError:
+        return cache_folder()
+    for folder in installed.parent.glob("drivers-*"):
+        if folder != installed:
+            shutil.rmtree(folder, ignore_errors=True)
+    return installed

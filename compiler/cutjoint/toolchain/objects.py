@@ -1,0 +1,95 @@
+"""Object files of generated code by content: what did not change is not compiled again.
+
+An object file follows from the code of its source and of the generated files that this includes, from the runtime's headers, the compiler,
+its flags and the number type.  Comments are no code: neither a line of the model file that has moved nor a count of operations matters.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cutjoint.locations import templates_folder
+from cutjoint.toolchain.cache import cache_folder, fetch, store
+from cutjoint.toolchain.compiler import Compiler, resolve
+from cutjoint.toolchain.digests import digest_of, runtime_digest
+from cutjoint.toolchain.drivers import Kind
+
+if TYPE_CHECKING:
+    from cutjoint.emit.source import Source
+
+#: The targets of the CMake project of generated code.
+_TARGETS = ("start", "mechanism", "simulator")
+
+_INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
+_COMMENT = re.compile(r"^ *//.*\n", re.MULTILINE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Object:
+    """What a ``target`` of CMake compiles from a generated file, whether or not it does."""
+
+    target: str
+    source: str
+    digest: str
+
+    @property
+    def cached(self) -> Path:
+        """Its place in the cache."""
+        return cache_folder() / f"object-{self.digest}" / "code.o"
+
+    def built(self, out: Path) -> Path:
+        """Where CMake puts it."""
+        return out / "CMakeFiles" / f"{self.target}.dir" / f"{self.source}.o"
+
+    def copied(self, folder: Path) -> Path:
+        """Where CMake finds it (CMakeLists.txt.jinja)."""
+        return folder / self.target / f"{self.source}.o"
+
+
+def find_objects(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> list[Object]:
+    """The object files that a simulator may consist of."""
+    how = {target: [_project_digest(), *compiler.key, *resolve(flags), *_variant(target, source.driver, kind)] for target in _TARGETS}
+    texts = {name: "\0".join(_code(source.files, name)) for name in source.files if name.endswith(".cpp")}
+    return [Object(target=t, source=name, digest=digest_of([text, *how[t]])) for t in _TARGETS for name, text in texts.items()]
+
+
+def _variant(target: str, driver: str, kind: Kind) -> tuple[str, ...]:
+    """What the definitions of a target and the headers that it sees follow from; where runs begin is the same for all."""
+    return (runtime_digest(),) if target == "start" else (target, runtime_digest(part=driver), driver, kind.precision)
+
+
+def fetch_objects(objects: Sequence[Object], folder: Path) -> set[Object]:
+    """Copy the object files that the cache has into a folder; returns which these are."""
+    return {o for o in objects if fetch(o.cached, _prepared(o.copied(folder)))}
+
+
+def store_objects(objects: Sequence[Object], out: Path) -> None:
+    """Put the object files that a project has built into the cache."""
+    for o in objects:
+        if o.built(out).is_file():
+            store(o.built(out), o.cached)
+
+
+def _code(files: Mapping[str, str], name: str) -> Iterator[str]:
+    """The code of a generated file, and of those that it includes."""
+    yield _COMMENT.sub("", files[name])
+    for included in _INCLUDE.findall(files[name]):
+        if included in files:
+            yield from _code(files, included)
+
+
+@cache
+def _project_digest() -> str:
+    """What the project says of how files are compiled."""
+    return digest_of([(templates_folder() / "CMakeLists.txt.jinja").read_text(encoding="utf-8")])
+
+
+def _prepared(file: Path) -> Path:
+    """A place for a file, with its folder."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    return file

@@ -1,0 +1,49 @@
+"""From a model file to a :class:`Model`, with the problems of its loops beside those of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from cutjoint.locations import AnyPath
+from cutjoint.model import read
+from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.records import Model
+from cutjoint.topology.search import span
+from cutjoint.topology.spanning_tree import TopologyError
+
+
+def read_model(path: AnyPath) -> Model:
+    """Read and validate the model file at ``path``; numbers in the result are SI.
+
+    Raises:
+        ModelError: the file is wrong, with all its problems and those of its loops; where the file is right, `build_topology` finds
+            these.
+    """
+    with _problems_of_loops():
+        return read.read_model(path)
+
+
+def read_model_text(text: str, file: str) -> Model:
+    """The same from a text; ``file`` is the name that places and messages carry."""
+    with _problems_of_loops():
+        return read.read_model_text(text, file)
+
+
+@contextmanager
+def _problems_of_loops() -> Iterator[None]:
+    """Adds them to the problems of a file."""
+    try:
+        yield
+    except ModelError as error:
+        if error.model is None:
+            raise
+        raise ModelError((*error.problems, *_find_problems(error.model))) from None
+
+
+def _find_problems(model: Model) -> tuple[Problem, ...]:
+    try:
+        span(model)
+    except TopologyError as error:
+        return error.problems
+    return ()

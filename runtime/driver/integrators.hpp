@@ -1,0 +1,37 @@
+// The integrators of the recursive method, compiled once: integrators.cpp has them with the flags of generated code.
+#pragma once
+
+#include "cutjoint/core/projection.hpp"
+#include "cutjoint/core/relative.hpp"
+#include "cutjoint/core/runge_kutta/formula.hpp"
+#include "cutjoint/core/runge_kutta/scheme.hpp"
+#include "cutjoint/core/runge_kutta/tables.hpp"
+#include "cutjoint/core/runge_kutta/watched.hpp"
+#include "cutjoint/core/stepping/regime.hpp"
+#include "cutjoint/core/stepping/stepper.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/precision.hpp"
+
+#ifndef CUTJOINT_INSTANTIATE
+#define CUTJOINT_INSTANTIATE extern template
+#endif
+
+namespace cutjoint {
+
+using CompiledMechanism = AnyMechanism<Precision>;
+using CompiledDynamics = runge_kutta::Watched<CompiledMechanism>;
+
+CUTJOINT_INSTANTIATE class Projection<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class Trapezoidal<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class stepping::Regime<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class Relative<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class runge_kutta::Watched<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::ClassicalTable>;
+CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::DormandPrinceTable>;
+CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::ClassicalTable>;
+CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::DormandPrinceTable>;
+CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::ClassicalTable>>;
+CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::DormandPrinceTable>>;
+
+}  // namespace cutjoint

@@ -1,0 +1,30 @@
+// The scalar product.
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+namespace cutjoint {
+
+/// The sum of the products.
+template <class Real>
+Real dot(std::span<const Real> a, std::span<const Real> b) {
+  Real result(0);
+  for (std::size_t i = 0; i < a.size(); ++i) result += a[i] * b[i];
+  return result;
+}
+
+/// The same by registers, in an order that does not depend on what the compiler knows of the length: how it joins products and sums would.
+[[gnu::always_inline]] inline double dot(std::span<const double> a, std::span<const double> b) {
+  typedef double Four __attribute__((vector_size(32)));
+  typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
+  Four sum{}, last_a{}, last_b{};
+  const std::size_t left = a.size() % 4, whole = a.size() - left;
+  for (std::size_t i = 0; i < whole; i += 4)
+    sum += *reinterpret_cast<const Loose*>(a.data() + i) * *reinterpret_cast<const Loose*>(b.data() + i);
+  for (std::size_t j = 0; j < left; ++j) last_a[j] = a[whole + j], last_b[j] = b[whole + j];
+  sum += last_a * last_b;
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+}  // namespace cutjoint

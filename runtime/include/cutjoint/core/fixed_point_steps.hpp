@@ -1,0 +1,56 @@
+// Steps of a simulation by the trapezoidal rule.
+#pragma once
+
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/projection.hpp"
+#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/simulation_settings.hpp"
+#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
+
+namespace cutjoint {
+
+/// The integrator of a simulation (simulation.hpp) by the fixed point of the trapezoidal rule.  Steps go over events.
+template <Sized M>
+class FixedPointSteps {
+ public:
+  using Real = typename M::real_type;
+
+  static constexpr bool adaptive = false;
+  static constexpr bool finds_events = false;
+
+  /// The length of steps with a fixed point, which penalties follow.
+  static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
+
+  FixedPointSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>*)
+      : steps_(mechanism, Real(settings.dt), settings.fixed_point) {}
+
+  static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
+
+  /// Take over a state.
+  void begin(const StateOf<M>&) {}
+
+  /// From the state to that at the end of a step of length h; the state stays where it fails.
+  Fault step(StateOf<M>& state, const SimulationSettings& settings, Real h, Real, long number) {
+    steps_.set_step(h);
+    steps_.set_fixed_point(settings.fixed_point);
+    return steps_.step(state, number);
+  }
+
+  /// The state with its accelerations and multipliers.
+  const StateOf<M>& complete(const StateOf<M>& state) const { return state; }
+
+  Projection<M>& projection() { return steps_.projection(); }
+
+  /// Nothing but the state is remembered.
+  struct Memory {};
+
+  Memory memory() const { return {}; }
+  void restore(const StateOf<M>&, const Memory&) {}
+
+ private:
+  Trapezoidal<M> steps_;
+};
+
+}  // namespace cutjoint

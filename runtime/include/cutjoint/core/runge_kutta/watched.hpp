@@ -1,0 +1,174 @@
+// A mechanism as an explicit method sees it.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/projection.hpp"
+#include "cutjoint/core/relative.hpp"
+#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/stepping/regime.hpp"
+
+namespace cutjoint::runge_kutta {
+
+/// The differential equation of a mechanism some of whose switches, all or none, are watched at every stage, and whose loops are closed
+/// after each step.
+template <Mechanism M>
+class Watched : public Relative<M> {
+ public:
+  using Real = typename M::real_type;
+  using typename Relative<M>::Vector;
+
+  Watched(M& mechanism, const stepping::Regime<M>& regime, Real tolerance)
+      : Relative<M>(mechanism, tolerance), regime_(regime), projection_(mechanism), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
+        rate_(state_.lambda) {}
+
+  /// Take over a start, in the regime in which it stands.
+  Vector begin(const StateOf<M>& start) {
+    Vector y = Relative<M>::begin(start);
+    adopt(start.t, y);
+    history_.last = start.lambda;
+    return y;
+  }
+
+  /// An attempt of a step from t begins, with the multipliers of the last step: those of a rejected attempt may be anything.
+  void begin_attempt(Real t) {
+    regime_.begin(t);
+    if (history_.known < 2) state_.lambda = history_.last;
+  }
+
+  void derive(Real t, const Vector& y, Vector& slope) {
+    predict(t);
+    Relative<M>::derive(t, y, slope);
+    if (regime_.empty()) return;
+    evaluate_switches();
+    regime_.look(t);
+    regime_.pass(t);
+  }
+
+  /// Quaternions get their length back, loops are closed, and speeds keep them closed.
+  Fault project(Real t, Vector& y) {
+    Relative<M>::project(t, y);
+    if (state_.lambda.empty()) return {};
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    if (const Fault fault = projection_.positions(state_)) return fault;
+    if (const Fault fault = projection_.velocities(state_)) return fault;
+    this->put(state_, y);
+    return {};
+  }
+
+  Projection<M>& projection() { return projection_; }
+
+  /// The largest residuals of the loops in a state.
+  Residuals residuals(Real t, const Vector& y) {
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
+    return {static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_)), 0.0};
+  }
+
+  /// A state as one, with accelerations and multipliers where guides need them.
+  void inspect(Real t, const Vector& y, StateOf<M>& state) {
+    if (mechanism_.description().driven) {
+      state = this->complete(t, y);
+      return;
+    }
+    state.t = t;
+    const auto middle = y.begin() + static_cast<std::ptrdiff_t>(state.q.size());
+    std::copy(y.begin(), middle, state.q.begin());
+    std::copy(middle, y.end(), state.v.begin());
+  }
+
+  /// Seek the switches that a state has out of the regime; whether there are any.
+  bool seek(Real t, const Vector& y) {
+    if (regime_.empty()) return false;
+    switch_at(t, y);
+    return regime_.seek();
+  }
+
+  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  std::size_t found(Real t, const Vector& y) {
+    if (regime_.empty()) return 0;
+    switch_at(t, y);
+    return regime_.found();
+  }
+
+  /// A step ended at t, the last stage there being its end; the regime goes on.
+  void advance(Real t) {
+    regime_.advance();
+    history_.last.swap(history_.before_last);
+    std::swap(history_.last_time, history_.before_last_time);
+    history_.last = state_.lambda;
+    history_.last_time = t;
+    history_.known = std::min(history_.known + 1, 2);
+  }
+
+  /// Go over to the regime of a state.
+  void adopt(Real t, const Vector& y) {
+    history_.known = 0;
+    if (regime_.empty()) return;
+    switch_at(t, y);
+    regime_.adopt();
+  }
+
+  stepping::Regime<M>& regime() { return regime_; }
+
+  /// Multipliers at the ends of the last two steps.
+  struct History {
+    Equations<M> last, before_last;
+    Real last_time{0}, before_last_time{0};
+    int known = 0;  ///< steps
+  };
+
+  /// What the next steps follow from.
+  struct Memory {
+    typename stepping::Regime<M>::Memory regime;
+    History history;
+    typename Relative<M>::Experience experience;
+    Equations<M> lambda;
+  };
+
+  Memory memory() const {
+    return {.regime = regime_.memory(), .history = history_, .experience = this->experience_, .lambda = state_.lambda};
+  }
+
+  void restore(const Memory& memory) {
+    regime_.restore(memory.regime);
+    history_ = memory.history;
+    this->experience_ = memory.experience;
+    state_.lambda = memory.lambda;
+  }
+
+ private:
+  using Relative<M>::mechanism_, Relative<M>::state_;
+
+  /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
+  void predict(Real t) {
+    const auto& [last, before_last, last_time, before_last_time, known] = history_;
+    if (known < 2) return;
+    const Real share = (t - last_time) / (last_time - before_last_time);
+    for (std::size_t i = 0; i < last.size(); ++i) state_.lambda[i] = last[i] + share * (last[i] - before_last[i]);
+  }
+
+  void switch_at(Real t, const Vector& y) {
+    this->take(t, y);
+    mechanism_.begin_step(t, Real(1));
+    evaluate_switches();
+  }
+
+  void evaluate_switches() {
+    if constexpr (stepping::Regime<M>::can_switch) mechanism_.events(state_.q.data(), state_.v.data(), regime_.values());
+  }
+
+  stepping::Regime<M> regime_;
+  Projection<M> projection_;
+  History history_;
+  Equations<M> residual_, rate_;
+};
+
+}  // namespace cutjoint::runge_kutta

@@ -1,0 +1,194 @@
+// In which of their formulas forces, guides and drives are, and when they leave them.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/road.hpp"
+
+namespace cutjoint::stepping {
+
+/// The cell of each switch: between which of its levels its value stands.  Zero is the level of a condition; breaks are those of a road.
+///
+/// A cell is left when the value is beyond its bounds by more than rounding; where, is then sought without regard to rounding.  A value that
+/// stands on a level when a regime begins has no cell until it is off it.  Rounding is that of the value where a step begins, which is small
+/// near a level, and a few units of the largest value seen, whose terms may cancel there; a step counts four times as much as the one before,
+/// since ratios such as a tyre's slip by its load are without bound for a moment.
+template <class M>
+class Regime {
+  template <class T>
+  using Switches = Array<M, static_sizes<M>().switches, T>;
+
+ public:
+  using Real = typename M::real_type;
+
+  /// Whether there can be any switches.
+  static constexpr bool can_switch = !Sized<M> || static_sizes<M>().switches > 0;
+
+  /// `roads` are those of the tyres.
+  Regime(std::span<const SwitchPlace> places, const Road<Real>* roads) : places_(places), roads_(roads), now_(places.size()) {}
+
+  std::size_t size() const { return places_.size(); }
+  bool empty() const { return places_.empty(); }
+
+  /// Where the mechanism puts the values of a state.
+  Real* values() { return now_.values.data(); }
+
+  /// The regime of the present values begins.
+  void adopt() {
+    for (std::size_t i = 0; i < now_.cells.size(); ++i) {
+      if (places_[i].road >= 0) now_.sides[i] = places_[i].across >= 0 ? now_.values[static_cast<std::size_t>(places_[i].across)] : Real(0);
+      weigh(i);
+      now_.cells[i] = now_.sought[i] && is_out(i, Real(0)) ? cell_of(i) : decided_cell_of(i);
+      now_.sought[i] = 0;
+    }
+    now_.start = now_.values;
+  }
+
+  /// Values on a level when the regime began belong to the cell in which they stand now; the next attempt starts here.
+  void advance() {
+    for (std::size_t i = 0; i < now_.cells.size(); ++i) {
+      weigh(i);
+      if (now_.cells[i] == undecided) now_.cells[i] = decided_cell_of(i);
+    }
+    now_.start = now_.values;
+  }
+
+  /// Seek the switches that the present values have out of their cells; whether there are any.
+  bool seek() {
+    for (std::size_t i = 0; i < now_.cells.size(); ++i) now_.sought[i] = is_out(i, now_.noise[i]);
+    return std::find(now_.sought.begin(), now_.sought.end(), 1) != now_.sought.end();
+  }
+
+  /// The first of those sought that is out of its cell; as many as there are if none is.
+  std::size_t found() const {
+    std::size_t i = 0;
+    while (i < now_.cells.size() && !(now_.sought[i] && is_out(i, Real(0)))) ++i;
+    return i;
+  }
+
+  /// How far the switches sought are out of their cells at most; negative where all are inside.
+  Real beyond() const {
+    Real most = -std::numeric_limits<Real>::infinity();
+    for (std::size_t i = 0; i < now_.cells.size(); ++i) {
+      if (!now_.sought[i] || now_.cells[i] == undecided) continue;
+      const auto cell = static_cast<std::size_t>(now_.cells[i]);
+      if (cell < levels(i).size()) most = std::max(most, now_.values[i] - levels(i)[cell]);
+      if (cell > 0) most = std::max(most, levels(i)[cell - 1] - now_.values[i]);
+    }
+    return most;
+  }
+
+  /// An attempt of a step from t begins.
+  void begin(Real t) {
+    now_.previous = now_.start;
+    now_.previous_time = t;
+    now_.crossing = std::numeric_limits<Real>::infinity();
+  }
+
+  /// Look whether the attempt leaves the regime up to t, with the present values.
+  void look(Real t) {
+    if (crossed()) return;
+    for (std::size_t i = 0; i < now_.cells.size(); ++i)
+      if (is_reached(i))
+        if (const Real crossing = crossing_of(i, t); crossing < now_.crossing) {
+          now_.crossing = crossing;
+          now_.first = i;
+        }
+  }
+
+  /// The present values are those of a stage at t, from which the next one is looked at.
+  void pass(Real t) {
+    now_.previous = now_.values;
+    now_.previous_time = t;
+  }
+
+  /// Whether the attempt was seen out of the regime.
+  bool crossed() const { return now_.crossing < std::numeric_limits<Real>::infinity(); }
+
+  /// About when the regime was left.
+  Real crossing() const { return now_.crossing; }
+
+  /// The switch by which it was left.
+  std::size_t first() const { return now_.first; }
+
+  /// What the next steps follow from.
+  struct Memory {
+    Switches<int> cells;
+    Switches<unsigned char> sought;
+    Switches<Real> sides, values, start, previous, largest, noise;  ///< the first: places across the road, where it has one
+    Real previous_time{0}, crossing{0};
+    std::size_t first = 0;
+
+    explicit Memory(std::size_t n) : cells(n, undecided), sought(n), sides(n), values(n), start(n), previous(n), largest(n), noise(n) {}
+  };
+
+  const Memory& memory() const { return now_; }
+  void restore(const Memory& memory) { now_ = memory; }
+
+ private:
+  static constexpr int undecided = -1;
+  static constexpr Real zero[1] = {Real(0)};
+
+  /// What rounding may do to a value until the next step begins.
+  void weigh(std::size_t i) {
+    using std::abs;
+    now_.largest[i] = std::max(now_.largest[i] / 4, abs(now_.values[i]));
+    now_.noise[i] = std::numeric_limits<Real>::epsilon() * std::max(4096 * std::max(Real(1), abs(now_.values[i])), 4 * now_.largest[i]);
+  }
+
+  std::span<const Real> levels(std::size_t i) const {
+    return places_[i].road < 0 ? std::span<const Real>(zero) : roads_[places_[i].road].breaks(now_.sides[i]);
+  }
+
+  /// The number of levels up to the value.
+  int cell_of(std::size_t i) const {
+    return static_cast<int>(std::upper_bound(levels(i).begin(), levels(i).end(), now_.values[i]) - levels(i).begin());
+  }
+
+  int decided_cell_of(std::size_t i) const {
+    const auto cell = static_cast<std::size_t>(cell_of(i));
+    const bool on_next = cell < levels(i).size() && levels(i)[cell] - now_.values[i] <= now_.noise[i];
+    const bool on_last = cell > 0 && now_.values[i] - levels(i)[cell - 1] <= now_.noise[i];
+    return on_next || on_last ? undecided : static_cast<int>(cell);
+  }
+
+  bool is_above(std::size_t i, Real by) const {
+    const auto cell = static_cast<std::size_t>(now_.cells[i]);
+    return cell < levels(i).size() && now_.values[i] - levels(i)[cell] > by;
+  }
+
+  bool is_out(std::size_t i, Real by) const {
+    if (now_.cells[i] == undecided) return false;
+    const auto cell = static_cast<std::size_t>(now_.cells[i]);
+    return is_above(i, by) || (cell > 0 && levels(i)[cell - 1] - now_.values[i] > by);
+  }
+
+  /// Whether a stage meets the end of its cell: where the start was clear of it, as soon as rounding may take it for the other side.
+  bool is_reached(std::size_t i) {
+    if (!is_out(i, -now_.noise[i])) return false;
+    std::swap(now_.values[i], now_.start[i]);
+    const bool clear = !is_out(i, -now_.noise[i]);
+    std::swap(now_.values[i], now_.start[i]);
+    return clear || is_out(i, now_.noise[i]);
+  }
+
+  /// Where the straight line from the stage before to this one leaves the cell.
+  Real crossing_of(std::size_t i, Real t) const {
+    const auto cell = static_cast<std::size_t>(now_.cells[i]);
+    const Real level = is_above(i, -now_.noise[i]) ? levels(i)[cell] : levels(i)[cell - 1];
+    const Real share = (level - now_.previous[i]) / (now_.values[i] - now_.previous[i]);
+    return now_.previous_time + (share > Real(0) ? std::min(share, Real(1)) : Real(0)) * (t - now_.previous_time);
+  }
+
+  std::span<const SwitchPlace> places_;
+  const Road<Real>* roads_;
+  Memory now_;
+};
+
+}  // namespace cutjoint::stepping

@@ -1,0 +1,28 @@
+// What steps took, in the summary of a run.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "cutjoint/json.hpp"
+#include "cutjoint/mechanism.hpp"
+
+namespace cutjoint::stepping {
+
+/// Put the counts of a stepper into a run's summary; `switches` are those that it watches.
+template <class Counts>
+void summarise(const Counts& counts, const std::vector<Switch>& switches, Json& summary) {
+  summary["steps"] = counts.steps;
+  summary["rejected"] = counts.rejected;
+  summary["events"] = counts.events;
+  Json by_element = Json::object();
+  for (std::size_t i = 0; i < counts.by_switch.size(); ++i)
+    if (const long n = counts.by_switch[i]; n > 0) {
+      Json& known = by_element[std::string(switches[i].element)];
+      known = known.is_null() ? n : known.template get<long>() + n;
+    }
+  summary["events_by_element"] = by_element;
+}
+
+}  // namespace cutjoint::stepping

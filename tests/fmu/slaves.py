@@ -1,0 +1,187 @@
+"""FMUs of models, and their instances by ctypes, the same way for both versions of the standard."""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import zipfile
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from cutjoint.export.fmu.archive import Fmu, make_fmu
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_scene
+from tests.conftest import MODELS
+from tests.mechanisms.driven import DRIVEN
+
+OK, DISCARD, ERROR = 0, 2, 3
+
+_LOGGER_2 = ctypes.CFUNCTYPE(
+    None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p, ctypes.c_char_p
+)
+_LOGGER_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
+
+
+class _Callbacks(ctypes.Structure):
+    _fields_ = [
+        ("logger", _LOGGER_2), ("allocate", ctypes.c_void_p), ("free", ctypes.c_void_p), ("finished", ctypes.c_void_p),
+        ("environment", ctypes.c_void_p),
+    ]  # fmt: skip
+
+
+@cache
+def fmu_of(name: str, version: int, scene: str | None = None, integrator: str | None = None) -> Fmu:
+    """The FMU of a model of the repository, or of "driven"."""
+    text = DRIVEN if name == "driven" else (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
+    model = read_model_text(text, f"{name}.yaml")
+    return make_fmu(model, find_scene(model, scene), version=version, integrator=integrator)
+
+
+def write(fmu: Fmu, place: Path, **content: bool) -> Path:
+    """The FMU's file, with a binary alone unless said otherwise."""
+    file = place / f"{fmu.standalone.name}{fmu.version}.fmu"
+    file.write_bytes(fmu.pack(**({"sources": False, "binary": True} | content)))
+    return file
+
+
+def names_in(packed: bytes) -> list[str]:
+    """The files of an archive."""
+    return zipfile.ZipFile(io.BytesIO(packed)).namelist()
+
+
+class Slave:
+    """An instance; ``log`` has the messages of its logger.  Methods return statuses."""
+
+    def __init__(self, fmu: Fmu, *, token: str | None = None) -> None:
+        self.fmu, self.log = fmu, list[str]()
+        self.references = {v.name: i for i, v in enumerate(fmu.interface.variables)}
+        self._library = ctypes.CDLL(str(fmu.build()))
+        guid = (fmu.subject.token if token is None else token).encode()
+        self._instantiate = self._instantiate_2 if fmu.version == 2 else self._instantiate_3
+        self._c = ctypes.c_void_p(self._instantiate(guid))
+
+    def _instantiate_2(self, guid: bytes) -> Any:
+        self._logger: Any = _LOGGER_2(lambda _, name, status, category, form, text: self.log.append(text.decode()))
+        self._callbacks = _Callbacks(self._logger, None, None, None, None)
+        function = self._library.fmi2Instantiate
+        function.restype = ctypes.c_void_p
+        return function(b"slave", 1, guid, b"", ctypes.byref(self._callbacks), 0, 0)
+
+    def _instantiate_3(self, guid: bytes) -> Any:
+        self._logger = _LOGGER_3(lambda _, status, category, text: self.log.append(text.decode()))
+        function, no = self._library.fmi3InstantiateCoSimulation, ctypes.c_bool(False)
+        function.restype = ctypes.c_void_p
+        return function(b"slave", guid, b"", no, no, no, no, None, ctypes.c_size_t(0), None, self._logger, None)
+
+    @property
+    def exists(self) -> bool:
+        """Whether the FMU made the instance."""
+        return bool(self._c)
+
+    def call(self, name: str, *arguments: Any) -> int:
+        """A function by its name without the version's prefix."""
+        return int(getattr(self._library, f"fmi{self.fmu.version}{name}")(self._c, *arguments))
+
+    def initialise(self, *, start: float = 0.0, stop: float | None = None, enter_only: bool = False) -> int:
+        """Set up, enter and leave initialization mode."""
+        times = (ctypes.c_double(start), ctypes.c_int(stop is not None), ctypes.c_double(stop or 0.0))
+        no = (ctypes.c_int(0), ctypes.c_double(0.0))
+        if self.fmu.version == 2:
+            status = self.call("SetupExperiment", *no, *times) or self.call("EnterInitializationMode")
+        else:
+            status = self.call("EnterInitializationMode", *no, *times)
+        return status if status or enter_only else self.call("ExitInitializationMode")
+
+    def step(self, point: float, size: float) -> int:
+        """A communication step."""
+        here = (ctypes.c_double(point), ctypes.c_double(size), ctypes.c_int(1))
+        if self.fmu.version == 2:
+            return self.call("DoStep", *here)
+        flags = [ctypes.byref(ctypes.c_bool()) for _ in range(3)]
+        return self.call("DoStep", *here, *flags, ctypes.byref(ctypes.c_double()))
+
+    def _values(self, function: str, references: Sequence[int], values: Any) -> int:
+        count = ctypes.c_size_t(len(references))
+        places = (ctypes.c_uint * len(references))(*references)
+        name, more = ("Real", ()) if self.fmu.version == 2 else ("Float64", (count,))
+        return self.call(f"{function}{name}", places, count, values, *more)
+
+    def set(self, **values: float) -> int:
+        """Set variables by their names, with __ for dots."""
+        references = [self.references[name.replace("__", ".")] for name in values]
+        return self._values("Set", references, (ctypes.c_double * len(values))(*values.values()))
+
+    def set_reference(self, reference: int, value: float) -> int:
+        """Set a variable by its value reference."""
+        return self._values("Set", [reference], (ctypes.c_double * 1)(value))
+
+    def get(self, *names: str) -> list[float]:
+        """Variables by their names; all outputs without."""
+        chosen = names or [v.name for v in self.fmu.interface.outputs]
+        values = (ctypes.c_double * len(chosen))()
+        assert self._values("Get", [self.references[name] for name in chosen], values) == OK, self.log
+        return list(values)
+
+    def get_reference(self, reference: int) -> int:
+        """The status of asking for a variable by its value reference."""
+        return self._values("Get", [reference], (ctypes.c_double * 1)())
+
+    def slope(self, name: str, *derivatives: float) -> int:
+        """The derivatives of an input in FMI 2, of first and higher order."""
+        n = len(derivatives)
+        orders, values = (ctypes.c_int * n)(*range(1, n + 1)), (ctypes.c_double * n)(*derivatives)
+        return self.call("SetRealInputDerivatives", (ctypes.c_uint * n)(*[self.references[name]] * n), ctypes.c_size_t(n), orders, values)
+
+    def _state(self, name: str) -> str:
+        return name.replace("State", "state") if self.fmu.version == 2 else name
+
+    def save(self) -> ctypes.c_void_p:
+        """A state of the instance."""
+        state = ctypes.c_void_p()
+        assert self.call(self._state("GetFMUState"), ctypes.byref(state)) == OK, self.log
+        return state
+
+    def restore(self, state: ctypes.c_void_p | None) -> int:
+        """Return to a state."""
+        return self.call(self._state("SetFMUState"), state)
+
+    def free_state(self, state: ctypes.c_void_p) -> int:
+        """Give the memory of a state back."""
+        return self.call(self._state("FreeFMUState"), ctypes.byref(state))
+
+    def serialise(self, state: ctypes.c_void_p) -> bytes:
+        """The bytes of a state."""
+        size = ctypes.c_size_t()
+        assert self.call(self._state("SerializedFMUStateSize"), state, ctypes.byref(size)) == OK, self.log
+        data = ctypes.create_string_buffer(size.value)
+        assert self.call(self._state("SerializeFMUState"), state, data, size) == OK, self.log
+        return data.raw
+
+    def deserialise(self, data: bytes) -> tuple[int, ctypes.c_void_p]:
+        """A state of bytes."""
+        state, name = ctypes.c_void_p(), "DeSerialize" if self.fmu.version == 2 else "Deserialize"
+        buffer = ctypes.create_string_buffer(data, len(data))
+        return self.call(self._state(f"{name}FMUState"), buffer, ctypes.c_size_t(len(data)), ctypes.byref(state)), state
+
+    def free(self) -> None:
+        """Free the instance, once."""
+        getattr(self._library, f"fmi{self.fmu.version}FreeInstance")(self._c)
+        self._c = ctypes.c_void_p()
+
+
+def started(fmu: Fmu) -> Slave:
+    """An instance in step mode."""
+    slave = Slave(fmu)
+    assert slave.initialise() == OK, slave.log
+    return slave
+
+
+def advanced(slave: Slave, steps: int, size: float, begin: float = 0.0) -> list[list[float]]:
+    """The outputs after each of so many communication steps."""
+    rows = []
+    for i in range(steps):
+        assert slave.step(begin + i * size, size) == OK, slave.log
+        rows.append(slave.get())
+    return rows

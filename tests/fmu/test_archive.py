@@ -1,0 +1,146 @@
+"""The files of FMUs: what FMPy says of them, what it simulates with them, and that their sources compile alone."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from cutjoint.cli import main
+from cutjoint.export.fmu.units import Unit, describe_unit
+from cutjoint.model.read import read_model
+from cutjoint.pipeline import compile_model, simulate
+from cutjoint.run.scenes import find_scene
+from tests.conftest import MODELS, needs_cpp, with_heavy
+from tests.hash_seeds import outputs
+
+from .slaves import fmu_of, names_in, write
+
+PRESS = str(MODELS / "press.yaml")
+CASES = [(name, scene, v) for name, scene in (("press", None), ("four_bar", None), ("iltis", "simul1")) for v in (2, 3)]
+VALID = [
+    ("press", None, None), ("press", None, "dormand-prince"), ("four_bar", None, None), ("driven", "free", None), ("iltis", "simul1", None)
+]
+HEAVY = [case for case in CASES if case[0] != "press"]
+
+versions = pytest.mark.parametrize("version", [2, 3])
+
+
+@pytest.mark.parametrize(("name", "scene", "integrator"), with_heavy(VALID, VALID[-1]))
+@versions
+def test_fmpy_finds_nothing_wrong(version: int, name: str, scene: str | None, integrator: str | None, tmp_path: Path) -> None:
+    validation = pytest.importorskip("fmpy.validation")
+    assert validation.validate_fmu(str(write(fmu_of(name, version, scene, integrator), tmp_path, sources=True, binary=False))) == []
+
+
+@needs_cpp
+@pytest.mark.parametrize(("name", "scene", "version"), with_heavy(CASES, *HEAVY))
+def test_fmpy_has_the_table_of_the_command_line_bit_by_bit(name: str, scene: str | None, version: int, tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    model = read_model(MODELS / f"{name}.yaml")
+    known = simulate(compile_model(MODELS / f"{name}.yaml", scene=scene), integrator="trapezoidal", events="crossed", error=False)
+    file = write(fmu_of(name, version, scene, "trapezoidal"), tmp_path)
+    table = fmpy.simulate_fmu(str(file), stop_time=known.t[-1], output_interval=find_scene(model, scene).output_step)
+    assert len(table) == len(known.t)
+    for column in known.columns:
+        assert np.array_equal(table[column], known[column]), column
+
+
+@needs_cpp
+@pytest.mark.parametrize("version", with_heavy([2, 3], 2))
+def test_fmpy_compiles_the_sources(version: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    monkeypatch.setenv("CXXFLAGS", "-std=c++20")  # which FMI 2 cannot say in its description
+    fmu = fmu_of("press", version)
+    file = write(fmu, tmp_path, sources=True, binary=False)
+    place = Path(fmpy.extract(str(file), unzipdir=str(tmp_path / "open")))
+    __import__("fmpy.build").build.build_platform_binary(place, configuration="Debug")
+    built, known = (fmpy.simulate_fmu(str(f), output_interval=0.01) for f in (place, write(fmu, tmp_path)))
+    for column in known.dtype.names:  # other flags join other products and sums, in 2 s of a crank that turns
+        assert np.abs(built[column] - known[column]).max() <= 1e-9 * np.abs(known[column]).max(), column
+
+
+@needs_cpp
+@versions
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_the_layer_compiles_without_warnings_and_takes_a_prefix(version: int, compiler: str, tmp_path: Path) -> None:
+    fmu = fmu_of("driven", version, "free")
+    for name, text in fmu.sources.items():
+        (tmp_path / name).write_text(text)
+    layer, made = tmp_path / f"fmi{version}.cpp", tmp_path / "layer.o"
+    warnings = ["-std=c++11", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    subprocess.run([compiler, *warnings, f"-DFMI{version}_FUNCTION_PREFIX=driven_", "-c", layer, "-o", made], check=True)
+    symbols = subprocess.run(["nm", "-g", "--defined-only", made], capture_output=True, text=True, check=True).stdout.split()[2::3]
+    assert f"driven_fmi{version}DoStep" in symbols
+    assert all(symbol.startswith(f"driven_fmi{version}") for symbol in symbols)
+
+
+@needs_cpp
+@versions
+def test_a_binary_shows_the_standards_functions_alone_and_needs_the_c_library_alone(version: int) -> None:
+    made = fmu_of("press", version).build()
+    shown = subprocess.run(["nm", "-D", "-g", "--defined-only", made], capture_output=True, text=True, check=True).stdout.split()[2::3]
+    assert shown
+    assert all(symbol.startswith(f"fmi{version}") for symbol in shown)
+    needed = subprocess.run(["objdump", "-p", made], capture_output=True, text=True, check=True).stdout
+    libraries = {line.split()[1].partition(".")[0] for line in needed.splitlines() if "NEEDED" in line}
+    assert libraries <= {"libm", "libc", "libmvec"}
+
+
+SEEDED = """
+import hashlib
+from tests.fmu.slaves import fmu_of
+for version in (2, 3):
+    print(hashlib.sha256(fmu_of("driven", version, "free").pack(sources=True, binary=False)).hexdigest())
+"""
+
+
+def test_an_archive_follows_from_the_model_alone() -> None:
+    assert len(set(outputs(SEEDED, "0", "1"))) == 1
+
+
+def test_no_header_of_the_standard_is_in_an_archive() -> None:
+    assert names_in(fmu_of("press", 3).pack(sources=True, binary=False)) == [
+        "modelDescription.xml", "documentation/licenses/license.txt", "sources/press.h", "sources/press.cpp", "sources/fmi3.cpp",
+        "sources/buildDescription.xml",
+    ]  # fmt: skip
+
+
+def test_units_have_exponents_of_base_units() -> None:
+    assert describe_unit("1") is None
+    assert describe_unit("N*s/m") == Unit(name="N*s/m", exponents={"kg": 1, "s": -1}, display=None)
+    stiffness = describe_unit("N*m/rad")
+    assert stiffness is not None
+    assert stiffness.exponents == {"kg": 1, "m": 2, "s": -2, "rad": -1}
+    assert stiffness.display == ("N*m/deg", pytest.approx(np.pi / 180, rel=1e-15))
+
+
+def export(*arguments: object) -> Result:
+    return CliRunner().invoke(main, ["export", PRESS, *(str(a) for a in arguments)])
+
+
+def test_the_command_writes_an_fmu(tmp_path: Path) -> None:
+    out = tmp_path / "press.fmu"
+    result = export("--to", "fmu", "--fmi", 3, "--sources", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert " ".join(result.output.split()) == f"FMI 3 co-simulation, steps by trapezoidal; 0 inputs, 4 outputs in {out}"
+    assert out.read_bytes() == fmu_of("press", 3).pack(sources=True, binary=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (("--to", "fmu", "--set", "stiffness=1", "--out", "x.fmu"), 2, "--set is not for --to fmu"),
+        (("--to", "fmu", "--output", "slider.x", "--out", "x.fmu"), 2, "--output is not for --to fmu"),
+        (("--to", "mujoco", "--fmi", "2", "--out", "x"), 2, "--fmi is for --to fmu, not for --to mujoco"),
+        (("--to", "mujoco", "--sources", "--out", "x"), 2, "--sources is for --to fmu, not for --to mujoco"),
+        (("--to", "fmu", "--out", "x"), 1, "--out x: an FMU is one file whose name ends in .fmu"),
+    ],
+)
+def test_what_an_fmu_has_not_is_refused(arguments: tuple[str, ...], status: int, words: str) -> None:
+    result = export(*arguments)
+    assert result.exit_code == status
+    assert words in " ".join(result.output.split())
