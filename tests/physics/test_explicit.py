@@ -136,14 +136,15 @@ SWEPT = [("four_bar", None, 0.6), ("slider_crank", None, 2.0), ("andrews", None,
 def test_constraints_hold_at_any_penalty(model: str, scene: str | None, end: float, penalty: float, tmp_path: Path) -> None:
     """The bound is 1e-10 m; projections end with less than 1e-12.  What the motion loses is the next test's.
 
-    Of Andrews' mechanism 1e12 leaves no digits: rk4 has no finite accelerations after 29 ms, and rounding makes a direction look singular
-    now and then, which projections leave open up to 1e-6.
+    Beside 1e12 rounding takes the masses of Andrews' mechanism.  A run may end there without a number, which it says; it holds until then.
     """
-    artifact, ways = compiled(model, scene), [{"integrator": "dormand-prince", "tolerance": 1e-4}, {"integrator": "rk4"}]
-    hopeless = (model, penalty) == ("andrews", 1e12)
-    for how in ways[:1] if hopeless else ways:
-        run = completed(simulate(artifact, end=end, penalty=penalty, steps=tmp_path / "steps.csv", **how))  # type: ignore[arg-type]
-        assert run.effort.residuals.position < (1e-6 if hopeless else 1e-12), how
+    artifact = compiled(model, scene)
+    for how in ({"integrator": "dormand-prince", "tolerance": 1e-4}, {"integrator": "rk4"}):
+        run = simulate(artifact, end=end, penalty=penalty, steps=tmp_path / "steps.csv", check=False, **how)  # type: ignore[arg-type]
+        if (model, penalty) != ("andrews", 1e12) or run.failure is None:
+            assert completed(run).effort.residuals.position < 1e-12, how
+            continue
+        assert run.failure.message in ("the equations of motion cannot be solved", "the accelerations have no finite value")
 
 
 def test_a_larger_penalty_leaves_fewer_digits() -> None:

@@ -20,6 +20,7 @@ enum class Cause : int {
   accelerations_not_finite = 12,  ///< an acceleration within a step is not finite
   switches_without_end = 13,      ///< a force switches to and fro between its formulas
   too_many_steps = 14,            ///< a call would take more steps than it may
+  masses_lost = 15,               ///< the elimination of the equations of motion ends in no number
 };
 
 /// The list in which what failed most has its place.
@@ -56,6 +57,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::stiff: return "no step is small enough for the tolerance";
     case Cause::accelerations_not_finite: return "the accelerations have no finite value";
     case Cause::switches_without_end: return "a force switches to and fro without end";
+    case Cause::masses_lost: return "the equations of motion cannot be solved";
     case Cause::too_many_steps: return "a call would take more steps than it may";
     case Cause::no_equilibrium: return "no static equilibrium was found near the given pose";
   }
@@ -77,6 +79,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::stiff: return "stability limits the steps, as of a stiff model; not tried: method recursive-newton";
     case Cause::accelerations_not_finite: return "not tried: a smaller dt";
     case Cause::switches_without_end: return "make its law continuous there, or let steps go over it with events: crossed";
+    case Cause::masses_lost: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; not tried: a smaller penalty";
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
     case Cause::no_equilibrium: return "check that every free direction has a spring or is held";

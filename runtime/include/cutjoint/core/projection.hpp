@@ -79,6 +79,7 @@ class Projection {
       else mechanism_.project(state.q.data(), open.data(), dz_.data());
       move();
       const Real next = measure(state, open);
+      if (next != next) return give_up(state, number, moved);
       if (!(next < left)) std::copy_n(before_.begin(), moved.size(), moved.begin());
       if (weak && !(next < left / 2)) {
         left = std::min(next, left);
@@ -107,7 +108,7 @@ class Projection {
       for (std::size_t i = 0; i < rest_.size(); ++i) now.closed[i] = rest_[i] - now.closed[i];
       for (std::size_t k = 0; k < n; ++k) now.add(-dot(now.closed, tries_[k].closed), tries_[k]);
       const Real size = sqrt(dot(now.closed, now.closed));
-      if (!(size > Real(1e-6) * sqrt(dot(now.gap, now.gap)))) return false;
+      if (size <= Real(1e-6) * sqrt(dot(now.gap, now.gap))) return false;
       now.scale(Real(1) / size);
       const Real share = dot(right_, now.closed);
       add(dz_, share, now.step);
@@ -148,6 +149,16 @@ class Projection {
   Real measure(const StateOf<M>& state, const Equations<M>& open) {
     mechanism_.constraint_residual(state.q.data(), state.v.data(), gap_.data(), other_.data());
     return largest(open);
+  }
+
+  /// `project` has no finite step: the fault names the first speed that is no number.
+  template <class Moved>
+  Fault give_up(const StateOf<M>& state, long number, Moved& moved) {
+    std::copy_n(before_.begin(), moved.size(), moved.begin());
+    const auto lost = std::find_if(dz_.begin(), dz_.end(), [](Real x) { return x - x != Real(0); });
+    const auto speed = static_cast<std::size_t>(lost == dz_.end() ? 0 : lost - dz_.begin());
+    return {.cause = Cause::masses_lost, .list = FaultList::speeds, .index = static_cast<int>(speed), .t = static_cast<double>(state.t), .step = number,
+            .value = static_cast<double>(dz_[speed])};
   }
 
   Fault fail(const StateOf<M>& state, long number, Cause cause, const Equations<M>& open) {
