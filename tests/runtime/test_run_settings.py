@@ -76,6 +76,11 @@ def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
         ("stabilisation.closure", "weld", 'is "weld" and not one of penalty, proximal'),
         ("parameters.gap", None, "is null and not a number"),
         ("positions", {"pin.angle": "0"}, 'is "0" and not a number'),
+        ("positions", {"pin.angel": 0.1}, "is not one of pin.angle"),
+        ("rates", {"pin.angle": 0.1}, "is not one of pin.angle_rate"),
+        ("parameters.gab", 0.1, "is not one of gap"),
+        ("roads", {"wheel": {}}, "is unknown"),
+        ("rates", [], "is [] and not an object"),
         ("integrator", "euler", 'is "euler" and not one of trapezoidal, '),
         ("integrator", 1, "is 1 and not one of trapezoidal, "),
         ("task", "\x1b[31m\x9b", 'is "\\u001b[31m\\x9b" and not one of simulate'),
@@ -94,7 +99,7 @@ def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
 )  # fmt: skip
 def test_a_simulator_names_what_it_refuses(method: str, key: str, value: object, message: str, tmp_path: Path) -> None:
     complaint = refused(method, {key: value}, tmp_path)
-    last = "pin.angle" if key == "positions" else key.rpartition(".")[2]
+    last = next(iter(value)) if isinstance(value, dict) else key.rpartition(".")[2]
     assert complaint.startswith(f"error: run file: '{last}' {message}")
 
 

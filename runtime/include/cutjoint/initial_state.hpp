@@ -58,7 +58,7 @@ class InitialState {
 
   /// Values that the run file gives, and which they are.
   std::vector<unsigned char> read(const char* key, const std::vector<std::string_view>& names, std::vector<Real>& values) const {
-    const std::vector<bool> given = read_given(file_.at(key), names, values);
+    const std::vector<bool> given = read_given(read_object(file_, key), names, values);
     return {given.begin(), given.end()};
   }
 

@@ -44,10 +44,10 @@ std::string listed(const Words& words) {
 }
 
 /// Refuses a key that is not one of `known`.
-template <std::size_t n>
-void require_keys(const Json& object, const std::array<std::string_view, n>& known) {
+template <class Words>
+void require_keys(const Json& object, const Words& known) {
   for (const auto& [key, value] : object.items())
-    if (std::find(known.begin(), known.end(), key) == known.end()) refuse(key, "is not one of " + listed(known));
+    if (std::find(known.begin(), known.end(), key) == known.end()) refuse(key, known.empty() ? "is unknown" : "is not one of " + listed(known));
 }
 
 /// The largest number that is read into a type.

@@ -22,6 +22,7 @@ std::vector<Piece<Real>> read_pieces(const Json& list) {
   constexpr std::array kinds{Kind{"line", PieceKind::line}, Kind{"arc", PieceKind::arc}, Kind{"cosine", PieceKind::cosine}};
   std::vector<Piece<Real>> pieces;
   for (const Json& p : list) {
+    require_keys(p, std::to_array<std::string_view>({"kind", "begin", "a", "b", "c"}));
     pieces.push_back({read_word(p, "kind", kinds), read_number<Real>(p, "begin"), read_number<Real>(p, "a"), read_number<Real>(p, "b"),
                       read_number<Real>(p, "c")});
   }
@@ -35,9 +36,12 @@ class Roads {
   Roads() = default;
 
   Roads(const std::vector<std::string_view>& names, const Json& file) {
+    const Json& roads = read_object(file, "roads");
+    require_keys(roads, names);
     for (const std::string_view name : names) {
-      const Json& road = file.at("roads").at(std::string(name));
-      roads_.emplace_back(keep(road.at("left")), keep(road.at("right")), road.at("disc").get<bool>());
+      const Json& road = read_object(roads, std::string(name).c_str());
+      require_keys(road, std::to_array<std::string_view>({"left", "right", "disc"}));
+      roads_.emplace_back(keep(value_of(road, "left")), keep(value_of(road, "right")), read_flag(road, "disc"));
     }
   }
 
@@ -64,8 +68,12 @@ class Roads {
 /// The values of parameters.
 template <class Real>
 std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Json& file) {
+  const Json& given = read_object(file, "parameters");
+  std::vector<std::string_view> names;
+  for (const Named& p : parameters) names.push_back(p.name);
+  require_keys(given, names);
   std::vector<Real> values;
-  for (const Named& p : parameters) values.push_back(read_number<Real>(file.at("parameters"), std::string(p.name).c_str()));
+  for (const std::string_view name : names) values.push_back(read_number<Real>(given, std::string(name).c_str()));
   return values;
 }
 
@@ -117,6 +125,7 @@ class ModelData {
 /// Values by name into an array; true where one was given.
 template <class Real>
 std::vector<bool> read_given(const Json& by_name, const std::vector<std::string_view>& names, std::vector<Real>& values) {
+  require_keys(by_name, names);
   std::vector<bool> given(names.size(), false);
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto found = by_name.find(std::string(names[i]));
