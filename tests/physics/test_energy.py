@@ -129,7 +129,7 @@ def test_a_penalty_far_too_small_is_a_warning() -> None:
     """Loops that give way take up work; all steps agree on that, so that their errors are silent."""
     error = simulate(driven(numerics=SOFT), integrator="trapezoidal", dt=1e-3).error
     assert error.converged
-    assert "work and energy differ by" in error.imbalance
+    assert "work and energy differ by" in error.warnings[0]
 
 
 def test_the_warning_is_in_the_terminal_and_beside_the_table(tmp_path: Path) -> None:
@@ -138,19 +138,19 @@ def test_the_warning_is_in_the_terminal_and_beside_the_table(tmp_path: Path) -> 
     done = CliRunner().invoke(main, ["simulate", str(model), "--integrator", "trapezoidal", "--dt", "1e-3", "--out", str(out)])
     assert done.exit_code == 0
     assert "work and energy differ by" in " ".join(done.output.split())
-    assert "work and energy differ by" in json.loads((tmp_path / "run.error.json").read_text())["warning"]
+    assert "work and energy differ by" in json.loads((tmp_path / "run.error.json").read_text())["warnings"][0]
 
 
 def test_a_guide_that_jumps_is_a_warning() -> None:
     """A speed that changes at once takes a work that no power has."""
     error = simulate(driven(guide='guide: "where(t < 0.5, 0, 3*(t - 0.5))"'), dt=1e-3).error
-    assert "a guide that jumps" in error.imbalance
+    assert "a guide that jumps" in error.warnings[0]
 
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented"])
 def test_runs_that_are_right_have_no_warning(method: str) -> None:
     for dt in (1e-3, 5e-3):
-        assert simulate(driven(method), integrator="trapezoidal", dt=dt).error.imbalance == ""
+        assert simulate(driven(method), integrator="trapezoidal", dt=dt).error.warnings == ()
 
 
 @pytest.mark.parametrize("dt", [0.05, 0.01])

@@ -15,6 +15,7 @@ from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
 from cutjoint.run.balance import find_imbalance
 from cutjoint.run.cures import follow_up
+from cutjoint.run.open_loops import find_open_loops
 from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
@@ -115,9 +116,15 @@ def _unknown(run: Trajectory) -> dict[str, float]:
 
 def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = ()) -> Trajectory:
     """The run with its errors; ``others`` are runs of the same with other steps."""
-    imbalance = find_imbalance(run, others)
-    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged, imbalance=imbalance)
+    estimate = _judged(run, errors, converged=converged, others=others)
     return replace(run, estimator=lambda _: estimate)
+
+
+def _judged(run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory]) -> ErrorEstimate:
+    """The errors of a run, and what these do not see."""
+    open_loops = find_open_loops(run, others, errors)
+    warnings = tuple(filter(None, (find_imbalance(run, others), open_loops)))
+    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged and not open_loops, warnings=warnings)
 
 
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
@@ -143,8 +150,7 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         before, after = apart, _unknown(run) if finest is None else _differences(finer, finest)
     errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
     converged = all(_falls(run.columns[c], before[c], after[c]) for c in apart)
-    imbalance = find_imbalance(run, [finer] if coarser is None else [coarser, finer])
-    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged, imbalance=imbalance)
+    return _judged(run, errors, converged=converged, others=[finer] if coarser is None else [coarser, finer])
 
 
 def _try(plan: SimulatorRun, change: _Change, times: int) -> Trajectory | None:

@@ -172,8 +172,8 @@ def write_error(table: Path, error: ErrorEstimate | None) -> None:
         path.unlink(missing_ok=True)
     if error is not None:
         largest = {name: value if isfinite(value) else None for name, value in error.largest.items()}
-        warning = {"warning": error.imbalance} if error.imbalance else {}
-        write_whole(path, _as_json({"converged": error.converged, "largest": largest, "units": dict(error.units), **warning}))
+        warnings = {"warnings": error.warnings} if error.warnings else {}
+        write_whole(path, _as_json({"converged": error.converged, "largest": largest, "units": dict(error.units), **warnings}))
 
 
 def write_whole(path: Path, content: str | bytes) -> Path:

@@ -125,13 +125,13 @@ class ErrorEstimate:
 
     ``largest`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the end.
     Not ``converged`` is what changes with finer steps as much as with coarser ones.  Laws, masses and places are taken as they are given.
-    ``imbalance`` is a warning that work and energy differ by more than the steps explain, "" where they do not.
+    ``warnings`` are what errors of the steps do not see: work and energy that differ by more than the steps explain, loops that stay open.
     """
 
     largest: Mapping[str, float]
     units: Mapping[str, str]
     converged: bool
-    imbalance: str = ""
+    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, column: str) -> float:
         return self.largest[column]

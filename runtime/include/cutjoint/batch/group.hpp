@@ -11,7 +11,7 @@
 #include "cutjoint/batch/inputs.hpp"
 #include "cutjoint/batch/side_by_side.hpp"
 #include "cutjoint/batch/road.hpp"
-#include "cutjoint/batch/trapezoidal.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/failure_report.hpp"
 #include "cutjoint/guards.hpp"
@@ -98,19 +98,19 @@ class Group {
     load();
     const double dt = settings_.dt;
     const auto [steps, stride] = count_steps<double>(settings_);
-    integrator_.emplace(instances_, dt, fixed_point_of(settings_));
+    integrator_.emplace(instances_, Real(dt), fixed_point_of(settings_));
     report();
     end_ = smallest_ = largest_ = values_;
     watch(0);
     const auto begin = std::chrono::steady_clock::now();
     for (long n = 1; n <= steps && any(going_) && !stop_requested(); ++n) {
-      const Mask failed = integrator_->step(state_, going_);
+      const Mask failed = integrator_->advance(state_, going_);
       state_.t = where(going_ & ~failed, Real(static_cast<double>(n) * dt), state_.t);
       if (any(failed)) {
         instances_.begin_step(state_.t, Real(1));  // back to the last state of those that failed
         if ((n - 1) % stride != 0) record(failed);
         for (int k = 0; k < width; ++k)
-          if (failed[k]) stop(k, explained(k, dt, integrator_->failure(k, n)));
+          if (failed[k]) stop(k, explained(k, dt, failure_of(integrator_->fault(k, n), d_)));
       }
       watch(n);
       if (n % stride == 0 || n == steps) record(going_);
@@ -177,7 +177,7 @@ class Group {
 
   void add_columns(int k) {
     Json& result = results_[static_cast<std::size_t>(k)];
-    result["evaluations"] = integrator_->evaluations(k);
+    result["evaluations"] = integrator_->evaluations()[k];
     const auto add = [&](const char* name, const std::vector<Real>& values) {
       for (const Real value : values) result[name].push_back(number_or_null(value[k]));
     };
@@ -198,7 +198,7 @@ class Group {
   std::vector<Real> parameters_;
   Real penalty_;
   std::vector<Road<Real>> roads_;
-  std::optional<Trapezoidal> integrator_;
+  std::optional<Trapezoidal<Instances>> integrator_;
   Mask going_{};
   std::vector<Real> margin_, values_, end_, smallest_, largest_;
   std::vector<Json> results_;

@@ -10,13 +10,16 @@
 
 namespace cutjoint::batch {
 
+/// A mechanism with several instances.
+using Instances = AnyMechanism<Real>;
+
 /// A source of inputs that takes those of each instance from a source of its own.
 class LaneInputs {
  public:
   explicit LaneInputs(const Description& d) : numbers_(numbers_per_input * d.inputs.size()) {}
 
   /// Drive instances by sources, one for each.
-  template <class Instances, class SourceOf>
+  template <class SourceOf>
   void drive(Instances& instances, SourceOf source_of) {
     bool any = false;
     for (int k = 0; k < width; ++k) any |= (sources_[static_cast<std::size_t>(k)] = source_of(k)).fill != nullptr;

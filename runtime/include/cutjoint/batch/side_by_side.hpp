@@ -7,7 +7,6 @@
 
 #include "cutjoint/batch/inputs.hpp"
 #include "cutjoint/batch/road.hpp"
-#include "cutjoint/batch/trapezoidal.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 

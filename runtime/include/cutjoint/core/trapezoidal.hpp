@@ -1,6 +1,7 @@
 // The trapezoidal rule with fixed-point iteration on the accelerations (Cuadrado et al. 2000, eqs. 43-44).
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -10,6 +11,7 @@
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/projection.hpp"
 #include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/selection.hpp"
 #include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
@@ -36,25 +38,36 @@ inline Fault not_reached(int iterations, double change, double size, double t, l
           .t = t, .step = number, .value = change, .size = size, .iterations = iterations};
 }
 
-/// Integrates a mechanism with steps of a given length.
+/// Integrates a mechanism with steps of a given length.  Its reals may be numbers of several instances side by side, with the penalty closure: each
+/// goes as if it were alone, and its accelerations stay when they have converged while those of others still change.
 template <Mechanism M>
 class Trapezoidal {
  public:
   using Real = typename M::real_type;
+  using Instances = Selection<Real>;
+  using Mask = typename Instances::Mask;
 
   Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
       : mechanism_(mechanism), dt_(dt), fixed_point_(fixed_point), v_hat_(sizes_of(mechanism).speeds), z_hat_(v_hat_.size()),
         delta_(v_hat_.size()), vdot_(v_hat_.size()), difference_(v_hat_.size()), correction_(sizes_of(mechanism).equations),
         before_(blank(mechanism)), projection_(mechanism) {}
 
-  /// One step; `state` is that at its end.
+  /// One step of a mechanism alone; `state` is that at its end.  There is a fault when the iteration diverges to infinity or does not end; `state`
+  /// is then the last one that converged, and the mechanism is at its time.
+  [[gnu::noinline]] Fault step(StateOf<M>& state, long number) {
+    if (advance(state, true)) {
+      mechanism_.begin_step(state.t, Real(1));
+      return fault(0, number);
+    }
+    return fixed_point_.proximal ? project(state, number) : Fault{};
+  }
+
+  /// One step of the instances in `going`; a state is then that at its end, of all others it stays.  Returns those whose iteration diverges to
+  /// infinity or does not end; the mechanism is at the end of the step.
   ///
   ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
   ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n
-  ///
-  /// There is a fault when the iteration diverges to infinity or does not end; `state` is then the last one that converged, and the
-  /// mechanism is at its time.
-  [[gnu::noinline]] Fault step(StateOf<M>& state, long number) {
+  Mask advance(StateOf<M>& state, Mask going) {
     before_ = state;
     const Real dt = dt_, half = dt_ / 2, quarter = dt_ * dt_ / 4;
     for (std::size_t i = 0; i < v_hat_.size(); ++i) {
@@ -63,21 +76,32 @@ class Trapezoidal {
     }
     const Real t = state.t + dt_;
     mechanism_.begin_step(t, Real(1));
-    for (int iteration = 1;; ++iteration) {
+    Mask open = going, failed{};
+    for (int iteration = 1; Instances::any(open); ++iteration) {
       follow(state);
       mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), vdot_.data(), correction_.data());
+      Instances::count(open, evaluations_);
       if (iteration <= fixed_point_.multiplier_updates)
-        for (std::size_t i = 0; i < correction_.size(); ++i) state.lambda[i] += correction_[i];
-      state.vdot.swap(vdot_);
-      ++evaluations_;
-      const bool close = converged(state, vdot_), last = iteration >= fixed_point_.iterations;
-      if (!std::isfinite(static_cast<double>(change_))) return give_up(state, number, t, iteration);
-      if (fixed_point_.fixed_cost ? last : close) break;
-      if (last) return give_up(state, number, t, iteration);
+        for (std::size_t i = 0; i < correction_.size(); ++i) Instances::take(open, state.lambda[i] + correction_[i], state.lambda[i]);
+      const bool last = iteration >= fixed_point_.iterations;
+      const Mask close = compare(state), late = Instances::all_if(last && !fixed_point_.fixed_cost);
+      const Mask lost = Instances::both(open, Instances::either(Instances::without(late, close), Instances::without(open, Instances::finite(change_))));
+      if (Instances::any(lost)) note(lost, t, iteration);
+      failed = Instances::either(failed, lost);
+      for (std::size_t i = 0; i < vdot_.size(); ++i) Instances::take(open, vdot_[i], state.vdot[i]);
+      open = Instances::without(open, Instances::either(failed, fixed_point_.fixed_cost ? Instances::all_if(last) : close));
     }
     follow(state);
     state.t = t;
-    return fixed_point_.proximal ? project(state, number) : Fault{};
+    restore(state, Instances::without(Instances::all_if(true), Instances::without(going, failed)));
+    return failed;
+  }
+
+  /// Why the last step of an instance failed.
+  Fault fault(int instance, long number) const {
+    Fault fault = faults_[static_cast<std::size_t>(instance)];
+    fault.step = number;
+    return fault;
   }
 
   Projection<M>& projection() { return projection_; }
@@ -88,7 +112,8 @@ class Trapezoidal {
   /// Seek the fixed point another way.
   void set_fixed_point(const FixedPoint& fixed_point) { fixed_point_ = fixed_point; }
 
-  long evaluations() const { return evaluations_; }
+  /// How often each instance was evaluated until it had converged.
+  const typename Instances::Count& evaluations() const { return evaluations_; }
 
  private:
   /// Coordinates and speeds that belong to the state's accelerations.
@@ -108,29 +133,42 @@ class Trapezoidal {
     }
     Fault fault = projection_.positions(state, number);
     if (!fault) fault = projection_.velocities(state, number);
-    if (fault) go_back(state);
+    if (fault) {
+      state = before_;
+      mechanism_.begin_step(state.t, Real(1));
+    }
     return fault;
   }
 
-  void go_back(StateOf<M>& state) {
-    state = before_;
-    mechanism_.begin_step(state.t, Real(1));
-  }
-
-  bool converged(const StateOf<M>& state, const Speeds<M>& previous) {
-    for (std::size_t i = 0; i < previous.size(); ++i) difference_[i] = state.vdot[i] - previous[i];
+  /// Which new accelerations are close to those of the state.
+  Mask compare(const StateOf<M>& state) {
+    for (std::size_t i = 0; i < vdot_.size(); ++i) difference_[i] = vdot_[i] - state.vdot[i];
     change_ = largest(difference_);
-    size_ = Real(1) + largest(state.vdot);
+    size_ = Real(1) + largest(vdot_);
     return change_ <= Real(fixed_point_.tolerance) * size_;
   }
 
-  Fault give_up(StateOf<M>& state, long number, Real t, int iteration) {
-    go_back(state);
-    std::size_t worst = 0;
-    using std::abs;
-    for (std::size_t i = 0; i < difference_.size(); ++i)
-      if (abs(difference_[i]) > abs(difference_[worst]) || difference_[i] != difference_[i]) worst = i;
-    return not_reached(iteration, static_cast<double>(change_), static_cast<double>(size_), static_cast<double>(t), number, worst);
+  /// Keep what is to say of instances that fail.
+  void note(Mask lost, Real t, int iteration) {
+    for (int k = 0; k < Instances::number; ++k) {
+      if (!Instances::has(lost, k)) continue;
+      std::size_t worst = 0;
+      double most = -1;
+      for (std::size_t i = 0; i < difference_.size(); ++i)
+        if (const double change = std::abs(Instances::of(difference_[i], k)); change > most || change != change) most = change, worst = i;
+      faults_[static_cast<std::size_t>(k)] =
+          not_reached(iteration, Instances::of(change_, k), Instances::of(size_, k), Instances::of(t, k), 0, worst);
+    }
+  }
+
+  /// Instances go back to the state before the step.
+  void restore(StateOf<M>& state, Mask which) const {
+    if (!Instances::any(which)) return;
+    const auto back = [&](auto& values, const auto& before) {
+      for (std::size_t i = 0; i < values.size(); ++i) Instances::take(which, before[i], values[i]);
+    };
+    Instances::take(which, before_.t, state.t);
+    back(state.q, before_.q), back(state.v, before_.v), back(state.vdot, before_.vdot), back(state.lambda, before_.lambda);
   }
 
   M& mechanism_;
@@ -141,7 +179,8 @@ class Trapezoidal {
   StateOf<M> before_;
   Projection<M> projection_;
   Real change_{0}, size_{1};
-  long evaluations_ = 0;
+  typename Instances::Count evaluations_{};
+  std::array<Fault, Instances::number> faults_{};
 };
 
 }  // namespace cutjoint
