@@ -128,7 +128,7 @@ def given(integrator: str) -> dict[str, float]:
 def test_a_penalty_far_too_small_is_a_warning() -> None:
     """Loops that give way take up work; all steps agree on that, so that their errors are silent."""
     error = simulate(driven(numerics=SOFT), integrator="trapezoidal", dt=1e-3).error
-    assert error.converged
+    assert max(error.largest.values()) < 1e-5
     assert "work and energy differ by" in error.warnings[0]
 
 

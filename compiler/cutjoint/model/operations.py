@@ -150,7 +150,10 @@ def _apply(
     number = _numeric(name, numeric, numbers)
     if number == 0:
         return Term(sympy.Integer(0), dimension, 0.0)
-    return Term(_short_constant(_short_numbers(symbolic(*(term.value for term in terms))), number, size), dimension, number, size)
+    value = _short_constant(_short_numbers(symbolic(*(term.value for term in terms))), number, size)
+    if value == 0:  # exactly, where floats leave a last digit, as of sin(pi)
+        return Term(sympy.Integer(0), dimension, 0.0)
+    return Term(value, dimension, number, size)
 
 
 def require_real(value: Scalar) -> None:

@@ -117,7 +117,8 @@ def _row(judgement: Judgement) -> tuple[str, ...]:
 def main(models: tuple[Path, ...], scenes: tuple[str, ...]) -> None:
     """Judge the estimated errors of all methods and integrators on MODELS, by default those of models/."""
     console, judgements = Console(highlight=False, width=200), []
-    console.print(f"{provenance(())}; estimated over true errors, of outputs with a true error above {LEAST:g} of the largest of their unit", markup=False)
+    judged = f"of outputs with a true error above {LEAST:g} of the largest of their unit"
+    console.print(f"{provenance(())}; estimated over true errors, {judged}", markup=False)
     for path in models or sorted(Path("models").glob("*.yaml")):
         model = read_model(path)
         for scene in model.scenes.values():
