@@ -27,6 +27,8 @@ NEAR = 5.0
 FAR = 0.1
 #: True errors below this share of what outputs of the unit reach are the reference's too, or rounding of what is zero by symmetry.
 LEAST = 1e-8
+#: True errors below this are nobody's concern, SI units: a mechanism at rest moves by as much.
+FLOOR = 1e-8
 #: Settings of references, the first that reaches the end: error control stops at some singular poses that equal steps go through.
 REFERENCES: tuple[dict[str, float | str], ...] = (
     {"integrator": "dormand-prince", "tolerance": 1e-11}, {"integrator": "rk4", "dt": 1e-4}, {"integrator": "rk4", "dt": 5e-5},
@@ -35,7 +37,7 @@ REFERENCES: tuple[dict[str, float | str], ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """The estimates of a run: for each output the estimated over the true error, without those below LEAST."""
+    """The estimates of a run: for each output the estimated over the true error, without errors below LEAST and FLOOR."""
 
     ratios: tuple[float, ...] = ()
     largest: float = nan
@@ -46,6 +48,11 @@ class Judgement:
     def near(self) -> int:
         """How many estimates are near."""
         return sum(1 / NEAR <= ratio <= NEAR for ratio in self.ratios)
+
+    @property
+    def cautious(self) -> int:
+        """How many estimates are larger than near."""
+        return sum(ratio > NEAR for ratio in self.ratios)
 
     @property
     def misleading(self) -> int:
@@ -77,7 +84,7 @@ def judge(run: Trajectory, reference: Trajectory) -> Judgement:
     for name in run.columns:
         size = sizes[run.units[name]]
         true = float(np.max(np.abs(run[name][here] - reference[name][there])))
-        if true > LEAST * size:
+        if true > max(LEAST * size, FLOOR):
             ratios.append(estimate[name] / true)
             largest = max(largest, true / size)
     return Judgement(ratios=tuple(ratios), largest=largest, converged=estimate.converged)
@@ -117,7 +124,7 @@ def _row(judgement: Judgement) -> tuple[str, ...]:
 def main(models: tuple[Path, ...], scenes: tuple[str, ...]) -> None:
     """Judge the estimated errors of all methods and integrators on MODELS, by default those of models/."""
     console, judgements = Console(highlight=False, width=200), []
-    judged = f"of outputs with a true error above {LEAST:g} of the largest of their unit"
+    judged = f"of outputs with a true error above {FLOOR:g} and {LEAST:g} of the largest of their unit"
     console.print(f"{provenance(())}; estimated over true errors, {judged}", markup=False)
     for path in models or sorted(Path("models").glob("*.yaml")):
         model = read_model(path)
@@ -131,9 +138,10 @@ def main(models: tuple[Path, ...], scenes: tuple[str, ...]) -> None:
                 table.add_row(method, settings, *_row(judgement))
             console.print(table)
     count, near = sum(len(j.ratios) for j in judgements), sum(j.near for j in judgements)
-    misleading, failed = sum(j.misleading for j in judgements), sum(bool(j.failure) for j in judgements)
+    cautious, misleading = sum(j.cautious for j in judgements), sum(j.misleading for j in judgements)
+    failed = sum(bool(j.failure) for j in judgements)
     console.print(
-        f"{near} of {count} estimates within a factor of {NEAR:g}; {misleading} below {FAR:g} of the true error without the words "
+        f"{near} of {count} estimates within a factor of {NEAR:g}, {cautious} larger; {misleading} below {FAR:g} of the true error without the words "
         f"'not converged'; {failed} of {len(judgements)} runs failed", markup=False,
     )  # fmt: skip
 
