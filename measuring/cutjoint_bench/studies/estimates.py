@@ -141,8 +141,8 @@ def main(models: tuple[Path, ...], scenes: tuple[str, ...]) -> None:
     cautious, misleading = sum(j.cautious for j in judgements), sum(j.misleading for j in judgements)
     failed = sum(bool(j.failure) for j in judgements)
     console.print(
-        f"{near} of {count} estimates within a factor of {NEAR:g}, {cautious} larger; {misleading} below {FAR:g} of the true error without the words "
-        f"'not converged'; {failed} of {len(judgements)} runs failed", markup=False,
+        f"{near} of {count} estimates within a factor of {NEAR:g}, {cautious} larger; "
+        f"{misleading} below {FAR:g} of the true error without the words 'not converged'; {failed} of {len(judgements)} runs failed", markup=False,
     )  # fmt: skip
 
 
