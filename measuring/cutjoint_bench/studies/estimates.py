@@ -142,7 +142,8 @@ def main(models: tuple[Path, ...], scenes: tuple[str, ...]) -> None:
     failed = sum(bool(j.failure) for j in judgements)
     console.print(
         f"{near} of {count} estimates within a factor of {NEAR:g}, {cautious} larger; "
-        f"{misleading} below {FAR:g} of the true error without the words 'not converged'; {failed} of {len(judgements)} runs failed", markup=False,
+        f"{misleading} below {FAR:g} of the true error without the words 'not converged'; {failed} of {len(judgements)} runs failed",
+        markup=False,
     )  # fmt: skip
 
 
