@@ -192,7 +192,7 @@ class Stretch:
 
     start: Point
     end: Point
-    position: ClassVar = "length"
+    position: ClassVar[str] = "length"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,7 +205,7 @@ class Travel:
     origin: Point
     axis: Axis
     point: Point
-    position: ClassVar = "travel"
+    position: ClassVar[str] = "travel"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,7 +228,7 @@ class Wrench:
 class OnCoordinate:
     """A law over ``position`` and ``rate`` of a joint's coordinate, on which it works."""
 
-    position: ClassVar = "position"
+    position: ClassVar[str] = "position"
 
 
 @dataclass(frozen=True, kw_only=True)
