@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.elements.force import REQUIRED, Constants, Force
+from cutjoint.elements.forces import FORCES
 from cutjoint.elements.joint import Ball, JointElement, Offset, Slide, Turn
 from cutjoint.elements.joints import JOINTS
+from cutjoint.elements.kinds import ForceKind
 from cutjoint.model.document import json_schema
 from cutjoint.model.names import VARIABLES
 from cutjoint.model.operations import FUNCTIONS
@@ -18,6 +21,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.values import MAX_COEFFICIENTS, MAX_TABLE
 
 from .pendulum import read, varied
+from .test_instances import WING
 
 DOCS = Path(__file__).parents[2] / "docs" / "model-format.md"
 TEXT = DOCS.read_text(encoding="utf-8")
@@ -103,9 +107,47 @@ def test_the_table_of_chains_is_the_catalogue() -> None:
     assert table in (DOCS.parent / "mechanics.md").read_text(encoding="utf-8"), f"write into docs/mechanics.md:\n{table}"
 
 
+#: A force of every kind, and a load of either form.
+EVERY_FORCE = (*read_model_text(WING, "m.yaml").forces, *read(DRAG, DRAG).forces)
+
+
+def section(heading: str) -> str:
+    """The text under a heading, up to the next one of its rank."""
+    return TEXT.partition(f"\n{heading}\n")[2].partition(f"\n{heading.split()[0]} ")[0]
+
+
+@pytest.mark.parametrize("kind", FORCES)
+def test_the_table_of_forces_names_what_a_kind_needs(kind: ForceKind) -> None:
+    rows = [line for line in section("## Forces").splitlines() if line.startswith(f"| `{kind}` |")]
+    asked = [field for field in FORCES[kind].element.fields if field.default is REQUIRED]
+    assert rows
+    assert all(f"`{field.name}`" in row for field in asked for row in rows)
+    constants = [name for field in asked if isinstance(field.shape, Constants) for name in field.shape.names]
+    assert set(constants) <= set(section("## Forces").replace("`", " ").split())
+
+
+def reported(force: Force) -> list[str]:
+    """What a force reports, as the table of outputs writes it: names, then their unit."""
+    units = list(dict.fromkeys(force.quantities.values()))
+    names = {unit: " ".join(name for name, own in force.quantities.items() if own == unit) for unit in units}
+    return [f"{names[unit]} ({unit.replace('*', ' ')})" for unit in units]
+
+
+@pytest.mark.parametrize("force", EVERY_FORCE, ids=lambda force: force.name)
+def test_the_table_of_outputs_is_the_catalogue(force: Force) -> None:
+    row = next(line for line in TEXT.splitlines() if line.startswith(f"| {force.element.kind} |"))
+    cells = force.quantities if force.joint_of else reported(force)  # a joint's slopes have the units of its coordinate
+    assert all(cell in row for cell in cells), cells
+
+
+def test_a_force_of_every_kind_is_looked_at() -> None:
+    assert {force.element.kind for force in EVERY_FORCE} == set(FORCES)
+
+
 def test_everything_is_named() -> None:
     words = set(re.findall(r"[A-Za-z_0-9]+", TEXT))
-    quantities = {name for names in (*QUANTITIES.values(), *JOINT_QUANTITIES.values()) for name in names}
+    of_forces = (force.quantities for force in EVERY_FORCE)
+    quantities = {name for names in (*QUANTITIES.values(), *JOINT_QUANTITIES.values(), *of_forces) for name in names}
     schema = json.loads(json_schema())
     fields = {name for part in (schema, *schema["$defs"].values()) for name in part["properties"]}
     assert fields <= words

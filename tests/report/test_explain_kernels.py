@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import sympy
 
+from cutjoint.elements.force import Interaction
 from cutjoint.formulate.tyre import calspan
 from cutjoint.kernels.joints import QUATERNION, derive_joint, rotation_of
-from cutjoint.model.records import Force, Joint, JointKind, Span
+from cutjoint.model.records import Joint, JointKind, Span
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.report.explain import tyre
@@ -148,8 +149,8 @@ def test_the_printed_derivatives_of_the_tyre(state: tuple[float, float, float]) 
     assert printed == pytest.approx([by_slip, by_camber, by_side], rel=1e-5)
 
 
-def test_every_kind_of_force_can_be_explained() -> None:
-    assert set(DESCRIPTIONS) == set(get_args(Force))
+def test_every_interaction_can_be_explained() -> None:
+    assert set(DESCRIPTIONS) == set(get_args(Interaction))
 
 
 def test_laws_that_differ_are_printed_with_their_owners() -> None:

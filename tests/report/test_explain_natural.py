@@ -12,9 +12,10 @@ import sympy
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.elements.force import Interaction
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import Force, Scene
+from cutjoint.model.records import Scene
 from cutjoint.report.explain.document import explain
 from cutjoint.report.explain.natural import force_descriptions
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
@@ -168,8 +169,8 @@ def test_explaining_does_not_change_the_layout(iltis: Explained) -> None:
     assert d.full.layout.nodes == before
 
 
-def test_every_kind_of_force_acts_on_natural_coordinates() -> None:
-    assert set(force_descriptions._ACTIONS) == set(get_args(Force))
+def test_every_interaction_acts_on_natural_coordinates() -> None:
+    assert set(force_descriptions._ACTIONS) == set(get_args(Interaction))
 
 
 # Rendering

@@ -1,4 +1,4 @@
-"""The names of the joint kinds in a model file."""
+"""The names of the kinds of joints and forces in a model file."""
 
 from __future__ import annotations
 
@@ -20,3 +20,14 @@ class JointKind(StrEnum):
     POINT_ON_LINE = "point_on_line"
     DISTANCE = "distance"
     FREE = "free"
+
+
+class ForceKind(StrEnum):
+    """How a force acts; ``cutjoint.elements.forces`` has what each kind is."""
+
+    POINT_SPRING = "point_spring"
+    AXIAL_FORCE = "axial_force"
+    BUSHING = "bushing"
+    LOAD = "load"
+    JOINT_FORCE = "joint_force"
+    TYRE = "tyre"

@@ -12,7 +12,7 @@ from cutjoint.elements.joint import AXIAL_FRAME, Ball, Direction, Offset, Slide,
 from cutjoint.export.records import Mechanism, PeerJoint, Triple
 from cutjoint.export.start import Array
 from cutjoint.model.errors import Problem
-from cutjoint.model.records import GROUND, JointForce, JointKind
+from cutjoint.model.records import GROUND, Force, JointKind
 
 #: Where the axes of a frame point.
 Frame: TypeAlias = tuple[Triple, Triple, Triple]
@@ -103,17 +103,16 @@ def _shared(joint: PeerJoint) -> Problem:
 def joint_force_problems(mechanism: Mechanism) -> list[Problem]:
     """Forces on coordinates that belong to no part of a chain."""
     kinds, cuts = {j.name: j.kind for j in mechanism.tree if j.element.from_inner}, {cut.name for cut in mechanism.cuts}
-    forces = [force for force in mechanism.forces if isinstance(force, JointForce)]
-    no_parts = [_no_part(force, kinds[force.joint]) for force in forces if force.joint in kinds]
-    return [*no_parts, *(_of_cut(force) for force in forces if force.joint in cuts)]
+    no_parts = [_no_part(force, kinds[force.joint_of]) for force in mechanism.forces if force.joint_of in kinds]
+    return [*no_parts, *(_of_cut(force) for force in mechanism.forces if force.joint_of in cuts)]
 
 
-def _of_cut(force: JointForce) -> Problem:
-    message = f"a force on a coordinate of the cut joint '{force.joint}' is not exported"
+def _of_cut(force: Force) -> Problem:
+    message = f"a force on a coordinate of the cut joint '{force.joint_of}' is not exported"
     return Problem(span=force.span, element=f"force '{force.name}'", message=message, hint="write cut: true at another joint of its loop")
 
 
-def _no_part(force: JointForce, kind: JointKind) -> Problem:
+def _no_part(force: Force, kind: JointKind) -> Problem:
     message = f"a force on a coordinate of a joint of kind {kind} is not exported"
     return Problem(span=force.span, element=f"force '{force.name}'", message=message, hint="write a load or a point_spring instead")
 

@@ -4,34 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import sympy
 
+from cutjoint.elements.force import Compliance, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
 from cutjoint.export.chains import frame
 from cutjoint.export.exudyn_laws import function
-from cutjoint.export.forces_cpp import arm
+from cutjoint.export.forces_cpp import arm, radii_on_road
 from cutjoint.export.numbers import Numbers
 from cutjoint.export.records import Mechanism, PeerJoint, Place, Triple
 from cutjoint.export.start import Array
 from cutjoint.formulate.forces import LENGTH, RATE
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.records import (
-    COORDINATES,
-    GROUND,
-    AxialForce,
-    BodyLoad,
-    Bushing,
-    Force,
-    JointForce,
-    JointKind,
-    PointSpring,
-    Scalar,
-    Scene,
-    Tyre,
-    Vector,
-)
+from cutjoint.model.records import COORDINATES, GROUND, Force, JointKind, Scalar, Scene, Vector
 from cutjoint.run.roads import road_pieces
 
 _GLOBAL: Sequence[Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
@@ -48,26 +36,27 @@ class ForceWriter:
 
     def statement(self, force: Force) -> str | None:
         """The statement that adds a force, None for one within a body or on a coordinate that does not move freely."""
-        if isinstance(force, PointSpring | AxialForce | Bushing) and self.place(force.base).of == self.place(force.follower).of:
+        if len(force.bodies) == 2 and len({self.place(body).of for body in force.bodies}) == 1:
             return None
-        match force:
-            case PointSpring():
-                return self.spring(force)
-            case JointForce():
+        match force.interaction:
+            case Stretch() as how:
+                return self.spring(force, how)
+            case OnCoordinate():
                 return self.joint_force(force)
-            case AxialForce():
-                base, follower = self.arm(force.base, force.origin), self.arm(force.follower, force.point)
-                law = function(("travel", "rate"), self.numbers.law(force.law))
-                call = f"sliding({base!r}, {self.direction(force.base, force.axis)!r}, {follower!r}, {law})"
-                return self.element((force.base, force.follower), call)
-            case Bushing():
-                ends = ", ".join(f"{self.arm(b, force.point)!r}, {self.axes(b, force.axes)!r}" for b in (force.base, force.follower))
-                laws = ", ".join(function(("position", "rate"), self.numbers.law(law)) for law in force.laws)
-                return self.element((force.base, force.follower), f"bushing({ends}, [{laws}])")
-            case BodyLoad():
-                return self.element((force.body,), self.load(force))
-        assert isinstance(force, Tyre)
-        return self.element((force.body,), self.wheel(force))
+            case Travel() as how:
+                base, follower = (self.arm_of(point, force) for point in (how.origin, how.point))
+                law = function((how.position, "rate"), self.numbers.law(force.expressions[0]))
+                call = f"sliding({base!r}, {self.direction(how.axis.body(force), how.axis.of(force))!r}, {follower!r}, {law})"
+            case Compliance() as how:
+                axes = how.frame.of(force)
+                ends = ", ".join(f"{self.arm_of(p, force)!r}, {self.axes(p.body(force), axes)!r}" for p in (how.base, how.follower))
+                laws = ", ".join(function(("position", "rate"), self.numbers.law(law)) for law in force.expressions)
+                call = f"bushing({ends}, [{laws}])"
+            case Wrench():
+                call = self.load(force)
+            case RoadContact() as how:
+                call = self.wheel(force, how)
+        return self.element(force.bodies, call)
 
     def element(self, bodies: Sequence[str], call: str) -> str | None:
         """A force element, None for one on the ground alone."""
@@ -81,9 +70,12 @@ class ForceWriter:
         place = self.place(body)
         return arm(self.mechanism, place.of, place.point(self.numbers.triple(point)))
 
-    def end(self, body: str, point: Vector) -> str:
+    def arm_of(self, point: Point, force: Force) -> Triple:
+        return self.arm(point.body(force), point.of(force))
+
+    def end(self, point: Point, force: Force) -> str:
         """A rigid body and the arm of a point on it."""
-        return repr((self.place(body).of, self.arm(body, point)))
+        return repr((self.place(point.body(force)).of, self.arm_of(point, force)))
 
     def direction(self, body: str, direction: Vector) -> Triple:
         return self.place(body).direction(self.numbers.triple(direction))
@@ -91,20 +83,20 @@ class ForceWriter:
     def axes(self, body: str, axes: Sequence[Vector]) -> tuple[Triple, ...]:
         return tuple(self.direction(body, axis) for axis in axes)
 
-    def spring(self, force: PointSpring) -> str:
+    def spring(self, force: Force, how: Stretch) -> str:
         """A linear law is Exudyn's own, if it does not push the wrong way; another one is a function."""
-        law = self.numbers.law(force.law)
-        ends = f"{self.end(force.base, force.start)}, {self.end(force.follower, force.end)}"
+        law = self.numbers.law(force.expressions[0])
+        ends = f"{self.end(how.start, force)}, {self.end(how.end, force)}"
         slopes = [sympy.diff(law, x) for x in (LENGTH, RATE)]
-        stiffness, damping = (max(0.0, evaluate(slope, self.stretch(force))) for slope in slopes)
+        stiffness, damping = (max(0.0, evaluate(slope, self.stretch(force, how))) for slope in slopes)
         arguments = f"stiffness={stiffness!r}, damping={damping!r}"
         if all(slope.is_Number and slope >= 0 for slope in slopes) and not law.has(TIME):
             return f"mechanism.spring({ends}, {arguments}, force={evaluate(law, {LENGTH: 0.0, RATE: 0.0})!r})"
         return f"mechanism.spring_law({ends}, {arguments}, law={function(('length', 'rate'), law)})"
 
-    def stretch(self, force: PointSpring) -> dict[Scalar, float]:
+    def stretch(self, force: Force, how: Stretch) -> dict[Scalar, float]:
         """Length and rate of a spring at the start."""
-        (start, start_rate), (end, end_rate) = self.moving(force.base, force.start), self.moving(force.follower, force.end)
+        (start, start_rate), (end, end_rate) = (self.moving(p.body(force), p.of(force)) for p in (how.start, how.end))
         way = end - start
         length = float(np.linalg.norm(way))
         return {LENGTH: length, RATE: float(way @ (end_rate - start_rate)) / length, TIME: 0.0}
@@ -115,27 +107,27 @@ class ForceWriter:
         rigid = next((b for b in self.mechanism.bodies if b.name == self.place(body).of), None)
         return place, np.zeros(3) if rigid is None else np.array(rigid.velocity) + np.cross(rigid.spin, place - np.array(rigid.centre))
 
-    def load(self, load: BodyLoad) -> str:
+    def load(self, load: Any) -> str:
         laws = [self.numbers.law(component) for component in load.components]
-        axes = self.axes(load.body, _GLOBAL) if load.axes == "body" else None
+        axes = self.axes(load.body, _GLOBAL) if load.in_body else None
         if load.point is None:
             return f"torque({axes!r}, {function(_SPIN, *laws)})"
         return f"load({self.arm(load.body, load.point)!r}, {axes!r}, {function(_PLACE, *laws)})"
 
-    def wheel(self, tyre: Tyre) -> str:
+    def wheel(self, tyre: Any, how: RoadContact) -> str:
         constants = {name: self.numbers.number(value) for name, value in tyre.constants.items()}
         arguments = ", ".join(f"{name}={value!r}" for name, value in sorted(constants.items()))
-        centre, axis = self.arm(tyre.body, tyre.centre), self.direction(tyre.body, tyre.axis)
+        centre, axis = self.arm_of(how.centre, tyre), self.direction(how.axis.body(tyre), how.axis.of(tyre))
         return f"wheel({centre!r}, {axis!r}, Tyre({arguments}), {self.roads[constants['radius']]})"
 
-    def joint_force(self, force: JointForce) -> str | None:
+    def joint_force(self, force: Force) -> str | None:
         """A force or a torque between the bodies of a joint; on a guided or welded joint it moves nothing."""
-        joint = next((j for j in self.mechanism.tree if j.name == force.joint and not j.guide), None)
+        joint = next((j for j in self.mechanism.tree if j.name == force.joint_of and not j.guide), None)
         if joint is None:
             return None
-        i = COORDINATES[joint.kind].index(force.coordinate)
-        law, start = function(("position", "rate"), self.numbers.law(force.law)), joint.coordinates[i]
-        if force.coordinate.startswith("angle"):
+        i = COORDINATES[joint.kind].index(force.coordinate_of)
+        law, start = function(("position", "rate"), self.numbers.law(force.expressions[0])), joint.coordinates[i]
+        if force.coordinate_of.startswith("angle"):
             axis, side, of_base = _turning(joint, i)
             call = f"turning({axis!r}, {side!r}, {law}, {start!r}, of_base={of_base!r})"
         else:
@@ -160,9 +152,8 @@ def _slide_axis(joint: PeerJoint, coordinate: int) -> Triple:
 
 def road_statements(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> dict[float, tuple[str, str]]:
     """The name and the expression of each road, by the radius of the wheels on it."""
-    tyres = [force for force in mechanism.forces if isinstance(force, Tyre)]
-    radii = dict.fromkeys(numbers.number(tyre.constants["radius"]) for tyre in tyres)
-    return {radius: (f"ROAD_{i}", _road(scene, radius)) for i, radius in enumerate(radii)}
+    radii = enumerate(radii_on_road(mechanism, numbers))
+    return {radius: (f"ROAD_{i}", _road(scene, radius)) for i, radius in radii}
 
 
 def _road(scene: Scene, radius: float) -> str:

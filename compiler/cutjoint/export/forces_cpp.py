@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, TypeAlias
 
 import sympy
 
+from cutjoint.elements.force import Compliance, Point, RoadContact, Stretch, Travel, Wrench
 from cutjoint.emit.names import unique
 from cutjoint.emit.source import environment
 from cutjoint.export.laws import expression, vector
 from cutjoint.export.numbers import Numbers
 from cutjoint.export.records import Mechanism, Triple
 from cutjoint.formulate.inputs import TIME
-from cutjoint.model.records import (
-    COORDINATES,
-    GROUND,
-    AxialForce,
-    BodyLoad,
-    Bushing,
-    Force,
-    JointForce,
-    PointSpring,
-    Scalar,
-    Scene,
-    Tyre,
-    Vector,
-)
+from cutjoint.model.records import COORDINATES, GROUND, Force, Scalar, Scene, Vector
 from cutjoint.run.roads import Piece, road_pieces
 
 #: What the template is given of a part of the header.
@@ -64,7 +52,7 @@ def write_forces(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> Forces
     writer = _Writer(mechanism, numbers, bodies, {radius: road["name"] for radius, road in roads.items()})
     text = environment().get_template("export/forces.hpp.jinja").render(
         name=mechanism.name, bodies=list(bodies.values()), roads=list(roads.values()), joint_forces=joint_forces, guides=guides,
-        forces=[{"name": f.name, "call": writer.call(f)} for f in mechanism.forces if not isinstance(f, JointForce)],
+        forces=[{"name": f.name, "call": writer.call(f)} for f in mechanism.forces if not f.joint_of],
     )  # fmt: skip
     return Forces(text=text, bodies=bodies, joint_forces=_terms(joint_forces), guides=_terms(guides))
 
@@ -85,24 +73,31 @@ class _Writer:
     roads: Mapping[float, str]
 
     def call(self, force: Force) -> str:
-        match force:
-            case PointSpring():
-                law = self.law(force.law, "length")
-                return _call("point_spring", *self.at(force.base, force.start), *self.at(force.follower, force.end), law)
-            case AxialForce():
-                base = (*self.at(force.base, force.origin), self.direction(force.base, force.axis))
-                return _call("axial_force", *base, *self.at(force.follower, force.point), self.law(force.law, "travel"))
-            case Bushing():
-                ends = ((*self.at(b, force.point), self.axes(b, force.axes)) for b in (force.base, force.follower))
-                return _call("bushing", *(text for end in ends for text in end), self.six_laws(force.laws))
-            case BodyLoad():
+        match force.interaction:
+            case Stretch() as how:
+                law = self.law(force.expressions[0], how.position)
+                return _call("point_spring", *self.point(how.start, force), *self.point(how.end, force), law)
+            case Travel() as how:
+                base = (*self.point(how.origin, force), self.direction(how.axis.body(force), how.axis.of(force)))
+                return _call("axial_force", *base, *self.point(how.point, force), self.law(force.expressions[0], how.position))
+            case Compliance() as how:
+                ends = ((*self.point(end, force), self.axes(end.body(force), how.frame.of(force))) for end in (how.base, how.follower))
+                return _call("bushing", *(text for end in ends for text in end), self.six_laws(force.expressions))
+            case Wrench():
                 return self.load(force)
-            case Tyre():
-                wheel = (*self.at(force.body, force.centre), self.direction(force.body, force.axis))
-                constants = {name: self.numbers.number(value) for name, value in force.constants.items()}
-                data = ", ".join(f".{name} = {constants[name]!r}" for name in _TYRE)
-                return _call("tyre", *wheel, f"TyreData{{{data}}}", self.roads[constants["radius"]])
+            case RoadContact() as how:
+                return self.wheel(force, how)
         raise AssertionError(force)
+
+    def wheel(self, tyre: Any, how: RoadContact) -> str:
+        constants = {name: self.numbers.number(value) for name, value in tyre.constants.items()}
+        data = ", ".join(f".{name} = {constants[name]!r}" for name in _TYRE)
+        wheel = (*self.point(how.centre, tyre), self.direction(how.axis.body(tyre), how.axis.of(tyre)))
+        return _call("tyre", *wheel, f"TyreData{{{data}}}", self.roads[constants["radius"]])
+
+    def point(self, point: Point, force: Force) -> tuple[str, str]:
+        """The body of a point and its arm there."""
+        return self.at(point.body(force), point.of(force))
 
     def at(self, body: str, point: Vector) -> tuple[str, str]:
         """A body and the arm of one of its points."""
@@ -131,12 +126,12 @@ class _Writer:
         six = "std::array<double, 6>"
         return _function([f"const {six}& position", f"const {six}& rate"], six, f"{six}{{{', '.join(texts)}}}")
 
-    def load(self, load: BodyLoad) -> str:
+    def load(self, load: Any) -> str:
         laws = [expression(_renamed(self.numbers.law(law), _MEMBERS)) for law in load.components]
         variables = ["Vector w"] if load.point is None else ["Vector place", "Vector velocity"]
         name, body = ("torque", [self.side(load.body)]) if load.point is None else ("load", [*self.at(load.body, load.point)])
         law = _function(variables, "Vector", f"{{{', '.join(laws)}}}")
-        if load.axes == "body":
+        if load.in_body:
             return _call(f"body_{name}", *body, self.axes(load.body, _GLOBAL), law)
         return _call(name, *body, law)
 
@@ -150,9 +145,14 @@ def arm(mechanism: Mechanism, of: str, point: Triple) -> Triple:
 
 def _roads(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> dict[float, View]:
     """The roads by the radius of the wheels on them."""
-    tyres = [force for force in mechanism.forces if isinstance(force, Tyre)]
-    radii = dict.fromkeys(numbers.number(tyre.constants["radius"]) for tyre in tyres)
+    radii = radii_on_road(mechanism, numbers)
     return {radius: _road(f"road_{i}", scene, radius) for i, radius in enumerate(radii)}
+
+
+def radii_on_road(mechanism: Mechanism, numbers: Numbers) -> Iterable[float]:
+    """The radii of the wheels, each once."""
+    tyres: Iterable[Any] = (force for force in mechanism.forces if force.has_road)
+    return dict.fromkeys(numbers.number(tyre.constants["radius"]) for tyre in tyres)
 
 
 def _road(name: str, scene: Scene, radius: float) -> View:
@@ -167,11 +167,11 @@ def _piece(piece: Piece) -> str:
 def _joint_forces(mechanism: Mechanism, numbers: Numbers) -> list[View]:
     """Forces on coordinates that move freely; one on a guided or welded joint moves nothing."""
     kinds = {joint.name: joint.kind for joint in mechanism.tree if not joint.guide}
-    forces = [f for f in mechanism.forces if isinstance(f, JointForce) and f.joint in kinds]
+    forces = [f for f in mechanism.forces if f.joint_of in kinds]
     return [
         {
-            "function": f"joint_force_{i}", "name": f.name, "joint": f.joint, "coordinate": f.coordinate,
-            "index": COORDINATES[kinds[f.joint]].index(f.coordinate), "law": expression(numbers.law(f.law)),
+            "function": f"joint_force_{i}", "name": f.name, "joint": f.joint_of, "coordinate": f.coordinate_of,
+            "index": COORDINATES[kinds[f.joint_of]].index(f.coordinate_of), "law": expression(numbers.law(f.expressions[0])),
         }
         for i, f in enumerate(forces)
     ]  # fmt: skip

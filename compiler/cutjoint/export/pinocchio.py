@@ -16,7 +16,7 @@ from cutjoint.export.pinocchio_tree import Contact, Mass, Tree, TreeJoint, build
 from cutjoint.export.program_cpp import column_text, offset, part_texts, support_files
 from cutjoint.export.records import Export, Mechanism
 from cutjoint.model.errors import ModelError
-from cutjoint.model.records import JointForce, Model, Output, Scene
+from cutjoint.model.records import Model, Output, Scene
 
 INTEGRATORS = ("rk4", "semi_implicit_euler")
 
@@ -55,7 +55,7 @@ def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float]
         guides=[f"{{{tree.places[g.joint, g.index]}, {g.function}}}" for g in forces.guides],
         columns=[column_text(mechanism, forces, column) for column in columns], parts=part_texts(mechanism, forces),
         gravity=vector(mechanism.gravity), frequency=repr(float(numerics.frequency)), ratio=repr(float(numerics.damping_ratio)),
-        add_forces="nullptr" if all(isinstance(f, JointForce) for f in mechanism.forces) else "add_forces",
+        add_forces="nullptr" if all(f.joint_of for f in mechanism.forces) else "add_forces",
     )  # fmt: skip
     files = {f"{model.name}.cpp": program, "forces.hpp": forces.text, **support_files(*ENGINE)}
     return Export(files=files, differences=differences)

@@ -5,14 +5,14 @@ A formulation says how the points move and where the forces go; what the force i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import reduce
 
 import sympy
 
 from cutjoint.formulate.records import Function, Slot
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import Bushing, Force, Guard, Model, PointSpring, Scalar, Scene
+from cutjoint.model.records import Force, Guard, Model, Scalar, Scene
 from cutjoint.program.blocks import Block, Builder
 
 LENGTH, RATE = sympy.Symbol("length", real=True), sympy.Symbol("rate", real=True)
@@ -72,11 +72,11 @@ def stretch(b: Builder, way: Block, speed: Block) -> tuple[Block, dict[Scalar, B
     return n, {LENGTH: length, RATE: b.dot(n, speed)}
 
 
-def spring_pull(b: Builder, translator: Translator, force: PointSpring, way: Block, speed: Block) -> tuple[Block, dict[str, Block]]:
+def spring_pull(b: Builder, translator: Translator, law: Scalar, way: Block, speed: Block) -> tuple[Block, dict[str, Block]]:
     """The force (3, 1) on the follower's point at ``way`` (3, 1) from the base's, whose rate is ``speed``; and its quantities."""
     n, values = stretch(b, way, speed)
-    law = law_of(translator, force.law, values, LENGTH)
-    return b.neg(b.scale(law["force"], n)), {**law, **named(values)}
+    pull = law_of(translator, law, values, LENGTH)
+    return b.neg(b.scale(pull["force"], n)), {**pull, **named(values)}
 
 
 def named(values: Mapping[Scalar, Block]) -> dict[str, Block]:
@@ -84,17 +84,18 @@ def named(values: Mapping[Scalar, Block]) -> dict[str, Block]:
     return {} if POSITION in values else {symbol.name: block for symbol, block in values.items()}
 
 
-def bushing_laws(
-    b: Builder, translator: Translator, force: Bushing, places: tuple[Block, Block], rates: tuple[Block, Block], by_turn: Block
+def six_laws(
+    b: Builder, translator: Translator, expressions: Sequence[Scalar], places: tuple[Block, Block], rates: tuple[Block, Block],
+    by_turn: Block,
 ) -> tuple[Block, Block, dict[str, Block]]:
-    """Force and torque (3, 1) on the follower in the bushing's axes, and its quantities.
+    """Force and torque (3, 1) on the follower in the axes of six laws along and about them, and their quantities.
 
     ``places`` are displacement and rotation, ``rates`` their rates, ``by_turn`` (3, 3) the rotation's Jacobian by the relative
     angular velocity.
     """
     laws = [
         translator.with_values({POSITION: b.element(places[i // 3], i % 3), RATE: b.element(rates[i // 3], i % 3)}).scalar(law)
-        for i, law in enumerate(force.laws)
+        for i, law in enumerate(expressions)
     ]
     pull, torque = b.column(laws[:3]), b.mul(b.transpose(by_turn), b.column(laws[3:]))
     columns = {"F": pull, "M": torque, "d": places[0], "r": places[1]}

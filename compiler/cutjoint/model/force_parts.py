@@ -1,118 +1,76 @@
-"""The shapes of force elements in a model file."""
+"""The shapes of force elements in a model file, from the catalogue of force kinds."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Callable, Mapping
+from keyword import iskeyword
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union
 
-from pydantic import Field, StrictBool, StrictStr, model_validator
+from pydantic import Field, StrictBool, StrictStr, create_model, model_validator
 
+from cutjoint.elements.force import REQUIRED, Choice, Constants, ForceElement, ForceField, Shape
+from cutjoint.elements.forces import FORCES
 from cutjoint.model.values import Direction, Law, Laws, Names, Number, Pair, Part, Point, Six, Triple, shape_error
 
 
 class ForcePart(Part):
-    """What all forces have."""
+    """What all forces have; those of each kind have its own fields from the catalogue."""
 
+    if TYPE_CHECKING:
+        kind: str
     active: StrictBool = True
 
 
-class PointSpring(ForcePart):
-    """A force between two points, along the line through them."""
-
-    kind: Literal["point_spring"]
-    bodies: Pair
-    from_: Point = Field(alias="from")
-    to: Point
-    law: Law
+_TYPES: Mapping[Shape, Any] = {
+    Shape.BODY: StrictStr, Shape.BODIES: Pair, Shape.JOINT: StrictStr, Shape.COORDINATE: StrictStr, Shape.POINT: Point,
+    Shape.DIRECTION: Direction, Shape.NUMBER: Number, Shape.TRIPLE: Triple, Shape.SIX: Six, Shape.LAW: Law, Shape.LAWS: Laws,
+    Shape.NAMES: Names, Shape.SWITCH: StrictBool,
+}  # fmt: skip
 
 
-class AxialForce(ForcePart):
-    """A force along an axis of the base."""
-
-    kind: Literal["axial_force"]
-    bodies: Pair
-    origin: Point
-    point: Point
-    axis: Direction
-    law: Law
+def attribute(name: str) -> str:
+    """The attribute of a part that has a field of the file."""
+    return f"{name}_" if iskeyword(name) else name
 
 
-class Bushing(ForcePart):
-    """Six springs between two bodies at a point, in a frame of the base: along its axes and about them."""
-
-    kind: Literal["bushing"]
-    bodies: Pair
-    at: Point
-    x: Direction | None = None
-    y: Direction | None = None
-    z: Direction | None = None
-    stiffness: Six | None = None
-    damping: Six | None = None
-    laws: Laws | None = None
-
-    @model_validator(mode="after")
-    def _laws_or_numbers(self) -> Bushing:
-        if (self.laws is None) == (self.stiffness is None and self.damping is None):
-            raise shape_error("needs either laws, or stiffness and damping")
-        return self
+def _type_of(own: ForceField) -> Any:
+    match own.shape:
+        case Choice():
+            return Literal[own.shape.words]
+        case Constants():
+            constants: dict[str, Any] = dict.fromkeys(own.shape.names, (Number, ...))
+            return create_model(own.shape.title, __base__=Part, __doc__=own.shape.text, **constants)
+    found = _TYPES[own.shape]
+    return found | None if own.default is None else found
 
 
-class Load(ForcePart):
-    """A force or a torque on one body."""
-
-    kind: Literal["load"]
-    body: StrictStr
-    at: Point | None = None
-    force: Triple | None = None
-    torque: Triple | None = None
-    let: Names = Field(default={})
-    axes: Literal["global", "body"] = "global"
-    moving_only: StrictBool = False
-
-    @model_validator(mode="after")
-    def _force_or_torque(self) -> Load:
-        if (self.force is None) == (self.torque is None):
-            raise shape_error("needs either force or torque", "write two loads for both")
-        if (self.force is None) != (self.at is None):
-            raise shape_error("a force needs 'at', a torque has no point")
-        return self
+def _field(own: ForceField) -> tuple[Any, Any]:
+    alias = own.name if iskeyword(own.name) else None
+    if own.default is REQUIRED:
+        return _type_of(own), Field(alias=alias)
+    return _type_of(own), Field(default=own.default, alias=alias)
 
 
-class JointForce(ForcePart):
-    """A force on one of a joint's coordinates, on its only one if none is named."""
+def _check(problem: Callable[[Any], tuple[str, ...]]) -> Callable[[ForcePart], ForcePart]:
+    def check(part: ForcePart) -> ForcePart:
+        found = problem(part)
+        if found:
+            raise shape_error(*found)
+        return part
 
-    kind: Literal["joint_force"]
-    joint: StrictStr
-    coordinate: StrictStr | None = None
-    law: Law
-
-
-class Calspan(Part):
-    """Constants of the Calspan tyre."""
-
-    A0: Number
-    A1: Number
-    A2: Number
-    A3: Number
-    A4: Number
-    B1: Number
-    B3: Number
-    B4: Number
-    SN: Number
-    AF1: Number
-    AF2: Number
+    return check
 
 
-class Tyre(ForcePart):
-    """A wheel on the road."""
-
-    kind: Literal["tyre"]
-    body: StrictStr
-    centre: Point
-    axis: Direction
-    radius: Number
-    stiffness: Number
-    spin_inertia: Number = 0
-    calspan: Calspan
+def _shape_of(element: ForceElement) -> type[ForcePart]:
+    """The shape of a kind's forces."""
+    fields: dict[str, Any] = {"kind": (Literal[str(element.kind)], ...)}
+    fields |= {attribute(own.name): _field(own) for own in element.fields}
+    checks: dict[str, Any] = {} if element.problem is None else {"check": model_validator(mode="after")(_check(element.problem))}
+    name = element.kind.title().replace("_", "")
+    return create_model(name, __base__=ForcePart, __doc__=element.text, __validators__=checks, **fields)
 
 
-Force: TypeAlias = Annotated[PointSpring | AxialForce | Bushing | Load | JointForce | Tyre, Field(discriminator="kind")]
+if TYPE_CHECKING:
+    Force: TypeAlias = ForcePart
+else:
+    Force = Annotated[Union[tuple(_shape_of(record.element) for record in FORCES.values())], Field(discriminator="kind")]  # noqa: UP007

@@ -3,156 +3,107 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
+from cutjoint.elements.force import Law
+from cutjoint.elements.forces import FORCES
+from cutjoint.elements.forces.joint_force import JointForce, law_on
+from cutjoint.elements.kinds import ForceKind
 from cutjoint.model import force_parts, joint_parts
 from cutjoint.model.coordinates import Naming, read_coordinate
 from cutjoint.model.expressions import variable
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
 from cutjoint.model.laws import LawKind, read_law, read_names, soft_stops
 from cutjoint.model.names import name_problem
-from cutjoint.model.operations import Term
-from cutjoint.model.records import (
-    AxialForce,
-    BodyLoad,
-    Bushing,
-    Force,
-    JointForce,
-    PointSpring,
-    Scalar,
-    Tyre,
-    Vector,
-)
+from cutjoint.model.records import Force, Scalar, Vector
 from cutjoint.model.scope import Element
 from cutjoint.model.source import Path
-from cutjoint.model.units import ANGLE, ANGULAR_SPEED, FORCE, INERTIA, LENGTH, SPEED, TIME, TORQUE
+from cutjoint.model.units import ANGLE, ANGULAR_SPEED, FORCE, INERTIA, LENGTH, SPEED, TIME, TORQUE, Dimension
 from cutjoint.model.values import SpringDamper
 
-_POINT_SPRING = LawKind({"length": LENGTH, "rate": SPEED, "t": TIME}, FORCE)
-_AXIAL_FORCE = LawKind({"travel": LENGTH, "rate": SPEED, "t": TIME}, FORCE)
-_SLIDE = LawKind({"position": LENGTH, "rate": SPEED, "t": TIME}, FORCE)
-_TURN = LawKind({"position": ANGLE, "rate": ANGULAR_SPEED, "t": TIME}, TORQUE)
-_LOAD = ("x", "y", "z", "vx", "vy", "vz", "t")
-_TORQUE = ("wx", "wy", "wz", "t")
+#: The dimensions of the units in the catalogue of force kinds.
+_DIMENSIONS: Mapping[str, Dimension] = {
+    "m": LENGTH, "m/s": SPEED, "rad": ANGLE, "rad/s": ANGULAR_SPEED, "N": FORCE, "N/m": FORCE / LENGTH, "N*s/m": FORCE / SPEED,
+    "N*m": TORQUE, "N*m*s": TORQUE / ANGULAR_SPEED, "kg*m^2": INERTIA,
+}  # fmt: skip
+
+
+def _kind_of(law: Law) -> LawKind:
+    """A law of the catalogue with its dimensions, over time too."""
+    variables = {name: _DIMENSIONS[unit] for name, unit in law.variables.items()}
+    return LawKind({**variables, "t": TIME}, _DIMENSIONS[law.unit])
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Reads the fields of one force, as `cutjoint.elements.force.Reader` says."""
+
+    element: Element
+    part: force_parts.Force
+
+    def common(self) -> Mapping[str, Any]:
+        return {"name": self.element.name, "active": self.part.active, "span": self.element.span}
+
+    def given(self, name: str) -> Any:
+        return getattr(self.part, force_parts.attribute(name))
+
+    def body(self, name: str) -> str:
+        return self.element.body(self.given(name), (name,))
+
+    def bodies(self, name: str) -> tuple[str, str]:
+        return self.element.two_bodies(self.given(name))
+
+    def coordinate(self, joint: str, coordinate: str) -> tuple[str, str]:
+        name, part = self.element.joint(self.given(joint), (joint,))
+        if part is None:
+            return name, ""
+        return name, read_coordinate(self.element, name, part, self.given(coordinate), _naming((joint,), (coordinate,)))
+
+    def point(self, name: str) -> Vector:
+        return read_point(self.element, self.given(name), (name,))
+
+    def distinct(self, start: Vector, end: Vector, *, names: tuple[str, str], hint: str) -> None:
+        if coincide(self.element, start, end):
+            self.element.fail(f"{' and '.join(names)} are the same point", hint, (names[1],))
+
+    def direction(self, name: str) -> Vector:
+        return read_direction(self.element, self.given(name), (name,))
+
+    def frame(self) -> tuple[Vector, Vector, Vector]:
+        is_given = any(self.given(axis) is not None for axis in "xyz")
+        return read_axes(self.element, self.part, ()) if is_given else GLOBAL_AXES
+
+    def number(self, *path: str | int, unit: str) -> Scalar:
+        return self.element.scalar(self._at(path, missing=0), _DIMENSIONS[unit] if unit else None, path)
+
+    def triple(self, name: str, law: Law, *, let: str) -> Vector:
+        names = read_names(self.element, self.given(let), (let,), self.element.with_variables(*law.variables, "t"))
+        return self.element.triple(self.given(name), _DIMENSIONS[law.unit], (name,), names)
+
+    def law(self, *path: str | int, law: Law) -> Scalar:
+        return read_law(self.element, self._at(path), _kind_of(law), path)
+
+    def variable(self, name: str) -> Scalar:
+        return variable(name)
+
+    def _at(self, path: Path, missing: Any = None) -> Any:
+        """What a path leads to, through lists and parts."""
+        first, *rest = path
+        given = self.given(str(first))
+        if given is None:
+            return missing
+        return reduce(lambda value, key: value[key] if isinstance(key, int) else getattr(value, key), rest, given)
 
 
 def read_force(element: Element, force: force_parts.Force) -> Force:
     """One of the elements under ``forces``."""
-    match force:
-        case force_parts.PointSpring():
-            return _read_point_spring(element, force)
-        case force_parts.AxialForce():
-            return _read_axial_force(element, force)
-        case force_parts.Bushing():
-            return _read_bushing(element, force)
-        case force_parts.Load():
-            return _read_load(element, force)
-        case force_parts.JointForce():
-            return _read_joint_force(element, force)
-        case force_parts.Tyre():
-            return _read_tyre(element, force)
-
-
-def _read_point_spring(element: Element, force: force_parts.PointSpring) -> PointSpring:
-    base, follower = element.two_bodies(force.bodies)
-    start, end = read_point(element, force.from_, ("from",)), read_point(element, force.to, ("to",))
-    if coincide(element, start, end):
-        element.fail("from and to are the same point", "the line between them gives the direction", ("to",))
-    return PointSpring(
-        name=element.name,
-        base=base,
-        follower=follower,
-        start=start,
-        end=end,
-        law=read_law(element, force.law, _POINT_SPRING, ("law",)),
-        active=force.active,
-        span=element.span,
-    )
-
-
-def _read_axial_force(element: Element, force: force_parts.AxialForce) -> AxialForce:
-    base, follower = element.two_bodies(force.bodies)
-    return AxialForce(
-        name=element.name,
-        base=base,
-        follower=follower,
-        origin=read_point(element, force.origin, ("origin",)),
-        point=read_point(element, force.point, ("point",)),
-        axis=read_direction(element, force.axis, ("axis",)),
-        law=read_law(element, force.law, _AXIAL_FORCE, ("law",)),
-        active=force.active,
-        span=element.span,
-    )
-
-
-def _read_bushing(element: Element, force: force_parts.Bushing) -> Bushing:
-    base, follower = element.two_bodies(force.bodies)
-    axes: tuple[Vector, Vector, Vector] = GLOBAL_AXES
-    if force.x is not None or force.y is not None or force.z is not None:
-        axes = read_axes(element, force, ())
-    laws = force.laws or (None,) * 6
-    return Bushing(
-        name=element.name,
-        base=base,
-        follower=follower,
-        point=read_point(element, force.at, ("at",)),
-        axes=axes,
-        laws=tuple(_bushing_law(element, force, law, index) for index, law in enumerate(laws)),
-        active=force.active,
-        span=element.span,
-    )
-
-
-def _bushing_law(element: Element, force: force_parts.Bushing, law: Any, index: int) -> Scalar:
-    """The force along an axis, or the torque about one, that draws the follower back."""
-    kind = _SLIDE if index < 3 else _TURN
-    if law is not None:
-        return read_law(element, law, kind, ("laws", index))
-    stiffness, damping = force.stiffness or (0,) * 6, force.damping or (0,) * 6
-    k = element.scalar(stiffness[index], kind.per("position"), ("stiffness", index))
-    c = element.scalar(damping[index], kind.per("rate"), ("damping", index))
-    return -k * variable("position") - c * variable("rate")
-
-
-def _read_load(element: Element, load: force_parts.Load) -> BodyLoad:
-    if load.force is not None:
-        components = element.triple(load.force, FORCE, ("force",), _load_names(element, load, _LOAD))
-    else:
-        assert load.torque is not None
-        components = element.triple(load.torque, TORQUE, ("torque",), _load_names(element, load, _TORQUE))
-    return BodyLoad(
-        name=element.name,
-        body=element.body(load.body, ("body",)),
-        point=None if load.at is None else read_point(element, load.at, ("at",)),
-        axes=load.axes,
-        components=components,
-        moving_only=load.moving_only,
-        active=load.active,
-        span=element.span,
-    )
-
-
-def _load_names(element: Element, load: force_parts.Load, variables: tuple[str, ...]) -> Mapping[str, Term]:
-    """The symbols of a load's components."""
-    return read_names(element, load.let, ("let",), element.with_variables(*variables))
-
-
-def _read_joint_force(element: Element, force: force_parts.JointForce) -> JointForce:
-    name, joint = element.joint(force.joint, ("joint",))
-    coordinate = ""
-    if joint is not None:
-        coordinate = read_coordinate(element, name, joint, force.coordinate, _naming(("joint",), ("coordinate",)))
-    law = read_law(element, force.law, _law_of(coordinate), ("law",))
-    return JointForce(name=element.name, joint=name, coordinate=coordinate, law=law, active=force.active, span=element.span)
+    return FORCES[ForceKind(force.kind)].read(_Reader(element, force))
 
 
 def _naming(joint: Path, coordinate: Path) -> Naming:
     return Naming("a force needs one to act on", "coordinate: ", "", joint, coordinate)
-
-
-def _law_of(coordinate: str) -> LawKind:
-    """Over angles a law gives torques."""
-    return _TURN if coordinate.startswith("angle") or not coordinate else _SLIDE
 
 
 #: What the names of a joint's own forces end in, by the field that makes them.
@@ -173,7 +124,7 @@ def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[JointFo
             name=f"{element.name}_{suffix}",
             joint=element.name,
             coordinate=coordinate,
-            law=_own_law(element, part, _law_of(coordinate)),
+            law=_own_law(element, part, _kind_of(law_on(coordinate))),
             active=True,
             span=element.scope.source.key_span((*element.path, field)),
         )
@@ -195,22 +146,3 @@ def _stop_law(element: Element, limits: joint_parts.JointLimits, kind: LawKind) 
         if low >= high:
             element.fail("limits: lower is not below upper", "", ("limits",))
     return soft_stops(element, kind, ("limits",), limits.stiffness, limits.damping, lower=lower, upper=upper)
-
-
-def _read_tyre(element: Element, tyre: force_parts.Tyre) -> Tyre:
-    constants = {
-        "stiffness": element.scalar(tyre.stiffness, FORCE / LENGTH, ("stiffness",)),
-        "radius": element.scalar(tyre.radius, LENGTH, ("radius",)),
-        "spin_inertia": element.scalar(tyre.spin_inertia, INERTIA, ("spin_inertia",)),
-    }
-    for name in force_parts.Calspan.model_fields:
-        constants[name] = element.scalar(getattr(tyre.calspan, name), None, ("calspan", name))
-    return Tyre(
-        name=element.name,
-        body=element.body(tyre.body, ("body",)),
-        centre=read_point(element, tyre.centre, ("centre",)),
-        axis=read_direction(element, tyre.axis, ("axis",)),
-        constants=constants,
-        active=tyre.active,
-        span=element.span,
-    )

@@ -13,22 +13,7 @@ from cutjoint.elements.joint import DESIGN_FRAME, Direction, Slide
 from cutjoint.model.elements import Elements
 from cutjoint.model.expressions import variable
 from cutjoint.model.geometry import least_component
-from cutjoint.model.records import (
-    AxialForce,
-    Body,
-    BodyLoad,
-    Bushing,
-    Force,
-    Gear,
-    Joint,
-    JointForce,
-    Marker,
-    PointSpring,
-    Reaction,
-    Scalar,
-    Tyre,
-    Vector,
-)
+from cutjoint.model.records import Body, Gear, Joint, Marker, Reaction, Scalar, Vector
 from cutjoint.model.scope import FAILED
 
 
@@ -53,6 +38,10 @@ class Mirror:
         turned = (axis, f"v{axis}", *(f"w{other}" for other in "xyz" if other != axis))
         return expression.xreplace({variable(name): -variable(name) for name in turned})
 
+    def reflected(self, law: Scalar, sign: int) -> Scalar:
+        """As `reflected_law`."""
+        return reflected_law(law, sign)
+
 
 def mirror_elements(elements: Elements, axis: str) -> Elements:
     """The image of all elements under reflection along "x", "y" or "z"."""
@@ -62,7 +51,7 @@ def mirror_elements(elements: Elements, axis: str) -> Elements:
     return Elements(
         tuple(_body(mirror, body) for body in elements.bodies),
         tuple(_joint(mirror, joint, signs[joint.name]) for joint in elements.joints),
-        tuple(_force(mirror, force, signs) for force in elements.forces),
+        tuple(force.mirrored(mirror, signs) for force in elements.forces),
         tuple(_reaction(mirror, reaction) for reaction in elements.reactions),
         tuple(_marker(mirror, marker) for marker in elements.markers),
         tuple(_gear(gear, signs) for gear in elements.gears),
@@ -135,48 +124,11 @@ def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
     return replace(gear, ratio=first * second * gear.ratio)
 
 
-def _force(mirror: Mirror, force: Force, signs: Mapping[str, Mapping[str, int]]) -> Force:
-    match force:
-        case JointForce():
-            return replace(force, law=reflected_law(force.law, signs.get(force.joint, {}).get(force.coordinate, 1)))
-        case PointSpring():
-            return replace(force, start=mirror.vector(force.start), end=mirror.vector(force.end))
-        case AxialForce():
-            origin, point = mirror.vector(force.origin), mirror.vector(force.point)
-            return replace(force, origin=origin, point=point, axis=mirror.vector(force.axis))
-        case Bushing():
-            return _bushing(mirror, force)
-        case BodyLoad():
-            return _load(mirror, force)
-        case Tyre():
-            return replace(force, centre=mirror.vector(force.centre), axis=mirror.rotation(force.axis))
-    return force
-
-
-def _bushing(mirror: Mirror, force: Bushing) -> Bushing:
-    """Its axes change their sign along the mirror's axis once more, which keeps them right-handed, and global axes global."""
-    x, y, z = (_times(sign, mirror.vector(axis)) for sign, axis in zip(mirror.signs, force.axes, strict=True))
-    signs = (*mirror.signs, *(-sign for sign in mirror.signs))
-    laws = tuple(reflected_law(law, sign) for sign, law in zip(signs, force.laws, strict=True))
-    return replace(force, point=mirror.vector(force.point), axes=(x, y, z), laws=laws)
-
-
-def _times(sign: int, v: Vector) -> Vector:
-    return (sign * v[0], sign * v[1], sign * v[2])
-
-
 def reflected_law(law: Scalar, sign: int) -> Scalar:
     """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""
     if sign > 0:
         return law
     return -law.xreplace({variable(name): -variable(name) for name in ("position", "rate")})
-
-
-def _load(mirror: Mirror, load: BodyLoad) -> BodyLoad:
-    x, y, z = (mirror.law(component) for component in load.components)
-    if load.point is None:
-        return replace(load, components=mirror.rotation((x, y, z)))
-    return replace(load, point=mirror.vector(load.point), components=mirror.vector((x, y, z)))
 
 
 def _reaction(mirror: Mirror, reaction: Reaction) -> Reaction:

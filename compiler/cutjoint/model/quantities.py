@@ -10,22 +10,16 @@ from cutjoint.elements.joint import rate_name
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
-    AxialForce,
     Body,
-    BodyLoad,
-    Bushing,
     Force,
     Gear,
     Joint,
-    JointForce,
     JointKind,
     Marker,
     Model,
     Output,
-    PointSpring,
     Reaction,
     RodForce,
-    Tyre,
     Vector,
 )
 
@@ -37,12 +31,7 @@ _MOTION: Mapping[str, str] = {
     **dict.fromkeys(("ax", "ay", "az"), "m/s^2"),
 }
 
-#: The partial derivatives of a law by position and by rate.
-_TANGENTS: Mapping[str, str] = {"stiffness": "N/m", "damping": "N*s/m"}
-
-_ROTARY_LAW: Mapping[str, str] = {"force": "N*m", "stiffness": "N*m/rad", "damping": "N*m*s/rad"}
-
-#: Quantities and units of each kind of element but joints.  A body's x to az are of its centre of mass, in
+#: Quantities and units of each kind of element but joints and forces.  A body's x to az are of its centre of mass, in
 #: global axes.
 QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
     Body: {
@@ -51,24 +40,12 @@ QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
         **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
     },
     Marker: _MOTION,
-    PointSpring: {"force": "N", "length": "m", "rate": "m/s", **_TANGENTS},
-    AxialForce: {"force": "N", "travel": "m", "rate": "m/s", **_TANGENTS},
-    Bushing: {
-        **dict.fromkeys(("Fx", "Fy", "Fz"), "N"),
-        **dict.fromkeys(("Mx", "My", "Mz"), "N*m"),
-        **dict.fromkeys(("dx", "dy", "dz"), "m"),
-        **dict.fromkeys(("rx", "ry", "rz"), "rad"),
-    },
-    BodyLoad: {"Fx": "N", "Fy": "N", "Fz": "N"},
-    Tyre: {"Fz": "N", "Fy": "N", "Mz": "N*m", "slip": "rad", "camber": "rad", "deflection": "m"},
     Reaction: {"force": "N", "moment": "N*m"},
     RodForce: {"force": "N"},
 }
 
-_TORQUE: Mapping[str, str] = {"Mx": "N*m", "My": "N*m", "Mz": "N*m"}
-
 #: What a reaction without a direction has.
-_WRENCH: Mapping[str, str] = {"Fx": "N", "Fy": "N", "Fz": "N", **_TORQUE}
+_WRENCH: Mapping[str, str] = {**dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.fromkeys(("Mx", "My", "Mz"), "N*m")}
 
 
 #: Quantities and units of the tree joints of each kind: coordinates, then speeds.
@@ -87,10 +64,8 @@ def quantities(element: Element) -> Mapping[str, str]:
             return {"force": FORCE_UNITS.get(element.first.unit, "")}  # without a unit where its coordinate is wrong, which is noted
         case Reaction(direction=None):
             return _WRENCH
-        case BodyLoad(point=None):
-            return _TORQUE
-        case JointForce():
-            return _ROTARY_LAW if element.coordinate.startswith("angle") else {"force": "N", **_TANGENTS}
+        case Force():
+            return element.quantities
     return QUANTITIES[type(element)]
 
 

@@ -11,36 +11,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from pathlib import PurePath
-from typing import Any, TypeAlias
 
+from cutjoint.elements.force import Force as Force
+from cutjoint.elements.force import LawForce as LawForce
+from cutjoint.elements.forces import AxialForce as AxialForce
+from cutjoint.elements.forces import BodyLoad as BodyLoad
+from cutjoint.elements.forces import Bushing as Bushing
+from cutjoint.elements.forces import JointForce as JointForce
+from cutjoint.elements.forces import PointSpring as PointSpring
+from cutjoint.elements.forces import Tyre as Tyre
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.elements.kinds import JointKind as JointKind
-
-#: A SymPy expression (SymPy ships no types).
-Scalar: TypeAlias = Any
-#: Three expressions: components in the global design frame.
-Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
+from cutjoint.elements.terms import Scalar as Scalar
+from cutjoint.elements.terms import Span as Span
+from cutjoint.elements.terms import Vector as Vector
 
 GROUND = "ground"
-
-
-@dataclass(frozen=True, kw_only=True, order=True)
-class Span:
-    """Where an element stands in the user's file; line and column count from one."""
-
-    file: str
-    line: int
-    column: int
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}"
-
-    @property
-    def place(self) -> str:
-        """File name and line without the folder, for generated files."""
-        return f"{PurePath(self.file).name}:{self.line}"
 
 
 class Binding(StrEnum):
@@ -168,129 +155,6 @@ class Gear:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointSpring:
-    """Force along the line from ``start`` on ``base`` to ``end`` on ``follower``.
-
-    ``law`` is the tension in N over the symbols ``length`` (m) and ``rate`` (m/s), ``t`` and parameters.
-    """
-
-    name: str
-    base: str
-    follower: str
-    start: Vector
-    end: Vector
-    law: Scalar
-    active: bool
-    span: Span
-
-
-@dataclass(frozen=True, kw_only=True)
-class AxialForce:
-    """Force along ``axis``, fixed in ``base``, that pushes ``point`` of ``follower`` in the axis' direction.
-
-    ``law`` is that push in N over ``travel`` (m), the component along the axis of the way from ``origin`` on
-    ``base`` to ``point``, its ``rate`` (m/s), ``t`` and parameters.  The reaction acts on ``base`` on the
-    same line.
-    """
-
-    name: str
-    base: str
-    follower: str
-    origin: Vector
-    point: Vector
-    axis: Vector
-    law: Scalar
-    active: bool
-    span: Span
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bushing:
-    """Six forces between two bodies at ``point``, common to both in the design position, along and about ``axes`` of ``base``.
-
-    With E the axes carried by the base and G those carried by the follower, the three displacements are E^T times the way from
-    the base's to the follower's point, the three rotations half the sum of the vector products of e_k and g_k (in E): for a small
-    angle the angle, for a large one its sine.  ``laws`` are six expressions over ``position`` (m, rad), its ``rate``, ``t`` and
-    parameters: forces on the follower at its point (N) and what works on its rotations (N m).  The base has the opposite
-    wrench at the same point, so that the power of the pair is the sum of law times rate.
-    """
-
-    name: str
-    base: str
-    follower: str
-    point: Vector
-    axes: tuple[Vector, Vector, Vector]
-    laws: tuple[Scalar, ...]
-    active: bool
-    span: Span
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodyLoad:
-    """A force at a point of a body, or a torque on it when ``point`` is None.
-
-    ``components`` are three expressions in N (or N m) in ``axes`` ("global" or "body") over ``x y z`` (m),
-    ``vx vy vz`` (m/s) of the point in those axes' directions (positions always global), ``t`` and parameters;
-    those of a torque over the body's angular velocity ``wx wy wz`` (rad/s) in those axes, ``t`` and parameters.
-    With ``moving_only`` the load is absent while the equilibrium is sought.
-    """
-
-    name: str
-    body: str
-    point: Vector | None
-    axes: str
-    components: Vector
-    moving_only: bool
-    active: bool
-    span: Span
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointForce:
-    """A generalised force on one scalar coordinate of a tree joint, named as in :data:`COORDINATES`.
-
-    ``law`` is in N (N m on an angle) over ``position``, ``rate`` of the coordinate, ``t`` and parameters.
-    """
-
-    name: str
-    joint: str
-    coordinate: str
-    law: Scalar
-    active: bool
-    span: Span
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tyre:
-    """A wheel on the road: vertical spring, Calspan lateral and aligning force.
-
-    ``centre`` is the wheel centre, ``axis`` the wheel axis (pointing left when the wheel rolls forward).
-    ``constants`` maps ``stiffness``, ``radius``, ``spin_inertia`` (kg m2, of the wheel's turning about its axis, which
-    no coordinate stands for: its gyroscopic moment acts on the body) and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2``
-    to values.  Without ``lateral``, in a reduced model, nothing pushes it sideways and it does not align.
-    """
-
-    name: str
-    body: str
-    centre: Vector
-    axis: Vector
-    constants: Mapping[str, Scalar]
-    active: bool
-    span: Span
-    lateral: bool = True
-
-
-Force: TypeAlias = PointSpring | AxialForce | Bushing | BodyLoad | JointForce | Tyre
-
-#: Forces with one law over one position and its rate.
-LawForce: TypeAlias = PointSpring | AxialForce | JointForce
-
-
-#: Forces that a guard can stand for.
-GuardedForce: TypeAlias = LawForce | BodyLoad | Tyre
-
-
-@dataclass(frozen=True, kw_only=True)
 class Guard:
     """A force that was taken out of the model, and what must hold for that.
 
@@ -299,7 +163,7 @@ class Guard:
     over ``side``, what that force would be.
     """
 
-    force: GuardedForce
+    force: Force
     margins: tuple[Scalar, ...]
     index: int | None
 

@@ -10,23 +10,13 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from cutjoint.elements.force import Point
 from cutjoint.model.errors import ModelError
-from cutjoint.model.records import (
-    GROUND,
-    Body,
-    Force,
-    Joint,
-    JointForce,
-    Marker,
-    Model,
-    Scalar,
-    Scene,
-    Vector,
-)  # fmt: skip
+from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Scalar, Scene, Vector
 from cutjoint.reduce.frozen import Frozen
 from cutjoint.reduce.poses import Poses, find_poses, numbers
 from cutjoint.reduce.records import Note, Outcome
-from cutjoint.reduce.rename import bodies_of, hand_over
+from cutjoint.reduce.rename import hand_over
 from cutjoint.reduce.weld import at_centre, merged
 from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError
@@ -104,9 +94,7 @@ def _places(model: Model, poses: Mapping[str, Poses]) -> dict[str, Scalar]:
 
 def _is_inner(force: Force, carrier: Mapping[str, str], inner: Collection[str]) -> bool:
     """Whether a force acts between parts of one body."""
-    if isinstance(force, JointForce):
-        return force.joint in inner
-    return len(bodies_of(force)) == 2 and len({carrier[body] for body in bodies_of(force)}) == 1
+    return force.joint_of in inner or (len(force.bodies) == 2 and len({carrier[body] for body in force.bodies}) == 1)
 
 
 def _give_over(model: Model, body: Body, frozen: Frozen) -> Model:
@@ -140,11 +128,8 @@ def _moved_marker(marker: Marker, body: str, turn: NDArray[np.float64], way: NDA
 
 def _moved_force(force: Force, body: str, turn: NDArray[np.float64], way: NDArray[np.float64]) -> Force:
     """A force with its points and directions in a body where that is at the start."""
-    points = {"base": ("start", "origin"), "follower": ("end", "point"), "body": ("point", "centre")}
-    directions = {"base": ("axis",), "follower": (), "body": ("axis",)}
-    own = [end for end in points if getattr(force, end, None) == body]
     placed: dict[str, Any] = {}
-    for names, offset in ((points, way), (directions, np.zeros(3))):
-        for name in (name for end in own for name in names[end] if getattr(force, name, None) is not None):
-            placed[name] = _placed(getattr(force, name), turn, offset)
+    for place in force.places:
+        if place.body(force) == body and not force.has_frame:
+            placed[place.field] = _placed(place.of(force), turn, way if isinstance(place, Point) else np.zeros(3))
     return replace(force, **placed)

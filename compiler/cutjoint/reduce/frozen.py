@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.model.records import GROUND, AxialForce, Body, BodyLoad, Joint, JointForce, Model, PointSpring, Reaction, Scene, Tyre
+from cutjoint.model.records import GROUND, Body, Force, Joint, Model, Reaction, Scene
 from cutjoint.reduce.poses import Poses
 from cutjoint.reduce.records import Note
 from cutjoint.reduce.rename import bodies_of
@@ -91,7 +91,7 @@ _ANGLES = ("roll", "pitch", "yaw")
 
 def _need(model: Model, scene: Scene, joint: Joint) -> str:
     """Why a joint between frozen bodies is needed, "" if it is not."""
-    forces = {f.name for f in model.forces if isinstance(f, JointForce) and f.joint == joint.name}
+    forces = {f.name for f in model.forces if f.joint_of == joint.name}
     sensors = {r.name for r in model.reactions if getattr(r, "joint", "") == joint.name}
     asked = next((o.column for o in scene.outputs if o.element in forces | sensors | {joint.name}), "")
     return f"the output '{asked}' asks for it" if asked else ""
@@ -104,8 +104,6 @@ def _fixed_in(element: Any, inner: Collection[str]) -> set[str]:
             return set() if element.name in inner else bodies_of(element)
         case Reaction():
             return set() if element.joint in inner else bodies_of(element)
-        case JointForce() | PointSpring() | AxialForce() | Tyre():
-            return set()
-        case BodyLoad():
-            return set() if element.axes == "global" else bodies_of(element)
+        case Force():
+            return set(element.bodies) if element.has_frame else set()
     return bodies_of(element)

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.records import BodyLoad, Force, Guard, LawForce, Model, Scene
+from cutjoint.model.records import Force, Guard, Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
-from cutjoint.reduce.margins import Region, zero_region, zero_region_of
+from cutjoint.reduce.margins import Region, zero_region_of
 from cutjoint.reduce.records import Note, Outcome
 
 
@@ -45,7 +45,7 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
     places = {f.name: index for index, f in enumerate(model.force_elements)}
     new = [
         Guard(force=f, margins=_region(f) or (), index=places[f.name])
-        for f in model.forces if isinstance(f, LawForce | BodyLoad) and reasons.get(f.name) == ""
+        for f in model.forces if reasons.get(f.name) == ""
     ]  # fmt: skip
     taken = {guard.force.name for guard in new}
     return Outcome(
@@ -89,16 +89,16 @@ def _words(guard: Guard) -> str:
     return f"is taken out, guarded by {' and '.join(f'{margin} >= 0' for margin in guard.margins)}"
 
 
-def _region(force: LawForce | BodyLoad) -> Region:
+def _region(force: Force) -> Region:
     """Where a force's law, or all components of a load, are zero."""
-    return zero_region_of(force.components) if isinstance(force, BodyLoad) else zero_region(force.law)
+    return zero_region_of(force.expressions)
 
 
 def _reason(force: Force, scene: Scene) -> str:
     """Why a force stays, "" if it need not."""
     if not is_active(force, scene):
         return "stays: it is switched off anyway"
-    if not isinstance(force, LawForce | BodyLoad):
+    if not force.can_be_guarded:
         return "stays: it has no law over one position"
     region = _region(force)
     if region is None:

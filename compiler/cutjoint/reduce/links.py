@@ -10,28 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from typing import Any
 
 import sympy
 
-from cutjoint.model.records import (
-    AxialForce,
-    Body,
-    BodyLoad,
-    Force,
-    Joint,
-    JointForce,
-    JointKind,
-    Marker,
-    Model,
-    PointSpring,
-    Reaction,
-    RodForce,
-    Scalar,
-    Scene,
-    Vector,
-)
+from cutjoint.elements.force import Carrier
+from cutjoint.model.records import Body, Force, Joint, JointKind, Marker, Model, Reaction, RodForce, Scalar, Scene, Vector
 from cutjoint.reduce.records import Note, Outcome
-from cutjoint.reduce.rename import bodies_of
 from cutjoint.topology.build import build_topology
 
 _BALLS = (JointKind.SPHERICAL, JointKind.UNIVERSAL)
@@ -132,21 +117,15 @@ def _require_idle(outcome: Outcome, link: _Link) -> None:
 
 def _moved(force: Force, link: _Link) -> Force:
     """A force whose ends on the link are at its joints, on the bodies that these join it to."""
-    match force:
-        case JointForce():
-            if force.joint in (link.cut.name, link.tree.name):
-                raise _StaysError(f"stays: the force '{force.name}' acts in its joint")
-            return force
-        case PointSpring() if link.body.name in (force.base, force.follower):
-            base = _carrier(link, force.base, force.start, force)
-            return replace(force, base=base, follower=_carrier(link, force.follower, force.end, force))
-        case AxialForce() if link.body.name == force.follower:
-            return replace(force, follower=_carrier(link, force.follower, force.point, force))
-        case BodyLoad() if link.body.name == force.body and force.point is not None and force.axes == "global":
-            return replace(force, body=_carrier(link, force.body, force.point, force))
-    if link.body.name in bodies_of(force):
-        raise _StaysError(f"stays: the force '{force.name}' acts on it")
-    return force
+    if force.joint_of in (link.cut.name, link.tree.name):
+        raise _StaysError(f"stays: the force '{force.name}' acts in its joint")
+    changed: dict[str, Any] = {}
+    for carrier in (carrier for carrier in Carrier if getattr(force, carrier, None) == link.body.name):
+        point = force.sole_point(carrier)
+        if point is None:
+            raise _StaysError(f"stays: the force '{force.name}' acts on it")
+        changed[carrier] = _carrier(link, link.body.name, point.of(force), force)
+    return replace(force, **changed)
 
 
 def _carrier(link: _Link, body: str, point: Vector, element: Force | Marker) -> str:
@@ -191,10 +170,9 @@ def _require_other(reaction: Reaction | RodForce, link: _Link) -> None:
 
 def _at_end(forces: Sequence[Force], link: _Link) -> Iterator[Force]:
     """Forces on the link at its cut joint."""
-    points = {PointSpring: (("base", "start"), ("follower", "end")), AxialForce: (("follower", "point"),), BodyLoad: (("body", "point"),)}
     for force in forces:
-        for body, point in points.get(type(force), ()):
-            if getattr(force, body) == link.body.name and getattr(force, point) == link.cut.at:
+        for point in (found for carrier in Carrier if (found := force.sole_point(carrier)) is not None):
+            if point.body(force) == link.body.name and point.of(force) == link.cut.at:
                 yield force
 
 

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from cutjoint.model.elements import Elements
 from cutjoint.model.mirror import mirror_elements
-from cutjoint.model.records import COORDINATES, GROUND, Force, Joint, JointForce, JointKind, Model, Scene
-from cutjoint.reduce.half.images import Images, ends, require_images
+from cutjoint.model.records import COORDINATES, GROUND, Force, Joint, JointKind, Model, Scene
+from cutjoint.reduce.half.images import Images, require_images
 from cutjoint.reduce.half.in_plane import InPlane, in_plane_words, restrict
 from cutjoint.reduce.half.model import Half, half_model, idle_forces
 from cutjoint.reduce.half.pairs import Pairs, settle
@@ -104,7 +104,7 @@ def own_images(elements: Elements, plane: Plane, loose: Collection[str], same: S
 
 
 def _touches(force: Force, bodies: Collection[str], joints: Collection[str]) -> bool:
-    return force.joint in joints if isinstance(force, JointForce) else bool(set(ends(force)) & set(bodies))
+    return force.joint_of in joints or bool(set(force.bodies) & set(bodies))
 
 
 def _restricted(joint: Joint, plane: Plane) -> InPlane:

@@ -85,7 +85,7 @@ def _without(model: Model, scene: Scene, gone: set[str]) -> Outcome:
     joints = tuple(j for j in model.joints if not bodies_of(j) & gone)
     names = {j.name for j in joints}
     forces = tuple(
-        f for f in model.forces if not bodies_of(f) & gone and (not isinstance(f, JointForce) or f.joint in names)
+        f for f in model.forces if not gone.intersection(f.bodies) and (not f.joint_of or f.joint_of in names)
     )  # fmt: skip
     reactions = tuple(r for r in model.reactions if isinstance(r, RodForce) or (r.joint in names and r.body not in gone))
     smaller = replace(

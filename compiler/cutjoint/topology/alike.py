@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from cutjoint.model.records import GROUND, JointForce, Model
-from cutjoint.topology.classes import force_bodies
+from cutjoint.model.records import GROUND, Model
 from cutjoint.topology.elimination import degrees
 
 #: How far away a difference may be that tells joints apart, in joints.
@@ -22,7 +21,7 @@ def number_alike(model: Model) -> Mapping[str, int]:
     massless = {body.name for body in model.bodies if body.is_massless}
     forces: dict[str, list[str]] = {}
     for force in model.forces:
-        for body in () if isinstance(force, JointForce) else force_bodies(force, {}):
+        for body in force.bodies:
             forces.setdefault(merged[body], []).append(type(force).__name__)
     bodies: dict[str, Any] = {b: (b == merged[GROUND], b in massless, tuple(sorted(forces.get(b, ())))) for b in merged.values()}
     joints: dict[str, Any] = {j.name: (j.kind, j.guide is not None) for j in model.joints}

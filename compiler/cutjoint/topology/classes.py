@@ -10,20 +10,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.model.records import (
-    GROUND,
-    AxialForce,
-    BodyLoad,
-    Bushing,
-    Force,
-    Gear,
-    Joint,
-    JointForce,
-    Model,
-    PointSpring,
-    Scalar,
-    Tyre,
-)  # fmt: skip
+from cutjoint.model.records import GROUND, Force, Gear, Joint, Model, Scalar
 from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.records import SubtreeClass, TreeJoint
 
@@ -177,11 +164,7 @@ def _sorted(by_body: Mapping[str, Sequence[Any]], bodies: Sequence[str], key: An
 
 def force_bodies(force: Force, ends: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
     """The bodies that a force acts on; ``ends`` are those of `joint_ends`."""
-    if isinstance(force, PointSpring | AxialForce | Bushing):
-        return force.base, force.follower
-    if isinstance(force, JointForce):
-        return ends[force.joint]
-    return (force.body,)
+    return ends[force.joint_of] if force.joint_of else force.bodies
 
 
 def joint_ends(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, tuple[str, ...]]:
@@ -190,15 +173,7 @@ def joint_ends(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, tu
 
 
 def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]]) -> tuple[str, tuple[int, ...], str]:
-    shape = ""
-    if isinstance(force, PointSpring | AxialForce | JointForce):
-        shape = _shape(force.law) + (force.coordinate if isinstance(force, JointForce) else "")
-    elif isinstance(force, Bushing):
-        shape = ";".join(_shape(law) for law in force.laws)
-    elif isinstance(force, BodyLoad):
-        shape = ";".join(_shape(c) for c in force.components)
-    else:
-        assert isinstance(force, Tyre)
+    shape = ";".join(map(_shape, force.expressions)) + force.coordinate_of
     places = tuple(where(b) for b in force_bodies(force, ends))
     # a force between two members has its base in the one and its follower in the other
     return type(force).__name__, tuple(sorted(places)) if min(places) < 0 else places, shape

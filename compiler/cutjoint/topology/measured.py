@@ -14,7 +14,7 @@ from itertools import takewhile
 
 from cutjoint.elements.joint import ABOUT_AXIS, rate_name
 from cutjoint.model.expressions import variable
-from cutjoint.model.records import Joint, JointForce, Model, Scalar
+from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.records import TreeJoint
 
 _POSITION = variable("position")
@@ -47,9 +47,10 @@ def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
     joints = {joint.name: joint for joint in model.joints}
     uses: dict[str, list[Use]] = {}
     for force in model.force_elements:
-        if isinstance(force, JointForce):
-            uses.setdefault(force.joint, []).append(Use(
-                coordinate=force.coordinate, rate_alone=_POSITION not in force.law.free_symbols, is_force=True,
+        if force.joint_of:
+            rate_alone = all(_POSITION not in law.free_symbols for law in force.expressions)
+            uses.setdefault(force.joint_of, []).append(Use(
+                coordinate=force.coordinate_of, rate_alone=rate_alone, is_force=True,
                 reason=f"force '{force.name}' acts on its coordinate",
             ))  # fmt: skip
     for scene in model.scenes.values():

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
+from cutjoint.elements.force import Carrier, Compliance, Interaction, OnCoordinate, RoadContact, Stretch, Travel, Wrench
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
 from cutjoint.elements.joint import (
     AXIAL_FRAME,
@@ -30,25 +32,7 @@ from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.records import Chart
 from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.quantities import reaction_component, reported_element, unit_of
-from cutjoint.model.records import (
-    COORDINATES,
-    SPEEDS,
-    AxialForce,
-    Body,
-    BodyLoad,
-    Bushing,
-    Force,
-    Gear,
-    Joint,
-    JointForce,
-    Marker,
-    Output,
-    PointSpring,
-    Reaction,
-    Scalar,
-    Scene,
-    Tyre,
-)
+from cutjoint.model.records import COORDINATES, SPEEDS, Body, Force, Gear, Joint, Marker, Output, Reaction, Scalar, Scene
 from cutjoint.topology.records import Topology, TreeJoint
 from cutjoint.twin.cut_coordinates import describe_cut_coordinate
 from cutjoint.twin.trees import Json, Trees, quantity_names
@@ -59,7 +43,7 @@ def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ..
     model, trees = topology.model, Trees.of(topology.model, scene)
     charts = {chart.joint: chart for chart in make_charts(topology)}
     bodies = {body.name: body for body in model.bodies}
-    tyres = [force.name for force in model.forces if isinstance(force, Tyre)]
+    tyres = [force.name for force in model.forces if force.has_road]
     return {
         "format": "cutjoint-generic-1",
         **heading(trees),
@@ -80,7 +64,7 @@ def heading(trees: Trees) -> Json:
         "gravity": trees.all(model.gravity),
         "parameters": [{"name": p.name, "unit": p.unit, "default": p.value} for p in open_parameters(model)],
         "inputs": trees.inputs(),
-        "roads": [force.name for force in model.forces if isinstance(force, Tyre)],
+        "roads": [force.name for force in model.forces if force.has_road],
     }
 
 
@@ -172,57 +156,49 @@ def _factor(factor: Carried | Way) -> list[str]:
     return ["way"] if isinstance(factor, Way) else [factor.end, factor.direction]
 
 
-def _force(trees: Trees, force: Force, topology: Topology, tyres: Sequence[str]) -> Json:
-    match force:
-        case PointSpring():
-            details = {"start": trees.all(force.start), "end": trees.all(force.end), **_pair(trees, force, "length")}
-        case AxialForce():
-            geometry = {name: trees.all(getattr(force, name)) for name in ("origin", "point", "axis")}
-            details = {**geometry, **_pair(trees, force, "travel")}
-        case Bushing():
-            details = _bushing(trees, force)
-        case BodyLoad():
+def _force(trees: Trees, force: Any, topology: Topology, tyres: Sequence[str]) -> Json:
+    """A force by the name of its interaction with where it acts and its laws; the twin has its equations by hand."""
+    how = force.interaction
+    match how:
+        case Stretch() | Travel():
+            details = {**_places(trees, force), "law": trees.law(force.expressions[0], how.position)}
+        case Compliance():
+            axes = [trees.all(axis) for axis in how.frame.of(force)]
+            details = {"point": trees.all(how.base.of(force)), "axes": axes, "laws": trees.all(force.expressions)}
+        case Wrench():
             details = _load(trees, force)
-        case JointForce():
-            details = {**_acted_on(trees, force, topology), "law": trees.law(force.law, "position")}
-        case Tyre():
-            geometry = {"centre": trees.all(force.centre), "axis": trees.all(force.axis)}
-            details = {"body": force.body, **geometry, "road": tyres.index(force.name), "constants": trees.constants(force)}
-    return {"name": force.name, "kind": _KINDS[type(force)], "quantities": quantity_names(force), **details}
+        case OnCoordinate():
+            details = {**_acted_on(trees, force, topology), "law": trees.law(force.expressions[0], how.position)}
+        case RoadContact():
+            details = {**_places(trees, force), "road": tyres.index(force.name), "constants": trees.constants(force)}
+    ends = {carrier.value: getattr(force, carrier) for carrier in Carrier if hasattr(force, carrier)}
+    return {"name": force.name, "kind": _KINDS[type(how)], "quantities": quantity_names(force), **ends, **details}
 
 
-def _acted_on(trees: Trees, force: JointForce, topology: Topology) -> Json:
+def _places(trees: Trees, force: Force) -> Json:
+    """The points and directions of a force by their parts in the interaction."""
+    roles = ((f.name, getattr(force.interaction, f.name)) for f in fields(force.interaction))
+    return {name: trees.all(place.of(force)) for name, place in roles}
+
+
+def _acted_on(trees: Trees, force: Force, topology: Topology) -> Json:
     """The coordinate that a force acts on."""
-    cut = next((cut for cut in topology.cuts if cut.name == force.joint), None)
+    cut = next((cut for cut in topology.cuts if cut.name == force.joint_of), None)
     if cut is not None:
-        return {"cut": describe_cut_coordinate(trees, topology, cut, force.coordinate)}
-    body, joint = next((t.child, t.joint) for t in topology.tree if t.joint.name == force.joint)
-    return {"body": body, "coordinate": COORDINATES[joint.kind].index(force.coordinate)}
+        return {"cut": describe_cut_coordinate(trees, topology, cut, force.coordinate_of)}
+    body, joint = next((t.child, t.joint) for t in topology.tree if t.joint.name == force.joint_of)
+    return {"body": body, "coordinate": COORDINATES[joint.kind].index(force.coordinate_of)}
 
 
-_KINDS: Mapping[type, str] = {
-    PointSpring: "point_spring", AxialForce: "axial_force", Bushing: "bushing", BodyLoad: "load", JointForce: "joint_force",
-    Tyre: "tyre",
+#: What the twin calls each interaction.
+_KINDS: Mapping[type[Interaction], str] = {
+    Stretch: "point_spring", Travel: "axial_force", Compliance: "bushing", Wrench: "load", OnCoordinate: "joint_force",
+    RoadContact: "tyre",
 }  # fmt: skip
 
 
-def _pair(trees: Trees, force: PointSpring | AxialForce, position: str) -> Json:
-    return {"base": force.base, "follower": force.follower, "law": trees.law(force.law, position)}
-
-
-def _bushing(trees: Trees, force: Bushing) -> Json:
+def _load(trees: Trees, load: Any) -> Json:
     return {
-        "base": force.base,
-        "follower": force.follower,
-        "point": trees.all(force.point),
-        "axes": [trees.all(axis) for axis in force.axes],
-        "laws": trees.all(force.laws),
-    }
-
-
-def _load(trees: Trees, load: BodyLoad) -> Json:
-    return {
-        "body": load.body,
         "point": None if load.point is None else trees.all(load.point),
         "axes": load.axes,
         "components": trees.loads(load),

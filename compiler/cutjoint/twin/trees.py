@@ -7,7 +7,7 @@ IR.  Parameters of binding const are numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -24,7 +24,7 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.expressions import variable
-from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, JointForce, Model, PointSpring, Scalar, Scene, Tyre
+from cutjoint.model.records import BodyLoad, Force, Model, Scalar, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 Json: TypeAlias = dict[str, Any]
@@ -112,19 +112,10 @@ def _tree(block: Block) -> Any:
     raise ValueError(f"{block!r} is not a scalar expression")
 
 
-#: What each kind of force reports, in the order in which the twins write it.
-_QUANTITIES: Mapping[type, tuple[str, ...]] = {
-    PointSpring: ("force", "stiffness", "damping", "length", "rate"),
-    AxialForce: ("force", "stiffness", "damping", "travel", "rate"),
-    Bushing: ("Fx", "Fy", "Fz", "Mx", "My", "Mz", "dx", "dy", "dz", "rx", "ry", "rz"),
-    BodyLoad: ("Fx", "Fy", "Fz"),
-    JointForce: ("force", "stiffness", "damping"),
-    Tyre: ("Fz", "Fy", "Mz", "slip", "camber", "deflection"),
-}
+#: What the twins write first of a force with one law.
+_FIRST = ("force", "stiffness", "damping")
 
 
 def quantity_names(force: Force) -> list[str]:
-    """The quantities that a force reports."""
-    if isinstance(force, BodyLoad) and force.point is None:
-        return ["Mx", "My", "Mz"]
-    return list(_QUANTITIES[type(force)])
+    """The quantities that a force reports, in the order in which the twins write them."""
+    return sorted(force.quantities, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))

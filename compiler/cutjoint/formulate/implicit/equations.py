@@ -40,7 +40,7 @@ from cutjoint.formulate.recursive.reactions import Reactions
 from cutjoint.formulate.scene_inputs import derive_scene_inputs
 from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
 from cutjoint.model.quantities import unit_of
-from cutjoint.model.records import GROUND, Output, Tyre
+from cutjoint.model.records import GROUND, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.domains import find_domains
 from cutjoint.program.switches import find_switches
@@ -86,7 +86,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     )  # fmt: skip
     return ImplicitEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
-        roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
+        roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
             *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions

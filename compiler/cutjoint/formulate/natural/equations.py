@@ -34,7 +34,7 @@ from cutjoint.formulate.scene_inputs import derive_scene_inputs
 from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
 from cutjoint.methods import METHODS
 from cutjoint.model.quantities import unit_of
-from cutjoint.model.records import Model, Output, Scalar, Tyre
+from cutjoint.model.records import Model, Output, Scalar
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.domains import find_domains
 
@@ -82,7 +82,7 @@ def formulate_lagrangian(
     )  # fmt: skip
     return LagrangianEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
-        roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)), outputs=outputs,
+        roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(*functions, *guard_function(margins), *domains_function(domains), *laws.functions), method=method,
         slots={

@@ -12,17 +12,18 @@ from typing import Any, TypeAlias
 
 import sympy
 
+from cutjoint.elements.force import Compliance, Interaction, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
 from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
     RATE,
     SIDE,
     TRAVEL,
-    bushing_laws,
     guards_of,
     is_active,
     law_of,
     named,
+    six_laws,
     smallest_margin,
     spring_pull,
     stretch,
@@ -33,23 +34,7 @@ from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
 from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import (
-    GROUND,
-    AxialForce,
-    Body,
-    BodyLoad,
-    Bushing,
-    GuardedForce,
-    Joint,
-    JointForce,
-    LawForce,
-    Model,
-    PointSpring,
-    Scalar,
-    Scene,
-    Tyre,
-    Vector,
-)
+from cutjoint.model.records import GROUND, Body, BodyLoad, Force, Joint, JointForce, LawForce, Model, Scalar, Scene, Tyre, Vector
 from cutjoint.program.blocks import BindingTime, Block
 from cutjoint.program.differentiate import Differentiator
 
@@ -109,15 +94,16 @@ class ForceMaker:
 
     def all(self) -> list[Element]:
         """The force elements that the scene has switched on."""
-        rules: Mapping[type, Callable[[Any], Element]] = {
-            PointSpring: self._point_spring, AxialForce: self._axial_force, Bushing: self._bushing, BodyLoad: self._load,
-            JointForce: self._joint_force, Tyre: self._tyre,
+        rules: Mapping[type[Interaction], Callable[..., Element]] = {
+            Stretch: self._stretch, Travel: self._travel_force, Compliance: self._compliance, Wrench: self._load,
+            OnCoordinate: self._on_coordinate, RoadContact: self._contact,
         }  # fmt: skip
         elements = []
         for force in self._model.forces:
             if is_active(force, self._scene):
-                with self._b.section("force", force.name, _EQUATIONS[type(force)], force.span.place):
-                    elements.append(self._labelled(rules[type(force)](force)))
+                how = force.interaction
+                with self._b.section("force", force.name, _EQUATIONS[type(how)], force.span.place):
+                    elements.append(self._labelled(rules[type(how)](force, how)))
         return elements
 
     def guarded(self) -> tuple[list[Element], dict[str, Block]]:
@@ -139,20 +125,21 @@ class ForceMaker:
             self._b.label(block, f"{quantity}_{element.name.replace('.', '_')}")
         return element
 
-    def _law_values(self, force: GuardedForce) -> dict[Scalar, Block]:
+    def _law_values(self, force: Any) -> dict[Scalar, Block]:
         """The variables of a force's law: the position that it depends on, and its rate; a tyre's lateral force."""
-        match force:
-            case PointSpring():
-                _, way = self._way((force.follower, force.end), (force.base, force.start))
+        match force.interaction:
+            case Stretch() as how:
+                _, way = self._way(_place(how.end, force), _place(how.start, force))
                 return stretch(self._b, way.x, way.v)[1]
-            case AxialForce():
-                return self._travel(*self._axial(force), TRAVEL)
-            case JointForce():
+            case Travel() as how:
+                return self._travel(*_axial(force, how), TRAVEL)
+            case OnCoordinate():
                 return self._coordinate(force)
-            case BodyLoad():
+            case Wrench():
                 return self._load_values(force, *self._load_forms(force))
-            case Tyre():
-                return {SIDE: self._contact(force)[2].quantities["Fy"]}
+            case RoadContact():
+                return {SIDE: self._contact_with_road(force)[2].quantities["Fy"]}
+        raise AssertionError(force)
 
     def weight(self, body: Body) -> tuple[Form, Block]:
         """The weight of a body at its centre of mass."""
@@ -176,10 +163,10 @@ class ForceMaker:
         form = self._m.layout.direction(body, axis)
         return form, self._m.of(form)
 
-    def _point_spring(self, force: PointSpring) -> Element:
-        end, start = (force.follower, force.end), (force.base, force.start)
+    def _stretch(self, force: LawForce, how: Stretch) -> Element:
+        end, start = _place(how.end, force), _place(how.start, force)
         form, way = self._way(end, start)
-        pull, quantities = spring_pull(self._b, self._m.translator, force, way.x, way.v)
+        pull, quantities = spring_pull(self._b, self._m.translator, force.law, way.x, way.v)
         return Element(name=force.name, actions=self._pair(end, start, pull), by=[(form, way)], quantities=quantities)
 
     def _along(self, name: str, end: _Place, start: _Place, axis: Vector, law: Scalar, position: Scalar) -> Element:
@@ -196,11 +183,8 @@ class ForceMaker:
         b, (_, way), (_, e) = self._b, self._way(end, start), self._direction(start[0], axis)
         return {position: b.dot(e.x, way.x), RATE: b.add(b.dot(e.x, way.v), b.dot(e.v, way.x))}
 
-    def _axial(self, force: AxialForce) -> tuple[_Place, _Place, Vector]:
-        return (force.follower, force.point), (force.base, force.origin), force.axis
-
-    def _axial_force(self, force: AxialForce) -> Element:
-        return self._along(force.name, *self._axial(force), force.law, TRAVEL)
+    def _travel_force(self, force: LawForce, how: Travel) -> Element:
+        return self._along(force.name, *_axial(force, how), force.law, TRAVEL)
 
     def _slide(self, joint: Joint, coordinate: str) -> tuple[_Place, _Place, Vector]:
         base, follower = self._m.layout.slide_ends(joint)
@@ -219,7 +203,7 @@ class ForceMaker:
         motion = self._m.node(self._m.layout.angles[joint.name, force.coordinate])
         return {POSITION: motion.x, RATE: motion.v}
 
-    def _joint_force(self, force: JointForce) -> Element:
+    def _on_coordinate(self, force: JointForce, how: OnCoordinate) -> Element:
         joint = self._joints[force.joint]
         if joint.guide is None and not self._is_angle(force):
             return self._along(force.name, *self._slide(joint, force.coordinate), force.law, POSITION)
@@ -238,10 +222,10 @@ class ForceMaker:
         position, rate, _ = (self._m.translator.scalar(e) for e in guide_rates(guide, self._model))
         return {POSITION: position, RATE: self._b.mul(motion, rate)}
 
-    def _bushing(self, force: Bushing) -> Element:
-        b = self._b
-        way = self._way((force.follower, force.point), (force.base, force.point))
-        E, G = ([self._direction(body, axis) for axis in force.axes] for body in (force.base, force.follower))
+    def _compliance(self, force: Force, how: Compliance) -> Element:
+        b, end, start = self._b, _place(how.follower, force), _place(how.base, force)
+        way = self._way(end, start)
+        E, G = ([self._direction(body, axis) for axis in how.frame.of(force)] for body, _ in (start, end))
         S = [[b.dot(e.x, g.x) for _, g in G] for _, e in E]
         Sd = [[b.add(b.dot(e.x, g.v), b.dot(e.v, g.x)) for _, g in G] for _, e in E]
         turns, turn_rates = (b.column([self._half_difference(T, i, j) for i, j in _PAIRS]) for T in (S, Sd))
@@ -249,16 +233,16 @@ class ForceMaker:
         rates = (b.column([b.add(b.dot(e.x, way[1].v), b.dot(e.v, way[1].x)) for _, e in E]), turn_rates)
         trace = b.total([S[i][i] for i in range(3)])
         by_turn = b.scale(b.number(0.5), b.sub(b.scale(trace, b.identity(3)), b.stack(S)))
-        pull, _, quantities = bushing_laws(b, self._m.translator, force, places, rates, by_turn)
-        laws = bushing_laws(b, self._m.translator, force, places, rates, b.identity(3))[1]
+        pull, _, quantities = six_laws(b, self._m.translator, force.expressions, places, rates, by_turn)
+        laws = six_laws(b, self._m.translator, force.expressions, places, rates, b.identity(3))[1]
         along = b.total([b.scale(b.element(pull, i), e.x) for i, (_, e) in enumerate(E)])
-        actions = self._pair((force.follower, force.point), (force.base, force.point), along)
-        actions += [Action(body=force.base, form=e, force=b.scale(b.element(pull, i), way[1].x)) for i, (e, _) in enumerate(E)]
+        actions = self._pair(end, start, along)
+        actions += [Action(body=start[0], form=e, force=b.scale(b.element(pull, i), way[1].x)) for i, (e, _) in enumerate(E)]
         for k, (i, j) in enumerate(_PAIRS):
             half = b.mul(b.number(0.5), b.element(laws, k))
             for works, m, n in ((half, i, j), (b.neg(half), j, i)):
-                actions.append(Action(body=force.base, form=E[m][0], force=b.scale(works, G[n][1].x)))
-                actions.append(Action(body=force.follower, form=G[n][0], force=b.scale(works, E[m][1].x)))
+                actions.append(Action(body=start[0], form=E[m][0], force=b.scale(works, G[n][1].x)))
+                actions.append(Action(body=end[0], form=G[n][0], force=b.scale(works, E[m][1].x)))
         return Element(name=force.name, actions=actions, by=[way, *E, *G], quantities=quantities)
 
     def _half_difference(self, S: list[list[Block]], i: int, j: int) -> Block:
@@ -274,20 +258,19 @@ class ForceMaker:
 
     def _load_forms(self, force: BodyLoad) -> tuple[tuple[Form, Motion] | None, list[tuple[Form, Motion]]]:
         """The load's point, and its body's axes where it needs them."""
-        axes = self._axes(force.body) if force.axes == "body" or force.point is None else []
+        axes = self._axes(force.body) if force.needs_attitude else []
         return self._way((force.body, force.point), (GROUND, _ORIGIN)) if force.point is not None else None, axes
 
-    def _load(self, force: BodyLoad) -> Element:
-        b, in_body = self._b, force.axes == "body"
+    def _load(self, force: BodyLoad, how: Wrench) -> Element:
+        b = self._b
         at, axes = self._load_forms(force)
         translator = self._m.translator.with_values(self._load_values(force, at, axes))
         components = b.column([translator.scalar(c) for c in force.components])
         if force.moving_only:
             components = b.scale(b.symbol("motion", 1, BindingTime.STEP), components)
-        vector = b.total([b.scale(b.element(components, i), e.x) for i, (_, e) in enumerate(axes)]) if in_body else components
+        vector = b.total([b.scale(b.element(components, i), e.x) for i, (_, e) in enumerate(axes)]) if force.in_body else components
         actions = [Action(body=force.body, form=at[0], force=vector)] if at else self._torque(force.body, vector)
-        names = ("Fx", "Fy", "Fz") if at else ("Mx", "My", "Mz")
-        quantities = {name: b.element(components, i) for i, name in enumerate(names)}
+        quantities = {name: b.element(components, i) for i, name in enumerate(force.quantities)}
         return Element(name=force.name, actions=actions, by=[*([at] if at else []), *axes], quantities=quantities)
 
     def _load_values(
@@ -298,25 +281,25 @@ class ForceMaker:
         values: dict[Any, Block] = {}
         if at is not None:
             place = at[1]
-            speed = b.column([b.dot(e.x, place.v) for _, e in axes]) if force.axes == "body" else place.v
+            speed = b.column([b.dot(e.x, place.v) for _, e in axes]) if force.in_body else place.v
             values |= {PLACE[i]: b.element(place.x, i) for i in range(3)} | {PLACE[3 + i]: b.element(speed, i) for i in range(3)}
         else:
             forms = [form for form, _ in axes]
             spin = self._m.spin(force.body, (forms[0], forms[1], forms[2]))
-            if force.axes == "body":
+            if force.in_body:
                 spin = b.column([b.dot(e.x, spin) for _, e in axes])
             values |= {PLACE[6 + i]: b.element(spin, i) for i in range(3)}
         return values
 
-    def _contact(self, force: Tyre) -> tuple[tuple[Form, Motion], tuple[Form, Motion], Contact]:
+    def _contact_with_road(self, force: Tyre) -> tuple[tuple[Form, Motion], tuple[Form, Motion], Contact]:
         """The wheel's centre and axis, and its contact with the road."""
         b = self._b
         centre, axis = self._way((force.body, force.centre), (GROUND, _ORIGIN)), self._direction(force.body, force.axis)
         wheel = Wheel(centre=centre[1].x, velocity=centre[1].v, axis=axis[1].x, axis_rate=axis[1].v)
         return centre, axis, tyre_force(b, self._m.translator, force, wheel)
 
-    def _tyre(self, force: Tyre) -> Element:
-        b, (centre, axis, contact) = self._b, self._contact(force)
+    def _contact(self, force: Tyre, how: RoadContact) -> Element:
+        b, (centre, axis, contact) = self._b, self._contact_with_road(force)
         torque = b.add(b.cross(contact.arm, contact.force), contact.moment)
         axes = self._axes(force.body)
         by = [centre, axis, *((f, m) for f, m in axes if m.x is not axis[1].x)]
@@ -325,14 +308,24 @@ class ForceMaker:
 
 
 _Place: TypeAlias = tuple[str, Vector]
+
+
+def _place(point: Point, force: Force) -> _Place:
+    return point.body(force), point.of(force)
+
+
+def _axial(force: Force, how: Travel) -> tuple[_Place, _Place, Vector]:
+    return _place(how.point, force), _place(how.origin, force), how.axis.of(force)
+
+
 _ORIGIN: Vector = (sympy.Integer(0), sympy.Integer(0), sympy.Integer(0))
 _PAIRS = ((2, 1), (0, 2), (1, 0))
 
-_EQUATIONS: Mapping[type, str] = {
-    PointSpring: "n = (p_end - p_start)/length,  Q = -law(length, rate) n on the way between the points",
-    AxialForce: "travel = e . (p - p_origin),  Q = law(travel, rate) d travel/d q",
-    Bushing: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E,  Q = law d(x, theta)/d q",
-    BodyLoad: "the force given by its components at its point, a torque as half the sum of T x e_i on the directions",
-    JointForce: "Q = law(position, rate) of one coordinate",
-    Tyre: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
+_EQUATIONS: Mapping[type[Interaction], str] = {
+    Stretch: "n = (p_end - p_start)/length,  Q = -law(length, rate) n on the way between the points",
+    Travel: "travel = e . (p - p_origin),  Q = law(travel, rate) d travel/d q",
+    Compliance: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E,  Q = law d(x, theta)/d q",
+    Wrench: "the force given by its components at its point, a torque as half the sum of T x e_i on the directions",
+    OnCoordinate: "Q = law(position, rate) of one coordinate",
+    RoadContact: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
 }

@@ -13,7 +13,7 @@ from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Uses
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.quantities import reaction_component
-from cutjoint.model.records import Joint, JointForce, Model, Reaction, Scalar
+from cutjoint.model.records import Force, Joint, Model, Reaction, Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +44,11 @@ def require_force(model: Model, reaction: Reaction, joint: Joint, quantity: str)
         raise ModelError([_refusal(reaction, f"natural coordinates do not give {what}")])
 
 
-def slide_forces(layout: Layout, model: Model, joint: Joint) -> Iterator[tuple[JointForce, int]]:
+def slide_forces(layout: Layout, model: Model, joint: Joint) -> Iterator[tuple[Force, int]]:
     """The forces on displacements of a joint that is not guided, and their signs on the follower."""
-    own = (f for f in model.forces if isinstance(f, JointForce) and f.joint == joint.name and joint.guide is None)
+    own = (f for f in model.forces if f.joint_of == joint.name and joint.guide is None)
     for force in own:
-        if force.coordinate not in joint.element.measures:
+        if force.coordinate_of not in joint.element.measures:
             yield force, 1 if layout.slide_ends(joint)[1] == joint.follower else -1
 
 

@@ -8,31 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy
 
+from cutjoint.elements.force import Compliance, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
 from cutjoint.elements.joint import Condition, Direction, Products, SameAttitude, SameDirection
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.kernels.directions import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import (
-    GROUND,
-    AxialForce,
-    Body,
-    BodyLoad,
-    Bushing,
-    Force,
-    Joint,
-    JointForce,
-    Marker,
-    Model,
-    Output,
-    PointSpring,
-    Reaction,
-    Scalar,
-    Scene,
-    Tyre,
-    Vector,
-)
+from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Output, Reaction, Scalar, Scene, Vector
 
 #: A second moment of mass below this share of the largest is a shape without extent in that direction.
 _FLAT = 1e-9
@@ -81,8 +64,8 @@ def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -
     """
     kinds = {j.name: j.kind for j in model.joints if not j.element.is_measured}
     asked = [(kinds[o.element], o.span, f"output '{o.column}'") for o in outputs if o.element in kinds]
-    forces = [f for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)]
-    asked += [(kinds[f.joint], f.span, f"force '{f.name}'") for f in forces if f.joint in kinds]
+    forces = [f for f in model.force_elements if f.joint_of in kinds and is_active(f, scene)]
+    asked += [(kinds[f.joint_of], f.span, f"force '{f.name}'") for f in forces]
     asked += [(kinds[name], g.span, f"gear '{g.name}'") for g in model.gears for name in g.joints if name in kinds]
     asked += [(j.kind, j.span, f"joint '{j.name}'") for j in model.joints if j.guide is not None and j.name in kinds]
     if asked:
@@ -99,7 +82,7 @@ def asked_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[
     """The joints' angles that laws, gears, screws or outputs use; each becomes a coordinate of its own."""
     joints = {j.name: j for j in model.joints}
     wanted = {(o.element, o.quantity.removesuffix("_rate")) for o in outputs if o.element in joints}
-    wanted |= {(f.joint, f.coordinate) for f in model.force_elements if isinstance(f, JointForce) and is_active(f, scene)}
+    wanted |= {(f.joint_of, f.coordinate_of) for f in model.force_elements if f.joint_of and is_active(f, scene)}
     wanted |= {(c.joint, c.name) for gear in model.gears for c in (gear.first, gear.second)}
     wanted |= {(j.name, name) for j in model.joints if j.element.advances for name in j.element.measures}
     return [
@@ -176,31 +159,22 @@ class Collector:
 
     def force(self, force: Force) -> None:
         """A force's points and directions."""
-        match force:
-            case PointSpring():
-                self.of(force.base).point(force.start, f"{force.name}.start")
-                self.of(force.follower).point(force.end, f"{force.name}.end")
-            case AxialForce():
-                self.of(force.base).point(force.origin, f"{force.name}.origin")
-                self.of(force.base).direction(force.axis, f"{force.name}.axis")
-                self.of(force.follower).point(force.point, f"{force.name}.point")
-            case Bushing():
-                for body in (force.base, force.follower):
-                    self.of(body).point(force.point, force.name)
+        match force.interaction:
+            case OnCoordinate():
+                self.coordinate(force.joint_of, force.coordinate_of)
+            case Stretch() | Travel():
+                for place in force.places:
+                    needs, name = self.of(place.body(force)), f"{force.name}.{place.field}"
+                    (needs.point if isinstance(place, Point) else needs.direction)(place.of(force), name)
+            case Compliance() as how:
+                for end in (how.base, how.follower):
+                    self.of(end.body(force)).point(end.of(force), force.name)
+                    self.of(end.body(force)).attitude(end.body(force))
+            case Wrench() | RoadContact():
+                for place in (place for place in force.places if isinstance(place, Point)):
+                    self.of(place.body(force)).point(place.of(force), f"{force.name}.{place.field}")
+                for body in force.bodies if force.needs_attitude else ():
                     self.of(body).attitude(body)
-            case BodyLoad():
-                self._load(force)
-            case Tyre():
-                self.of(force.body).point(force.centre, f"{force.name}.centre")
-                self.of(force.body).attitude(force.body)
-            case JointForce():
-                self.coordinate(force.joint, force.coordinate)
-
-    def _load(self, load: BodyLoad) -> None:
-        if load.point is not None:
-            self.of(load.body).point(load.point, f"{load.name}.point")
-        if load.point is None or load.axes == "body":
-            self.of(load.body).attitude(load.body)
 
     def coordinate(self, name: str, coordinate: str) -> None:
         """What a joint's coordinate is measured by, unless it is an angle."""

@@ -28,7 +28,7 @@ from cutjoint.formulate.recursive.solution import ClosingElements, refine, respo
 from cutjoint.formulate.scene_inputs import derive_scene_inputs
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
-from cutjoint.model.records import Output, Scene, Tyre
+from cutjoint.model.records import Output, Scene
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.domains import find_domains
 from cutjoint.program.switches import find_switches
@@ -107,7 +107,7 @@ def formulate_recursive(
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
-        parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if isinstance(f, Tyre)),
+        parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if f.has_road),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
             **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),

@@ -7,20 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import sympy
 
+from cutjoint.elements.force import Compliance, Interaction, OnCoordinate, Place, RoadContact, Stretch, Travel, Wrench
 from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
     RATE,
     SIDE,
     TRAVEL,
-    bushing_laws,
     guards_of,
     is_active,
     law_of,
     named,
+    six_laws,
     smallest_margin,
     spring_pull,
     stretch,
@@ -30,22 +32,7 @@ from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
 from cutjoint.kernels.directions import slide_axis
-from cutjoint.model.records import (
-    COORDINATES,
-    AxialForce,
-    Body,
-    BodyLoad,
-    Bushing,
-    GuardedForce,
-    Joint,
-    JointForce,
-    LawForce,
-    Model,
-    PointSpring,
-    Scalar,
-    Scene,
-    Tyre,
-)  # fmt: skip
+from cutjoint.model.records import COORDINATES, Body, BodyLoad, Force, JointForce, LawForce, Model, Scalar, Scene, Tyre
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
@@ -98,14 +85,15 @@ def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
 def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> Forces:
     """The force elements that the scene has switched on."""
     forces = Forces()
-    rules: Mapping[type, Callable[..., dict[str, Block]]] = {
-        PointSpring: _point_spring, AxialForce: _axial_force, Bushing: _bushing, BodyLoad: _load, JointForce: _joint_force, Tyre: _tyre,
+    rules: Mapping[type[Interaction], Callable[..., dict[str, Block]]] = {
+        Stretch: _stretch, Travel: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
     }  # fmt: skip
     for force in model.forces:
         if is_active(force, scene):
             system.source = force.name
-            with k.builder.section("force", force.name, _EQUATIONS[type(force)], force.span.place):
-                forces.add(k.builder, force.name, rules[type(force)](system, k, force))
+            how = force.interaction
+            with k.builder.section("force", force.name, _EQUATIONS[type(how)], force.span.place):
+                forces.add(k.builder, force.name, rules[type(how)](system, k, force, how))
     return forces
 
 
@@ -122,29 +110,30 @@ def add_guards(forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dic
     return margins
 
 
-def _law_values(k: Kinematics, force: GuardedForce) -> dict[Scalar, Block]:
+def _law_values(k: Kinematics, force: Any) -> dict[Scalar, Block]:
     """The variables of a force's law: the position that it depends on, and its rate; a tyre's lateral force."""
-    match force:
-        case PointSpring():
-            _, way, speed = _between_ends(k, force)
+    match force.interaction:
+        case Stretch() as how:
+            _, way, speed = _between_ends(k, force, how)
             return stretch(k.builder, way, speed)[1]
-        case AxialForce():
-            return _along_axis(k, force)[2]
-        case JointForce():
+        case Travel() as how:
+            return _along_axis(k, force, how)[2]
+        case OnCoordinate():
             return _of_coordinate(k, force)
-        case BodyLoad():
+        case Wrench():
             return _load_values(k, force)[1]
-        case Tyre():
-            return {SIDE: _contact(k, force)[1].quantities["Fy"]}
+        case RoadContact():
+            return {SIDE: _contact_with_road(k, force)[1].quantities["Fy"]}
+    raise AssertionError(force)
 
 
-_EQUATIONS: Mapping[type, str] = {
-    PointSpring: "n = (p_end - p_start)/length,  follower gets -law(length, rate) n",
-    AxialForce: "travel = e . (p - p_origin),  follower gets law(travel, rate) e",
-    Bushing: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E;  follower gets E law(x), E (d theta/d turn)^T law(theta)",
-    BodyLoad: "the force given by its components at its point",
-    JointForce: "tau = law(position, rate) of one coordinate",
-    Tyre: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
+_EQUATIONS: Mapping[type[Interaction], str] = {
+    Stretch: "n = (p_end - p_start)/length,  follower gets -law(length, rate) n",
+    Travel: "travel = e . (p - p_origin),  follower gets law(travel, rate) e",
+    Compliance: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E;  follower gets E law(x), E (d theta/d turn)^T law(theta)",
+    Wrench: "the force given by its components at its point",
+    OnCoordinate: "tau = law(position, rate) of one coordinate",
+    RoadContact: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
 }
 
 
@@ -156,72 +145,77 @@ def push(system: BodySystem, k: Kinematics, body: str, point: Block, force: Bloc
     return wrench
 
 
-def _push_pair(
-    system: BodySystem, k: Kinematics, pair: PointSpring | AxialForce | Bushing | Joint, point: Block, pull: Block
-) -> Block:  # fmt: skip
+def _push_pair(system: BodySystem, k: Kinematics, ends: tuple[str, str], point: Block, pull: Block) -> Block:
     """A force on the follower at a point, whose wrench is returned, and its reaction on the base on the same line."""
-    b = k.builder
-    wrench = push(system, k, pair.follower, point, pull)
-    step = k.pole_step(pair.base, pair.follower)
-    if k.frames[pair.base].root == k.frames[pair.follower].root:
-        system.add_force(pair.base, b.neg(wrench))
+    b, (base, follower) = k.builder, ends
+    wrench = push(system, k, follower, point, pull)
+    step = k.pole_step(base, follower)
+    if k.frames[base].root == k.frames[follower].root:
+        system.add_force(base, b.neg(wrench))
     else:
-        push(system, k, pair.base, b.add(point, step), b.neg(pull))
+        push(system, k, base, b.add(point, step), b.neg(pull))
     return wrench
 
 
-def _twist_pair(system: BodySystem, k: Kinematics, pair: Bushing | Joint, torque: Block) -> Block:
+def _twist_pair(system: BodySystem, k: Kinematics, ends: tuple[str, str], torque: Block) -> Block:
     """A torque on the follower, whose wrench is returned, and its reaction on the base."""
-    b = k.builder
+    b, (base, follower) = k.builder, ends
     wrench = b.stack([[b.zero(3)], [torque]])
-    system.add_force(pair.follower, wrench)
-    system.add_force(pair.base, b.stack([[b.zero(3)], [b.neg(torque)]]))
+    system.add_force(follower, wrench)
+    system.add_force(base, b.stack([[b.zero(3)], [b.neg(torque)]]))
     return wrench
 
 
-def _between_ends(k: Kinematics, force: PointSpring) -> tuple[Block, Block, Block]:
+def _between_ends(k: Kinematics, force: Force, how: Stretch) -> tuple[Block, Block, Block]:
     """The follower's point, the way to it from the base's, and the way's rate."""
-    end, start = k.point(force.follower, force.end), k.point(force.base, force.start)
-    way = k.between(force.follower, end, force.base, start)
-    return end, way, k.builder.sub(k.velocity(force.follower, end), k.velocity(force.base, start))
+    base, follower = _bodies(how.start, how.end, force)
+    end, start = k.point(follower, how.end.of(force)), k.point(base, how.start.of(force))
+    way = k.between(follower, end, base, start)
+    return end, way, k.builder.sub(k.velocity(follower, end), k.velocity(base, start))
 
 
-def _point_spring(system: BodySystem, k: Kinematics, force: PointSpring) -> dict[str, Block]:
-    end, way, speed = _between_ends(k, force)
-    pull, quantities = spring_pull(k.builder, k.translator, force, way, speed)
-    _push_pair(system, k, force, end, pull)
+def _stretch(system: BodySystem, k: Kinematics, force: LawForce, how: Stretch) -> dict[str, Block]:
+    end, way, speed = _between_ends(k, force, how)
+    pull, quantities = spring_pull(k.builder, k.translator, force.law, way, speed)
+    _push_pair(system, k, _bodies(how.start, how.end, force), end, pull)
     return quantities
 
 
-def _along_axis(k: Kinematics, force: AxialForce) -> tuple[Block, Block, dict[Scalar, Block]]:
+def _bodies(base: Place, follower: Place, force: Force) -> tuple[str, str]:
+    return base.body(force), follower.body(force)
+
+
+def _along_axis(k: Kinematics, force: Force, how: Travel) -> tuple[Block, Block, dict[Scalar, Block]]:
     """The axis, the follower's point, and the variables of the law."""
-    axis, point, measured = travel(k, (force.base, force.follower), (force.origin, force.point), force.axis)
+    ends = _bodies(how.origin, how.point, force)
+    axis, point, measured = travel(k, ends, (how.origin.of(force), how.point.of(force)), how.axis.of(force))
     assert measured.position is not None
     return axis, point, {TRAVEL: measured.position, RATE: measured.rate}
 
 
-def _axial_force(system: BodySystem, k: Kinematics, force: AxialForce) -> dict[str, Block]:
-    axis, point, values = _along_axis(k, force)
+def _travel(system: BodySystem, k: Kinematics, force: LawForce, how: Travel) -> dict[str, Block]:
+    axis, point, values = _along_axis(k, force, how)
     law = law_of(k.translator, force.law, values, TRAVEL)
-    _push_pair(system, k, force, point, k.builder.scale(law["force"], axis))
+    _push_pair(system, k, _bodies(how.origin, how.point, force), point, k.builder.scale(law["force"], axis))
     return {**law, **named(values)}
 
 
-def _bushing(system: BodySystem, k: Kinematics, force: Bushing) -> dict[str, Block]:
-    b = k.builder
-    axes = k.translator.matrix(sympy.Matrix([list(axis) for axis in force.axes]).T)
-    E, G = (b.mul(k.frames[body].R, axes) for body in (force.base, force.follower))
-    point, to_base = k.point(force.follower, force.point), b.transpose(E)
-    way = k.between(force.follower, point, force.base, k.point(force.base, force.point))
-    on_base = b.add(point, k.pole_step(force.base, force.follower))
-    speed = b.sub(k.velocity(force.follower, point), k.velocity(force.base, on_base))
-    spin = b.sub(halves(b, k.frames[force.follower].Z)[1], halves(b, k.frames[force.base].Z)[1])
+def _compliance(system: BodySystem, k: Kinematics, force: Force, how: Compliance) -> dict[str, Block]:
+    b, ends = k.builder, _bodies(how.base, how.follower, force)
+    base, follower = ends
+    axes = k.translator.matrix(sympy.Matrix([list(axis) for axis in how.frame.of(force)]).T)
+    E, G = (b.mul(k.frames[body].R, axes) for body in ends)
+    point, to_base = k.point(follower, how.follower.of(force)), b.transpose(E)
+    way = k.between(follower, point, base, k.point(base, how.base.of(force)))
+    on_base = b.add(point, k.pole_step(base, follower))
+    speed = b.sub(k.velocity(follower, point), k.velocity(base, on_base))
+    spin = b.sub(halves(b, k.frames[follower].Z)[1], halves(b, k.frames[base].Z)[1])
     rotation, by_turn = _small_rotation(b, b.mul(to_base, G))
     places = (b.mul(to_base, way), rotation)
     rates = (b.mul(to_base, speed), b.mul(by_turn, b.mul(to_base, spin)))
-    pull, torque, quantities = bushing_laws(b, k.translator, force, places, rates, by_turn)
-    _push_pair(system, k, force, point, b.mul(E, pull))
-    _twist_pair(system, k, force, b.mul(E, torque))
+    pull, torque, quantities = six_laws(b, k.translator, force.expressions, places, rates, by_turn)
+    _push_pair(system, k, ends, point, b.mul(E, pull))
+    _twist_pair(system, k, ends, b.mul(E, torque))
     return quantities
 
 
@@ -240,25 +234,24 @@ def _load_values(k: Kinematics, force: BodyLoad) -> tuple[Block, dict[Scalar, Bl
     point = k.point(force.body, force.point) if force.point is not None else frame.r
     place, speed = k.absolute(force.body, point), k.velocity(force.body, point)
     spin = halves(b, frame.Z)[1]
-    if force.axes == "body":
+    if force.in_body:
         speed, spin = (b.mul(b.transpose(frame.R), vector) for vector in (speed, spin))
     return point, dict(zip(PLACE, [b.element(x, i) for x in (place, speed, spin) for i in range(3)], strict=True))
 
 
-def _load(system: BodySystem, k: Kinematics, force: BodyLoad) -> dict[str, Block]:
+def _load(system: BodySystem, k: Kinematics, force: BodyLoad, how: Wrench) -> dict[str, Block]:
     b, frame = k.builder, k.frames[force.body]
     point, values = _load_values(k, force)
     translator = k.translator.with_values(values)
     components = b.column([translator.scalar(c) for c in force.components])
     if force.moving_only:
         components = b.scale(b.symbol("motion", 1, BindingTime.STEP), components)
-    vector = b.mul(frame.R, components) if force.axes == "body" else components
+    vector = b.mul(frame.R, components) if force.in_body else components
     if force.point is None:
         system.add_force(force.body, b.stack([[b.zero(3)], [vector]]))
     else:
         push(system, k, force.body, point, vector)
-    names = ("Mx", "My", "Mz") if force.point is None else ("Fx", "Fy", "Fz")
-    return {name: b.element(components, i) for i, name in enumerate(names)}
+    return {name: b.element(components, i) for i, name in enumerate(force.quantities)}
 
 
 def _of_coordinate(k: Kinematics, force: JointForce) -> dict[Scalar, Block]:
@@ -267,7 +260,7 @@ def _of_coordinate(k: Kinematics, force: JointForce) -> dict[Scalar, Block]:
     return {RATE: measured.rate} if measured.position is None else {POSITION: measured.position, RATE: measured.rate}
 
 
-def _joint_force(system: BodySystem, k: Kinematics, force: JointForce) -> dict[str, Block]:
+def _on_coordinate(system: BodySystem, k: Kinematics, force: JointForce, how: OnCoordinate) -> dict[str, Block]:
     law = law_of(k.translator, force.law, _of_coordinate(k, force), POSITION)
     motion = tree_motion(k, force.joint)
     if motion is None:
@@ -285,12 +278,12 @@ def _push_cut_joint(system: BodySystem, k: Kinematics, force: JointForce, value:
     """A force along the coordinate of a cut joint, or a torque about its axis, on both of its bodies: the wrench on the follower."""
     b, cut = k.builder, next(c for c in k.topology.cuts if c.name == force.joint)
     if force.coordinate in cut.element.angles:
-        return _twist_pair(system, k, cut, b.scale(value, k.direction(cut.base, cut.axes[0])))
+        return _twist_pair(system, k, (cut.base, cut.follower), b.scale(value, k.direction(cut.base, cut.axes[0])))
     axis = k.direction(cut.base, slide_axis(cut, force.coordinate))
-    return _push_pair(system, k, cut, k.point(cut.follower, cut.at), b.scale(value, axis))
+    return _push_pair(system, k, (cut.base, cut.follower), k.point(cut.follower, cut.at), b.scale(value, axis))
 
 
-def _contact(k: Kinematics, force: Tyre) -> tuple[Block, Contact]:
+def _contact_with_road(k: Kinematics, force: Tyre) -> tuple[Block, Contact]:
     """The wheel's centre, and its contact with the road."""
     b = k.builder
     centre, axis = k.point(force.body, force.centre), k.direction(force.body, force.axis)
@@ -301,8 +294,8 @@ def _contact(k: Kinematics, force: Tyre) -> tuple[Block, Contact]:
     return centre, tyre_force(b, k.translator, force, wheel)
 
 
-def _tyre(system: BodySystem, k: Kinematics, force: Tyre) -> dict[str, Block]:
-    b, (centre, contact) = k.builder, _contact(k, force)
+def _contact(system: BodySystem, k: Kinematics, force: Tyre, how: RoadContact) -> dict[str, Block]:
+    b, (centre, contact) = k.builder, _contact_with_road(k, force)
     torque = b.add(b.cross(b.add(centre, contact.arm), contact.force), contact.moment)
     system.add_force(force.body, b.stack([[contact.force], [torque]]))
     return contact.quantities

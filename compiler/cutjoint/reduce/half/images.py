@@ -7,13 +7,7 @@ from dataclasses import dataclass, fields
 
 from cutjoint.elements.joint import Direction, JointElement
 from cutjoint.model.mirror import coordinate_signs, reflected_law
-from cutjoint.model.records import (
-    Body,
-    Force,
-    Joint,
-    JointForce,
-    PointSpring,
-)  # fmt: skip
+from cutjoint.model.records import Body, Force, Joint
 from cutjoint.reduce.half.pairs import Pairs
 from cutjoint.reduce.half.plane import AsymmetryError, Plane, Same, is_same
 
@@ -124,27 +118,22 @@ def _why(plane: Plane, force: Force, attached: Iterable[Force]) -> str:
     return f"has no image: nothing like it acts where the reflection in the plane {plane} puts it"
 
 
-def ends(force: Force) -> tuple[str, ...]:
-    """The bodies that a force acts on, none for one on a joint's coordinate."""
-    if isinstance(force, JointForce):
-        return ()
-    return (force.body,) if hasattr(force, "body") else (force.base, force.follower)
-
-
 def _is_attached(pairs: Pairs, force: Force, candidate: Force) -> bool:
     """Whether a candidate is of the same type and acts on the images of what a force acts on."""
-    if isinstance(force, JointForce) and isinstance(candidate, JointForce):
-        return (pairs.joints[force.joint], force.coordinate) == (candidate.joint, candidate.coordinate)
-    images = tuple(pairs.bodies[body] for body in ends(force))
-    swapped = isinstance(force, PointSpring) and images[::-1] == ends(candidate)
-    return type(force) is type(candidate) and (images == ends(candidate) or swapped)
+    if type(force) is not type(candidate):
+        return False
+    if force.joint_of:
+        return (pairs.joints[force.joint_of], force.coordinate_of) == (candidate.joint_of, candidate.coordinate_of)
+    images = tuple(pairs.bodies[body] for body in force.bodies)
+    return images == candidate.bodies or (bool(force.swapped) and images[::-1] == candidate.bodies)
 
 
 def _is_image(pairs: Pairs, force: Force, reflection: Force, candidate: Force, signs: Mapping[str, Mapping[str, int]]) -> bool:
-    if isinstance(force, JointForce) and isinstance(candidate, JointForce):
-        return pairs.same(reflected_law(force.law, signs[force.joint][force.coordinate]), candidate.law)
+    if force.joint_of:
+        sign = signs[force.joint_of][force.coordinate_of]
+        return pairs.same(tuple(reflected_law(law, sign) for law in force.expressions), candidate.expressions)
     names = [f.name for f in fields(reflection) if f.name not in NAMING]
     shown = {name: getattr(reflection, name) for name in names}
-    if isinstance(force, PointSpring) and tuple(pairs.bodies[body] for body in ends(force)) != ends(candidate):
-        shown |= {"start": shown["end"], "end": shown["start"]}
+    if tuple(pairs.bodies[body] for body in force.bodies) != candidate.bodies:
+        shown |= reflection.swapped
     return all(pairs.same(value, getattr(candidate, name)) for name, value in shown.items())

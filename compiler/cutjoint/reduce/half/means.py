@@ -10,12 +10,13 @@ from typing import Any
 
 import sympy
 
+from cutjoint.elements.force import Axis, Point
 from cutjoint.model.elements import Elements
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.geometry import unit
 from cutjoint.model.mirror import mirror_elements, reflected_law
-from cutjoint.model.records import Body, Force, Joint, JointForce, Model, PointSpring, Scalar, Vector
-from cutjoint.reduce.half.images import NAMING, Images, ends
+from cutjoint.model.records import Body, Force, Joint, Model, Scalar, Vector
+from cutjoint.reduce.half.images import NAMING, Images
 from cutjoint.reduce.half.pairs import Pairs
 from cutjoint.reduce.half.plane import is_same
 
@@ -113,19 +114,18 @@ class Means:
         return replace(model, bodies=bodies, joints=joints, forces=forces, gravity=gravity)
 
     def _mean_force(self, force: Force, seen: Force) -> Force:
-        if isinstance(force, JointForce) and isinstance(seen, JointForce):
-            law = next(f.law for f in self.model.forces if f.name == seen.name and isinstance(f, JointForce))
-            return replace(force, law=mean(force.law, reflected_law(law, self.images.signs[force.joint][force.coordinate])))
-        if isinstance(force, PointSpring) and isinstance(seen, PointSpring) and self._is_swapped(force, seen):
-            seen = replace(seen, start=seen.end, end=seen.start)
-        names = [f.name for f in fields(force) if f.name not in (*NAMING, "axis", "axes")]
+        if force.joint_of:
+            image, sign = next(f for f in self.model.forces if f.name == seen.name), self.images.signs[force.joint_of][force.coordinate_of]
+            laws = {name: mean(getattr(force, name), reflected_law(getattr(image, name), sign)) for name in force.element.laws}
+            return replace(force, **laws)
+        if tuple(self.images.bodies[body] for body in force.bodies) != seen.bodies:
+            seen = replace(seen, **seen.swapped)
+        directions = [place for place in force.places if not isinstance(place, Point)]
+        names = [f.name for f in fields(force) if f.name not in (*NAMING, *(place.field for place in directions))]
         between = {name: mean(getattr(force, name), getattr(seen, name)) for name in names}
-        if hasattr(force, "axis") and hasattr(seen, "axis"):
-            between["axis"] = mean_direction(force.axis, seen.axis)
+        for axis in (place for place in directions if isinstance(place, Axis)):
+            between[axis.field] = mean_direction(axis.of(force), axis.of(seen))
         return replace(force, **between)
-
-    def _is_swapped(self, force: PointSpring, seen: PointSpring) -> bool:
-        return tuple(self.images.bodies[body] for body in ends(force)) != ends(seen)
 
 
 def _mean_body(body: Body, seen: Body) -> Body:

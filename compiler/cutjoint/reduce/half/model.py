@@ -17,7 +17,7 @@ from cutjoint.model.records import (
     RodForce,
     Scene,
 )  # fmt: skip
-from cutjoint.reduce.half.halves import halve_body, halve_force
+from cutjoint.reduce.half.halves import halve_body
 from cutjoint.reduce.half.images import Images
 from cutjoint.reduce.half.in_plane import InPlane, restrict
 from cutjoint.reduce.half.plane import AsymmetryError, Plane
@@ -71,8 +71,8 @@ def cut_in_half(model: Model, plane: Plane, images: Images, removed: frozenset[s
 
 def idle_forces(model: Model, in_plane: Mapping[str, InPlane]) -> frozenset[str]:
     """The forces on coordinates that would leave the plane."""
-    forces = (f for f in model.forces if isinstance(f, JointForce) and f.joint in in_plane)
-    return frozenset(f.name for f in forces if f.coordinate not in in_plane[f.joint].kept)
+    forces = (f for f in model.forces if f.joint_of in in_plane)
+    return frozenset(f.name for f in forces if f.coordinate_of not in in_plane[f.joint_of].kept)
 
 
 def half_model(half: Half, scene: Scene) -> Model:
@@ -96,7 +96,7 @@ def _forces(half: Half) -> Iterator[Force]:
     for force in half.model.forces:
         if force.name in half.gone:
             continue
-        halved = halve_force(force) if half.is_own(force.name) else force
+        halved = force.halved() if half.is_own(force.name) else force
         if isinstance(halved, JointForce) and halved.joint in half.in_plane:
             name, sign = half.in_plane[halved.joint].kept[halved.coordinate]
             halved = replace(halved, coordinate=name, law=reflected_law(halved.law, sign))

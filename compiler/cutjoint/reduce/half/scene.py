@@ -7,32 +7,9 @@ from dataclasses import replace
 
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.model.quantities import JOINT_QUANTITIES, reaction_component, reported_element
-from cutjoint.model.records import (
-    GROUND,
-    AxialForce,
-    Body,
-    BodyLoad,
-    Bushing,
-    Force,
-    Gear,
-    Joint,
-    JointForce,
-    Marker,
-    Output,
-    PointSpring,
-    Reaction,
-    RodForce,
-    Scalar,
-    Scene,
-    Tyre,
-    Vector,
-)  # fmt: skip
-from cutjoint.reduce.half.halves import HALVED
+from cutjoint.model.records import GROUND, Body, Force, Gear, Joint, Marker, Output, Reaction, RodForce, Scalar, Scene, Vector
 from cutjoint.reduce.half.model import Half
 from cutjoint.reduce.half.plane import ANGLES, AsymmetryError, is_nought, is_same
-
-#: What of a tyre counts the same way on the other side.
-_EVEN_OF_TYRE = frozenset({"Fz", "deflection"})
 
 
 def half_scene(half: Half, scene: Scene) -> Scene:
@@ -51,7 +28,7 @@ def half_scene(half: Half, scene: Scene) -> Scene:
 
 
 def _require_road(half: Half, scene: Scene) -> None:
-    tyres = [f for f in half.model.forces if isinstance(f, Tyre) and scene.switches.get(f.name, f.active)]
+    tyres = [f for f in half.model.forces if f.has_road and scene.switches.get(f.name, f.active)]
     if tyres and half.plane.axis != "y":
         raise AsymmetryError(tyres[0].name, "rolls along x, so that the road has no image but in the plane y = 0", tyres[0].span)
     left, right = ([(s.kind, s.length, s.rise) for s in track] for track in (scene.road.left, scene.road.right))
@@ -152,25 +129,17 @@ def _force_output(half: Half, force: Force, output: Output) -> Output:
         raise AsymmetryError(name, "is asked for, but acts on what rests in the plane", output.span)
     if name in half.removed:
         name, sign = half.images.forces[name], _force_sign(half, force, output.quantity)
-    if half.is_own(force.name) and output.quantity in HALVED:
+    if half.is_own(force.name) and force.is_halved(output.quantity):
         sign = 2 * sign
-    if isinstance(force, JointForce) and output.quantity == "force" and (joint := half.in_plane.get(half.kept_joint(force.joint))):
-        sign *= joint.kept[force.coordinate][1]
+    if force.joint_of and output.quantity == "force" and (joint := half.in_plane.get(half.kept_joint(force.joint_of))):
+        sign *= joint.kept[force.coordinate_of][1]
     return _scaled(output, sign, name)
 
 
 def _force_sign(half: Half, force: Force, quantity: str) -> int:
     """Whether the image of a force's quantity counts the same way."""
-    match force:
-        case PointSpring() | AxialForce():
-            return 1
-        case JointForce():
-            return half.images.signs[force.joint][force.coordinate] if quantity == "force" else 1
-        case Bushing():
-            return half.plane.sign(quantity.replace("r", "M"))
-        case BodyLoad():
-            return half.plane.sign(quantity)
-    return 1 if quantity in _EVEN_OF_TYRE else -1
+    of_coordinate = half.images.signs[force.joint_of][force.coordinate_of] if force.joint_of else 1
+    return force.image_sign(quantity, half.plane.sign, of_coordinate)
 
 
 def _joint_output(half: Half, joint: Joint, output: Output) -> Output:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from cutjoint.elements.force import Point
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.records import Force, Joint, JointForce, Scalar, Vector
-from cutjoint.reduce.half.images import Images, ends
+from cutjoint.model.records import Force, Joint, Scalar, Vector
+from cutjoint.reduce.half.images import Images
 from cutjoint.reduce.half.pairs import Pairs
 from cutjoint.reduce.half.plane import AsymmetryError, Plane
 
@@ -20,7 +21,8 @@ def join_sides(pairs: Pairs) -> tuple[frozenset[str], ...]:
     """
     groups = {name: frozenset({name}) for name, image in pairs.bodies.items() if name != image}
     forces = (f for f in pairs.elements.forces if f.active)
-    for element, bodies in [*((j, (j.base, j.follower)) for j in pairs.elements.joints), *((f, ends(f)) for f in forces)]:
+    joined: list[tuple[Joint | Force, tuple[str, ...]]] = [(j, (j.base, j.follower)) for j in pairs.elements.joints]
+    for element, bodies in [*joined, *((f, f.bodies) for f in forces)]:
         held = frozenset[str]().union(*(groups[b] for b in bodies if b in groups))
         if any(pairs.bodies[b] in held for b in held):
             words = f"joins the two sides of the plane {pairs.plane} directly, which cannot be cut in half"
@@ -38,13 +40,18 @@ class Heights:
 
     def of(self, element: Joint | Force) -> float:
         """An element's."""
-        names = ("at", "to", "start", "end", "origin", "point", "centre")
-        points: list[Vector] = [p for name in names if (p := getattr(element, name, None)) is not None]
+        points: list[Vector] = _points(element)
         return sum(evaluate(p["xyz".index(self.plane.axis)], self.values) for p in points)
 
     def of_group(self, joints: Iterable[Joint], bodies: frozenset[str]) -> float:
         """That of the joints at bodies."""
         return sum(self.of(j) for j in joints if {j.base, j.follower} & bodies)
+
+
+def _points(element: Joint | Force) -> list[Vector]:
+    if isinstance(element, Joint):
+        return [element.at] if element.to is None else [element.at, element.to]
+    return [getattr(element, name) for name in dict.fromkeys(p.field for p in element.places if isinstance(p, Point))]
 
 
 def find_removed(pairs: Pairs, images: Images, heights: Heights, groups: Iterable[frozenset[str]]) -> frozenset[str]:
@@ -56,7 +63,7 @@ def find_removed(pairs: Pairs, images: Images, heights: Heights, groups: Iterabl
         if not (group | image) & removed:
             removed |= image if heights.of_group(joints, group) >= heights.of_group(joints, image) else group
     removed |= {j.name for j in joints if {j.base, j.follower} & removed}
-    removed |= {f.name for f in forces if (f.joint if isinstance(f, JointForce) else "") in removed or set(ends(f)) & removed}
+    removed |= {f.name for f in forces if f.joint_of in removed or set(f.bodies) & removed}
     _remove_seconds(joints, images.joints, removed, heights)
     _remove_seconds(forces, images.forces, removed, heights)
     return frozenset(removed)

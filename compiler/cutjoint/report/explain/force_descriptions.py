@@ -7,7 +7,20 @@ from dataclasses import dataclass
 
 import sympy
 
-from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, JointForce, Model, PointSpring, Tyre
+from cutjoint.elements.force import (
+    Carrier,
+    Compliance,
+    Frame,
+    Interaction,
+    OnCoordinate,
+    Place,
+    Point,
+    RoadContact,
+    Stretch,
+    Travel,
+    Wrench,
+)
+from cutjoint.model.records import BodyLoad, Force, JointForce, LawForce, Model, Tyre
 from cutjoint.report.explain import tyre
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import place, text
@@ -40,7 +53,23 @@ class ForceDescription:
 
 def describe(force: Force, model: Model) -> ForceDescription:
     """The description of a force."""
-    return DESCRIPTIONS[type(force)](force, model)
+    how = force.interaction
+    return DESCRIPTIONS[type(how)](force, how, model)
+
+
+def _title(force: Force) -> str:
+    return force.element.kind.replace("_", " ").capitalize()
+
+
+def _where(force: Force, model: Model) -> Cells:
+    """The bodies of a force, its points, and its directions."""
+    bodies = [(carrier.value, code(getattr(force, carrier))) for carrier in Carrier if hasattr(force, carrier)]
+    places = sorted({p.field: p for p in force.places}.values(), key=lambda place: not isinstance(place, Point))
+    return *bodies, *((place.field, _cell(place, force, model)) for place in places)
+
+
+def _cell(where: Place, force: Force, model: Model) -> str:
+    return "; ".join(place(axis, model) for axis in where.of(force)) if isinstance(where, Frame) else place(where.of(force), model)
 
 
 def _on_both(sign: str, force: str, moment: str) -> str:
@@ -50,49 +79,41 @@ def _on_both(sign: str, force: str, moment: str) -> str:
     return rf"Q_f \leftarrow Q_f {sign} {wrench}, \quad Q_b \leftarrow Q_b {other} {wrench}"
 
 
-def _pair(force: PointSpring | AxialForce | Bushing) -> Cells:
-    return ("base", code(force.base)), ("follower", code(force.follower))
-
-
-def _spring(force: PointSpring, model: Model) -> ForceDescription:
+def _stretch(force: LawForce, how: Stretch, model: Model) -> ForceDescription:
     return ForceDescription(
-        title="Point spring",
+        title=_title(force),
         notes=("$F$ is the tension between the start $p_s$, fixed in the base, and the end $p_e$, fixed in the follower.",),
         actions=(
             r"\ell = \lVert p_e - p_s \rVert, \quad n = (p_e - p_s) / \ell, \quad \dot \ell = n \cdot (v_e - v_s)",
             _on_both("-", "F n", r"p_e \times F n"),
         ),
-        laws=explain_law("F", force.law, "length", r"\ell", model),
-        places=(*_pair(force), ("start", place(force.start, model)), ("end", place(force.end, model))), constants=(),
+        laws=explain_law("F", force.law, how.position, r"\ell", model), places=_where(force, model), constants=(),
     )  # fmt: skip
 
 
-def _axial(force: AxialForce, model: Model) -> ForceDescription:
+def _travel(force: LawForce, how: Travel, model: Model) -> ForceDescription:
     return ForceDescription(
-        title="Axial force",
+        title=_title(force),
         notes=("$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$; both "
                "velocities are of the bodies at $p$.",),
         actions=(r"s = a \cdot (p - p_o), \quad \dot s = a \cdot (v_f - v_b)", _on_both("+", "F a", r"p \times F a")),
-        laws=explain_law("F", force.law, "travel", "s", model),
-        places=(*_pair(force), ("origin", place(force.origin, model)), ("point", place(force.point, model)),
-                ("axis", place(force.axis, model))),
-        constants=(),
+        laws=explain_law("F", force.law, how.position, "s", model), places=_where(force, model), constants=(),
     )  # fmt: skip
 
 
-def _joint(force: JointForce, model: Model) -> ForceDescription:
+def _on_coordinate(force: JointForce, how: OnCoordinate, model: Model) -> ForceDescription:
     return ForceDescription(
-        title="Joint force",
+        title=_title(force),
         notes=("$F$ joins the generalised force of the coordinate $z$ where the joint is eliminated; a guided joint follows its "
                "guide. Where the joint is cut, $z$ is measured, and $F$ acts along its direction, or about its axis, on both bodies.",),
-        actions=(r"D e = b^T (Q_i - M_i d) + F",), laws=explain_law("F", force.law, "position", "z", model),
+        actions=(r"D e = b^T (Q_i - M_i d) + F",), laws=explain_law("F", force.law, how.position, "z", model),
         places=(("joint", code(force.joint)), ("coordinate $z$", code(force.coordinate))), constants=(),
     )  # fmt: skip
 
 
-def _bushing(force: Bushing, model: Model) -> ForceDescription:
+def _compliance(force: Force, how: Compliance, model: Model) -> ForceDescription:
     return ForceDescription(
-        title="Bushing",
+        title=_title(force),
         notes=("$E$ holds the axes $e_k$ carried by the base, $G$ the axes $g_k$ carried by the follower; $d$ are the displacements along "
                r"and $\theta$ the small rotations about the former, both velocities are of the bodies at the follower's point $p$.",),
         actions=(
@@ -101,21 +122,19 @@ def _bushing(force: Bushing, model: Model) -> ForceDescription:
             r"\dot d = E^T (v_f - v_b), \quad \dot \theta = T E^T (\omega_f - \omega_b)",
             _on_both("+", "E F", r"p \times E F + E T^T M"),
         ),
-        laws=_six_laws(force, model),
-        places=(*_pair(force), ("point", place(force.point, model)), ("axes", "; ".join(place(a, model) for a in force.axes))),
-        constants=(),
+        laws=_six_laws(force, model), places=_where(force, model), constants=(),
     )  # fmt: skip
 
 
-def _six_laws(force: Bushing, model: Model) -> tuple[str, ...]:
-    """The laws of a bushing, each over one displacement or rotation, and the diagonals of their Jacobians."""
+def _six_laws(force: Force, model: Model) -> tuple[str, ...]:
+    """Six laws along axes and about them, each over one displacement or rotation, and the diagonals of their Jacobians."""
     position = sympy.Symbol("position", real=True)
     names = [f"{letter}_{{{axis}}}" for letter in ("d", r"\theta") for axis in "xyz"]
     mine = [(sympy.Symbol(f"position_{i}", real=True), sympy.Symbol(f"rate_{i}", real=True)) for i in range(6)]
     symbols = law_symbols(model)
     for (x, rate), name in zip(mine, names, strict=True):
         symbols |= {x: name, rate: rf"\dot {name}"}
-    laws = [expand_polynomials(law).subs({position: x, RATE: r}) for law, (x, r) in zip(force.laws, mine, strict=True)]
+    laws = [expand_polynomials(law).subs({position: x, RATE: r}) for law, (x, r) in zip(force.expressions, mine, strict=True)]
     formulas: list[str] = []
     for letter, place_of, part in (("F", "d", slice(0, 3)), ("M", r"\theta", slice(3, 6))):
         pairs = list(zip(laws[part], mine[part], strict=True))
@@ -130,19 +149,18 @@ def _six_laws(force: Bushing, model: Model) -> tuple[str, ...]:
 _PLACE, _SPEED = (sympy.symbols(names, real=True) for names in ("x y z", "vx vy vz"))
 
 
-def _load(force: BodyLoad, model: Model) -> ForceDescription:
-    axes = "the body's axes" if force.axes == "body" else "global axes"
+def _load(force: BodyLoad, how: Wrench, model: Model) -> ForceDescription:
+    axes = "the body's axes" if force.in_body else "global axes"
     at_point = f"A force at the body's point $p$, in {axes}; $r$ is that point's place, $v$ its velocity."
     notes = [f"A torque in {axes}." if force.point is None else at_point]
     if force.moving_only:
         notes.append("Absent while the equilibrium is sought.")
-    turned = "R F" if force.axes == "body" else "F"
+    turned = "R F" if force.in_body else "F"
     wrench = rf"0 \cr {turned}" if force.point is None else rf"{turned} \cr p \times {turned}"
-    point = (("point", place(force.point, model)),) if force.point is not None else ()
     return ForceDescription(
-        title="Torque" if force.point is None else "Load", notes=tuple(notes),
+        title="Torque" if force.point is None else _title(force), notes=tuple(notes),
         actions=(rf"Q \leftarrow Q + \begin{{bmatrix}} {wrench} \end{{bmatrix}}",), laws=_components(force, model),
-        places=(("body", code(force.body)), *point), constants=(),
+        places=_where(force, model), constants=(),
     )  # fmt: skip
 
 
@@ -154,15 +172,15 @@ def _components(load: BodyLoad, model: Model) -> tuple[str, ...]:
     return print_equations([("F", F), *((name, J) for name, J in jacobians if not J.is_zero_matrix)], symbols)
 
 
-def _tyre(force: Tyre, model: Model) -> ForceDescription:
+def _contact(force: Tyre, how: RoadContact, model: Model) -> ForceDescription:
     letters = {"stiffness": "stiffness k", "radius": "radius R", "spin_inertia": "spin inertia I"}
     return ForceDescription(
-        title="Tyre", notes=tyre.NOTES, actions=(*tyre.CONTACT, *tyre.explain_calspan(), tyre.ACTION), laws=(),
-        places=(("body", code(force.body)), ("centre", place(force.centre, model)), ("axis", place(force.axis, model))),
+        title=_title(force), notes=tyre.NOTES, actions=(*tyre.CONTACT, *tyre.explain_calspan(), tyre.ACTION), laws=(),
+        places=_where(force, model),
         constants=tuple((letters.get(name, name), text(value, model)) for name, value in force.constants.items()),
     )  # fmt: skip
 
 
-DESCRIPTIONS: Mapping[type[Force], Callable[..., ForceDescription]] = {
-    PointSpring: _spring, AxialForce: _axial, Bushing: _bushing, BodyLoad: _load, JointForce: _joint, Tyre: _tyre,
+DESCRIPTIONS: Mapping[type[Interaction], Callable[..., ForceDescription]] = {
+    Stretch: _stretch, Travel: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
 }  # fmt: skip

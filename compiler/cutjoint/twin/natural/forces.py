@@ -16,20 +16,11 @@ from typing import Any
 
 import sympy
 
+from cutjoint.elements.force import Compliance, Interaction, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
 from cutjoint.formulate.forces import PLACE, is_active
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import (
-    GROUND,
-    AxialForce,
-    BodyLoad,
-    Bushing,
-    Force,
-    JointForce,
-    PointSpring,
-    Tyre,
-    Vector,
-)
+from cutjoint.model.records import GROUND, BodyLoad, Force, JointForce, LawForce, Tyre, Vector
 from cutjoint.twin.natural.forms import FormTable
 from cutjoint.twin.trees import Json, Trees, quantity_names
 
@@ -50,13 +41,14 @@ class ForceElement:
 def force_elements(table: FormTable, trees: Trees) -> Iterator[ForceElement]:
     """The forces that the scene has switched on."""
     maker = _Forces(table, trees)
-    rules: Mapping[type, Callable[[Any], tuple[str, Json, tuple[Uses, ...]]]] = {
-        PointSpring: maker.point_spring, AxialForce: maker.axial_force, JointForce: maker.joint_force, Bushing: maker.bushing,
-        BodyLoad: maker.load, Tyre: maker.tyre,
+    rules: Mapping[type[Interaction], Callable[..., tuple[str, Json, tuple[Uses, ...]]]] = {
+        Stretch: maker.stretch, Travel: maker.travel, OnCoordinate: maker.on_coordinate, Compliance: maker.compliance,
+        Wrench: maker.load, RoadContact: maker.contact,
     }  # fmt: skip
     for force in trees.model.forces:
         if is_active(force, trees.scene):
-            kind, details, forms = rules[type(force)](force)
+            how = force.interaction
+            kind, details, forms = rules[type(how)](force, how)
             yield ForceElement(name=force.name, kind=kind, quantities=quantity_names(force), details=details, forms=forms)
 
 
@@ -65,21 +57,24 @@ class _Forces:
         self._table = table
         self._trees = trees
         self._joints = {j.name: j for j in trees.model.joints}
-        self._tyres: list[Force] = [f for f in trees.model.forces if isinstance(f, Tyre)]
+        self._tyres: list[Force] = [f for f in trees.model.forces if f.has_road]
 
     def _axes(self, body: str, axes: tuple[Vector, ...] = GLOBAL_AXES) -> tuple[Uses, ...]:
         return tuple(self._table.direction(body, axis) for axis in axes)
 
-    def point_spring(self, force: PointSpring) -> tuple[str, Json, tuple[Uses, ...]]:
-        way = self._table.way((force.follower, force.end), (force.base, force.start))
+    def _way(self, end: Point, start: Point, force: Force) -> Uses:
+        return self._table.way((end.body(force), end.of(force)), (start.body(force), start.of(force)))
+
+    def stretch(self, force: LawForce, how: Stretch) -> tuple[str, Json, tuple[Uses, ...]]:
+        way = self._way(how.end, how.start, force)
         return "point_spring", {"law": self._trees.law(force.law, "length")}, (way,)
 
-    def axial_force(self, force: AxialForce) -> tuple[str, Json, tuple[Uses, ...]]:
-        way = self._table.way((force.follower, force.point), (force.base, force.origin))
+    def travel(self, force: LawForce, how: Travel) -> tuple[str, Json, tuple[Uses, ...]]:
+        way = self._way(how.point, how.origin, force)
         details = {"variable": "travel", "law": self._trees.law(force.law, "travel")}
-        return "along", details, (way, self._table.direction(force.base, force.axis))
+        return "along", details, (way, self._table.direction(how.axis.body(force), how.axis.of(force)))
 
-    def joint_force(self, force: JointForce) -> tuple[str, Json, tuple[Uses, ...]]:
+    def on_coordinate(self, force: JointForce, how: OnCoordinate) -> tuple[str, Json, tuple[Uses, ...]]:
         joint, layout, law = self._joints[force.joint], self._table.layout, self._trees.law(force.law, "position")
         if joint.guide is not None:
             guide = joint.guide[joint.element.coordinates.index(force.coordinate)]
@@ -88,23 +83,22 @@ class _Forces:
             return "angle", {"law": law, "angle": layout.nodes.index(layout.angles[joint.name, force.coordinate])}, ()
         return "along", {"variable": "position", "law": law}, self._table.slide(joint, force.coordinate)
 
-    def bushing(self, force: Bushing) -> tuple[str, Json, tuple[Uses, ...]]:
-        way = self._table.way((force.follower, force.point), (force.base, force.point))
-        laws = [self._trees.law(law, "position") for law in force.laws]
-        return "bushing", {"laws": laws}, (way, *self._axes(force.base, force.axes), *self._axes(force.follower, force.axes))
+    def compliance(self, force: Force, how: Compliance) -> tuple[str, Json, tuple[Uses, ...]]:
+        laws = [self._trees.law(law, "position") for law in force.expressions]
+        axes = (self._axes(end.body(force), how.frame.of(force)) for end in (how.base, how.follower))
+        return "bushing", {"laws": laws}, (self._way(how.follower, how.base, force), *(axis for several in axes for axis in several))
 
-    def load(self, load: BodyLoad) -> tuple[str, Json, tuple[Uses, ...]]:
-        in_body = load.axes == "body"
+    def load(self, load: BodyLoad, how: Wrench) -> tuple[str, Json, tuple[Uses, ...]]:
         at = () if load.point is None else (self._table.way((load.body, load.point), (GROUND, ORIGIN)),)
-        axes = self._axes(load.body) if in_body or load.point is None else ()
+        axes = self._axes(load.body) if load.needs_attitude else ()
         by = [
             [[i, *self._trees.only_moving(load, [self._trees.one(derivative)])] for i, derivative in derivatives(component)]
             for component in load.components
         ]
-        details = {"torque": load.point is None, "in_body": in_body, "components": self._trees.loads(load), "by": by}
+        details = {"torque": load.point is None, "in_body": load.in_body, "components": self._trees.loads(load), "by": by}
         return "load", details, (*at, *axes)
 
-    def tyre(self, tyre: Tyre) -> tuple[str, Json, tuple[Uses, ...]]:
+    def contact(self, tyre: Tyre, how: RoadContact) -> tuple[str, Json, tuple[Uses, ...]]:
         centre = self._table.way((tyre.body, tyre.centre), (GROUND, ORIGIN))
         details = {"road": self._tyres.index(tyre), "constants": self._trees.constants(tyre)}
         return "tyre", details, (centre, self._table.direction(tyre.body, tyre.axis), *self._axes(tyre.body))

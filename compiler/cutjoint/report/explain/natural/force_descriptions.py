@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, JointForce, Model, PointSpring, Tyre
+from cutjoint.elements.force import Compliance, Interaction, OnCoordinate, RoadContact, Stretch, Travel, Wrench
+from cutjoint.model.records import BodyLoad, Force, JointForce, Model
 from cutjoint.report.explain import tyre
 from cutjoint.report.explain.force_descriptions import ForceDescription, describe
 
@@ -21,14 +22,14 @@ NOTES = (
 def describe_natural(force: Force, model: Model) -> ForceDescription:
     """The description of a force; its law is that of every formulation."""
     description = describe(force, model)
-    notes, actions = _ACTIONS[type(force)](force, model, description)
+    notes, actions = _ACTIONS[type(force.interaction)](force, model, description)
     return replace(description, notes=notes, actions=actions)
 
 
 _Acts = tuple[tuple[str, ...], tuple[str, ...]]
 
 
-def _spring(force: PointSpring, model: Model, description: ForceDescription) -> _Acts:
+def _stretch(force: Force, model: Model, description: ForceDescription) -> _Acts:
     return description.notes, (
         r"d = p_e - p_s, \quad \ell = \lVert d \rVert, \quad n = d / \ell, \quad \dot \ell = n \cdot \dot d",
         _pair("p_e", "p_s", "-", "F n"),
@@ -53,12 +54,12 @@ def _along(end: str, start: str, travel: str) -> tuple[str, ...]:
     )
 
 
-def _axial(force: AxialForce, model: Model, description: ForceDescription) -> _Acts:
+def _travel(force: Force, model: Model, description: ForceDescription) -> _Acts:
     note = "$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$."
     return (note,), _along("p", "p_o", "s")
 
 
-def _joint(force: JointForce, model: Model, description: ForceDescription) -> _Acts:
+def _on_coordinate(force: JointForce, model: Model, description: ForceDescription) -> _Acts:
     joint = next(j for j in model.joints if j.name == force.joint)
     if joint.guide is not None:
         return ("A guided joint follows its guide; $F$ is reported and does nothing.",), ()
@@ -71,7 +72,7 @@ def _joint(force: JointForce, model: Model, description: ForceDescription) -> _A
     return (note,), _along("p_f", "p_b", "z")
 
 
-def _bushing(force: Bushing, model: Model, description: ForceDescription) -> _Acts:
+def _compliance(force: Force, model: Model, description: ForceDescription) -> _Acts:
     note = (
         "$E$ holds the axes $e_k$ carried by the base, $G$ the axes $g_k$ carried by the follower; $w$ leads from the base's point to the "
         r"follower's, $d$ are the displacements along and $\theta$ the small rotations about the axes $e_k$."
@@ -88,19 +89,19 @@ _TORQUE = _gets("e_i", "+", r"T \times e_i / 2")
 
 
 def _load(force: BodyLoad, model: Model, description: ForceDescription) -> _Acts:
-    turned = r"E F, \quad E = [e_x, e_y, e_z]" if force.axes == "body" else "F"
+    turned = r"E F, \quad E = [e_x, e_y, e_z]" if force.in_body else "F"
     if force.point is not None:
         return description.notes, (_gets("p", "+", turned),)
     spin = r"\omega = \sum\nolimits_{i} e_i \times \dot e_i / 2"
     return description.notes, (r", \quad ".join((f"T = {turned}", _TORQUE, spin)),)
 
 
-def _tyre(force: Tyre, model: Model, description: ForceDescription) -> _Acts:
+def _contact(force: Force, model: Model, description: ForceDescription) -> _Acts:
     torque = r"T = (p - c) \times F + M_z n - I \frac{v \cdot e_x}{R} \dot y"
     action = r", \quad ".join(("F = F_z n + F_y e_y", torque, _gets("c", "+", "F"), _TORQUE))
     return (*description.notes, "$c$ is the wheel centre."), (*(a for a in description.actions if a != tyre.ACTION), action)
 
 
-_ACTIONS: Mapping[type, Callable[[Any, Model, ForceDescription], _Acts]] = {
-    PointSpring: _spring, AxialForce: _axial, Bushing: _bushing, BodyLoad: _load, JointForce: _joint, Tyre: _tyre,
+_ACTIONS: Mapping[type[Interaction], Callable[[Any, Model, ForceDescription], _Acts]] = {
+    Stretch: _stretch, Travel: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
 }  # fmt: skip

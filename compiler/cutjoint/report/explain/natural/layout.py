@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from cutjoint.elements.force import Frame, Point
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
-from cutjoint.model.records import GROUND, AxialForce, BodyLoad, Bushing, Force, Model, PointSpring, Tyre, Vector
+from cutjoint.model.records import GROUND, Force, Model, Vector
 from cutjoint.report.explain.natural.derivation import Derivation
 from cutjoint.report.explain.natural.forms import design_value, form_text
 from cutjoint.report.explain.views import Chapter, Entry, code, make_table, plural
@@ -146,21 +147,11 @@ def _masses(model: Model) -> Iterator[_Part]:
             yield _Part(owner=body.name, what="centre of mass", body=body.name, kind=NodeKind.POINT, place=body.centre_of_mass)
 
 
-def _parts(force: Force) -> list[_Part]:
+def _parts(force: Force) -> Iterator[_Part]:
     """Points and directions of a force."""
-    point, vector = NodeKind.POINT, NodeKind.VECTOR
-    match force:
-        case PointSpring():
-            found = [("start", force.base, point, force.start), ("end", force.follower, point, force.end)]
-        case AxialForce():
-            found = [("origin", force.base, point, force.origin), ("axis", force.base, vector, force.axis),
-                     ("point", force.follower, point, force.point)]  # fmt: skip
-        case Bushing():
-            found = [(f"point of {end}", body, point, force.point) for end, body in (("base", force.base), ("follower", force.follower))]
-        case BodyLoad():
-            found = [("point", force.body, point, force.point)] if force.point is not None else []
-        case Tyre():
-            found = [("centre", force.body, point, force.centre), ("axis", force.body, vector, force.axis)]
-        case _:
-            found = []
-    return [_Part(owner=force.name, what=what, body=body, kind=kind, place=place) for what, body, kind, place in found]
+    places = [place for place in force.places if not isinstance(place, Frame)]
+    fields = [place.field for place in places]
+    for place in places:
+        what = f"{place.field} of {place.carrier}" if fields.count(place.field) > 1 else place.field
+        kind = NodeKind.POINT if isinstance(place, Point) else NodeKind.VECTOR
+        yield _Part(owner=force.name, what=what, body=place.body(force), kind=kind, place=place.of(force))

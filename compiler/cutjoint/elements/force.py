@@ -1,0 +1,401 @@
+"""What a force kind is: its fields in the file, its record, and the interaction by which it works on its bodies.
+
+An interaction names the points and directions on the bodies and what the laws are over.  It has no formula of any method: formulations,
+twins, exporters and `explain` interpret it.  Expressions come in by the builders of `Reader` and `Mirror`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from enum import StrEnum
+from typing import Any, ClassVar, Protocol, Self, TypeAlias
+
+from cutjoint.elements.kinds import ForceKind
+from cutjoint.elements.terms import Scalar, Span, Vector
+
+# Fields in the file
+
+
+class Shape(StrEnum):
+    """What is written in a field."""
+
+    BODY = "body"
+    BODIES = "bodies"  #: base and follower
+    JOINT = "joint"
+    COORDINATE = "coordinate"
+    POINT = "point"
+    DIRECTION = "direction"
+    NUMBER = "number"
+    TRIPLE = "triple"  #: three expressions
+    SIX = "six"  #: six numbers, along three axes and about them
+    LAW = "law"
+    LAWS = "laws"  #: six laws, along three axes and about them
+    NAMES = "names"  #: names for parts of expressions
+    SWITCH = "switch"  #: true or false
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some words."""
+
+    words: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Numbers by their names; ``title`` and ``text`` describe them in the schema."""
+
+    title: str
+    text: str
+    names: tuple[str, ...]
+
+
+#: Stands for the default of a field that must be given.
+REQUIRED: Any = object()
+
+
+@dataclass(frozen=True)
+class ForceField:
+    """A field of the kind in a model file beside those that all forces have; with the default None it may be left out."""
+
+    name: str
+    shape: Shape | Choice | Constants
+    default: Any = REQUIRED
+
+
+@dataclass(frozen=True)
+class Law:
+    """The variables of a law with their units, the time ``t`` aside, and the unit of its value."""
+
+    variables: Mapping[str, str]
+    unit: str
+
+    @property
+    def position(self) -> str:
+        """The variable by which its stiffness is."""
+        return next(iter(self.variables))
+
+
+class Reader(Protocol):
+    """Makes expressions of a force's fields and notes what is wrong with them; fields are given by their names in the file."""
+
+    def common(self) -> Mapping[str, Any]:
+        """What all forces have: ``name``, ``active`` and ``span``."""
+
+    def given(self, name: str) -> Any:
+        """What the file has in a field, None if nothing."""
+
+    def body(self, name: str) -> str:
+        """The full name of a body."""
+
+    def bodies(self, name: str) -> tuple[str, str]:
+        """The full names of base and follower."""
+
+    def coordinate(self, joint: str, coordinate: str) -> tuple[str, str]:
+        """The full name of a joint and its coordinate, the only one if none is given; "" for the coordinate if that is wrong."""
+
+    def point(self, name: str) -> Vector:
+        """A point."""
+
+    def distinct(self, start: Vector, end: Vector, *, names: tuple[str, str], hint: str) -> None:
+        """Note a problem of the second field where two points coincide."""
+
+    def direction(self, name: str) -> Vector:
+        """A unit vector."""
+
+    def frame(self) -> tuple[Vector, Vector, Vector]:
+        """Right-handed unit vectors of which ``x``, ``y`` and ``z`` give two, the global ones if none is given."""
+
+    def number(self, *path: str | int, unit: str) -> Scalar:
+        """A number of a unit, "" for one that has any; ``path`` leads to it."""
+
+    def triple(self, name: str, law: Law, *, let: str) -> Vector:
+        """Three expressions of a law's variables, and of the names in the field ``let``."""
+
+    def law(self, *path: str | int, law: Law) -> Scalar:
+        """A law; ``path`` leads to it."""
+
+    def variable(self, name: str) -> Scalar:
+        """A variable of a law."""
+
+
+class Mirror(Protocol):
+    """A reflection along a global axis: ``signs`` of the three components."""
+
+    @property
+    def signs(self) -> tuple[int, int, int]: ...
+
+    def vector(self, v: Vector) -> Vector:
+        """The image of a point or a translation."""
+
+    def rotation(self, v: Vector) -> Vector:
+        """The image of an axis of rotation or a torque."""
+
+    def law(self, expression: Scalar) -> Scalar:
+        """An expression over x y z vx vy vz and wx wy wz, as the image sees it."""
+
+    def reflected(self, law: Scalar, sign: int) -> Scalar:
+        """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""
+
+
+# Places on bodies
+
+
+class Carrier(StrEnum):
+    """The field of a record that names the body which carries something."""
+
+    BASE = "base"
+    FOLLOWER = "follower"
+    BODY = "body"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point or direction fixed in one of a force's bodies: the record's field that has it in the design position."""
+
+    carrier: Carrier
+    field: str
+
+    def body(self, force: Force) -> str:
+        """The body that carries it."""
+        return str(getattr(force, self.carrier))
+
+    def of(self, force: Force) -> Any:
+        """Its components, None where the force has none."""
+        return getattr(force, self.field)
+
+
+@dataclass(frozen=True)
+class Point(Place):
+    """A point."""
+
+
+@dataclass(frozen=True)
+class Axis(Place):
+    """A direction; with ``is_rotation`` one that mirrors as an axis of rotation."""
+
+    is_rotation: bool = False
+
+
+@dataclass(frozen=True)
+class Frame(Place):
+    """Three directions, right-handed; ``carrier`` is the body in whose frame laws count, and the other body carries them too."""
+
+
+# Interactions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A tension, a law over ``length`` (m) of the way from start to end and its ``rate`` (m/s)."""
+
+    start: Point
+    end: Point
+    position: ClassVar[str] = "length"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Travel:
+    """A push on ``point`` along ``axis``, a law over ``travel`` (m) of the point from ``origin`` along the axis and its ``rate`` (m/s).
+
+    The reaction acts on the same line.
+    """
+
+    origin: Point
+    axis: Axis
+    point: Point
+    position: ClassVar[str] = "travel"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compliance:
+    """Six laws over the small displacements along and rotations about ``frame`` between a point of two bodies."""
+
+    base: Point
+    follower: Point
+    frame: Frame
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wrench:
+    """Three components of a force at ``point`` over its place and velocity, or of a torque over the body's angular velocity."""
+
+    point: Point
+
+
+@dataclass(frozen=True)
+class OnCoordinate:
+    """A law over ``position`` and ``rate`` of a joint's coordinate, on which it works."""
+
+    position: ClassVar[str] = "position"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoadContact:
+    """A wheel on the road, which has a track of its own in the runtime."""
+
+    centre: Point
+    axis: Axis
+
+
+Interaction: TypeAlias = Stretch | Travel | Compliance | Wrench | OnCoordinate | RoadContact
+
+# The record
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceElement:
+    """A kind of force.
+
+    ``text`` describes it in the schema.  ``interaction`` is how it works on its bodies.  ``laws`` names the record's fields that have
+    expressions: the force is linear in them.  ``law`` says what a force with one law is over, unless that depends on the force.
+    ``quantities`` are what it reports, with units; those of a force with one law follow from the law.  ``problem`` is what is wrong with
+    the fields of a part of the document, and what to write instead; () for nothing.
+    """
+
+    kind: ForceKind
+    text: str
+    fields: tuple[ForceField, ...]
+    interaction: Interaction
+    laws: tuple[str, ...]
+    law: Law | None = None
+    quantities: Mapping[str, str] = field(default_factory=dict)
+    problem: Callable[[Any], tuple[str, ...]] | None = None
+
+    @property
+    def places(self) -> Iterator[Place]:
+        """The points and directions of its interaction."""
+        return (getattr(self.interaction, f.name) for f in fields(self.interaction))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Force:
+    """What the records of all forces have; ``active`` says whether it acts unless a scene switches it."""
+
+    element: ClassVar[ForceElement]
+
+    name: str
+    active: bool
+    span: Span
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        raise NotImplementedError
+
+    @property
+    def interaction(self) -> Interaction:
+        """How it works on its bodies."""
+        return self.element.interaction
+
+    @property
+    def places(self) -> Iterator[Place]:
+        """The points and directions that it has on its bodies."""
+        return (place for place in self.element.places if place.of(self) is not None)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it names: base and follower, or one; none where it acts on a joint's coordinate."""
+        return tuple(getattr(self, carrier) for carrier in Carrier if hasattr(self, carrier))
+
+    @property
+    def joint_of(self) -> str:
+        """The joint on whose coordinate it acts, "" for none."""
+        return ""
+
+    @property
+    def coordinate_of(self) -> str:
+        """The coordinate of that joint, "" for none."""
+        return ""
+
+    @property
+    def has_road(self) -> bool:
+        """Whether it touches the road."""
+        return isinstance(self.interaction, RoadContact)
+
+    @property
+    def needs_attitude(self) -> bool:
+        """Whether it depends on all directions of its bodies, or works on them."""
+        return isinstance(self.interaction, Compliance | RoadContact)
+
+    @property
+    def can_be_guarded(self) -> bool:
+        """Whether a guard can stand for it: its law is over one position, or over a point's."""
+        return not isinstance(self.interaction, Compliance | RoadContact)
+
+    @property
+    def has_frame(self) -> bool:
+        """Whether it counts along axes of a body, so that its points and directions alone do not say where it acts."""
+        return any(isinstance(place, Frame) for place in self.places)
+
+    @property
+    def swapped(self) -> Mapping[str, Any]:
+        """Its places after its bodies change parts, {} where that makes another force of it."""
+        how = self.interaction
+        return {how.start.field: how.end.of(self), how.end.field: how.start.of(self)} if isinstance(how, Stretch) else {}
+
+    def sole_point(self, carrier: Carrier) -> Point | None:
+        """The point at which it acts on a body, if that is all that it needs of the body."""
+        own = [place for place in self.places if place.carrier is carrier]
+        return own[0] if len(own) == 1 and isinstance(own[0], Point) and not self.has_frame else None
+
+    @property
+    def expressions(self) -> tuple[Scalar, ...]:
+        """Its laws or components."""
+        found = (getattr(self, name) for name in self.element.laws)
+        return tuple(law for laws in found for law in (laws if isinstance(laws, tuple) else (laws,)))
+
+    @property
+    def quantities(self) -> Mapping[str, str]:
+        """What it reports, with units."""
+        return self.element.quantities
+
+    def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
+        """Its image; ``signs`` say for the coordinates of joints whether they count the same way in the image."""
+        images: dict[str, Any] = {}
+        for place in self.places:
+            if not isinstance(place, Frame):
+                is_rotation = isinstance(place, Axis) and place.is_rotation
+                images[place.field] = (mirror.rotation if is_rotation else mirror.vector)(place.of(self))
+        return replace(self, **images)
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """Whether a quantity counts the same way in its image: 1 or -1.
+
+        ``sign`` says it of the components of vectors (x, Fx) and of rotations (Mx), ``of_coordinate`` of the coordinate that it acts on.
+        """
+        return 1
+
+    def is_halved(self, quantity: str) -> bool:
+        """Whether a quantity counts half of it when it is halved: forces, torques and their slopes."""
+        return self.quantities[quantity].startswith("N")
+
+    def halved(self) -> Self:
+        """It with half its law."""
+        return replace(self, **{name: _half(getattr(self, name)) for name in self.element.laws})
+
+
+def _half(law: Any) -> Any:
+    return tuple(part / 2 for part in law) if isinstance(law, tuple) else law / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawForce(Force):
+    """A force with one law over one position and its rate."""
+
+    law: Scalar
+
+    @property
+    def variables(self) -> Law:
+        """What the law is over."""
+        assert self.element.law is not None
+        return self.element.law
+
+    @property
+    def quantities(self) -> Mapping[str, str]:
+        """The law's value and its slopes by position and rate; these too, unless they are a joint's, which reports them."""
+        law = self.variables
+        unit = law.variables[law.position]
+        measured = {} if self.joint_of else law.variables
+        return {"force": law.unit, **measured, "stiffness": f"{law.unit}/{unit}", "damping": f"{law.unit}*s/{unit}"}

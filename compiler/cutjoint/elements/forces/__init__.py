@@ -1,0 +1,19 @@
+"""The force kinds, each in a file of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cutjoint.elements.force import Force
+from cutjoint.elements.forces.axial_force import AxialForce as AxialForce
+from cutjoint.elements.forces.body_load import BodyLoad as BodyLoad
+from cutjoint.elements.forces.bushing import Bushing as Bushing
+from cutjoint.elements.forces.joint_force import JointForce as JointForce
+from cutjoint.elements.forces.point_spring import PointSpring as PointSpring
+from cutjoint.elements.forces.tyre import Tyre as Tyre
+from cutjoint.elements.kinds import ForceKind
+
+#: Each kind's record, in the order of the schema.
+FORCES: Mapping[ForceKind, type[Force]] = {
+    record.element.kind: record for record in (PointSpring, AxialForce, Bushing, BodyLoad, JointForce, Tyre)
+}

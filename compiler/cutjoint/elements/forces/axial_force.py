@@ -1,0 +1,50 @@
+"""A force along an axis of a body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from cutjoint.elements.force import Axis, Carrier, ForceElement, ForceField, Law, LawForce, Point, Reader, Shape, Travel
+from cutjoint.elements.kinds import ForceKind
+from cutjoint.elements.terms import Vector
+
+_LAW = Law({"travel": "m", "rate": "m/s"}, "N")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxialForce(LawForce):
+    """Force along ``axis``, fixed in ``base``, that pushes ``point`` of ``follower`` in the axis' direction.
+
+    ``law`` is that push in N over ``travel`` (m), the component along the axis of the way from ``origin`` on
+    ``base`` to ``point``, its ``rate`` (m/s), ``t`` and parameters.  The reaction acts on ``base`` on the
+    same line.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind=ForceKind.AXIAL_FORCE,
+        text="A force along an axis of the base.",
+        fields=(
+            ForceField("bodies", Shape.BODIES), ForceField("origin", Shape.POINT), ForceField("point", Shape.POINT),
+            ForceField("axis", Shape.DIRECTION), ForceField("law", Shape.LAW),
+        ),
+        interaction=Travel(
+            origin=Point(Carrier.BASE, "origin"), axis=Axis(Carrier.BASE, "axis"), point=Point(Carrier.FOLLOWER, "point")
+        ),
+        laws=("law",), law=_LAW,
+    )  # fmt: skip
+
+    base: str
+    follower: str
+    origin: Vector
+    point: Vector
+    axis: Vector
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        base, follower = reader.bodies("bodies")
+        return cls(
+            **reader.common(), base=base, follower=follower, origin=reader.point("origin"), point=reader.point("point"),
+            axis=reader.direction("axis"), law=reader.law("law", law=_LAW),
+        )  # fmt: skip

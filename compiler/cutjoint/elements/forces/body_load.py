@@ -1,0 +1,92 @@
+"""A force or a torque on one body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+from cutjoint.elements.force import Carrier, Choice, Force, ForceElement, ForceField, Law, Mirror, Point, Reader, Shape, Wrench
+from cutjoint.elements.kinds import ForceKind
+from cutjoint.elements.terms import Vector
+
+_FORCE = Law({**dict.fromkeys(("x", "y", "z"), "m"), **dict.fromkeys(("vx", "vy", "vz"), "m/s")}, "N")
+_TORQUE = Law(dict.fromkeys(("wx", "wy", "wz"), "rad/s"), "N*m")
+
+
+def _problem(part: Any) -> tuple[str, ...]:
+    if (part.force is None) == (part.torque is None):
+        return "needs either force or torque", "write two loads for both"
+    return ("a force needs 'at', a torque has no point",) if (part.force is None) != (part.at is None) else ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyLoad(Force):
+    """A force at a point of a body, or a torque on it when ``point`` is None.
+
+    ``components`` are three expressions in N (or N m) in ``axes`` ("global" or "body") over ``x y z`` (m),
+    ``vx vy vz`` (m/s) of the point in those axes' directions (positions always global), ``t`` and parameters;
+    those of a torque over the body's angular velocity ``wx wy wz`` (rad/s) in those axes, ``t`` and parameters.
+    With ``moving_only`` the load is absent while the equilibrium is sought.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind=ForceKind.LOAD,
+        text="A force or a torque on one body.",
+        fields=(
+            ForceField("body", Shape.BODY), ForceField("at", Shape.POINT, None), ForceField("force", Shape.TRIPLE, None),
+            ForceField("torque", Shape.TRIPLE, None), ForceField("let", Shape.NAMES, {}),
+            ForceField("axes", Choice(("global", "body")), "global"), ForceField("moving_only", Shape.SWITCH, False),
+        ),
+        problem=_problem,
+        interaction=Wrench(point=Point(Carrier.BODY, "point")),
+        laws=("components",),
+        quantities=dict.fromkeys(("Fx", "Fy", "Fz"), "N"),
+    )  # fmt: skip
+
+    body: str
+    point: Vector | None
+    axes: str
+    components: Vector
+    moving_only: bool
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        is_force = reader.given("force") is not None
+        name, law = ("force", _FORCE) if is_force else ("torque", _TORQUE)
+        components = reader.triple(name, law, let="let")
+        return cls(
+            **reader.common(), body=reader.body("body"), point=reader.point("at") if reader.given("at") is not None else None,
+            axes=reader.given("axes"), components=components, moving_only=reader.given("moving_only"),
+        )  # fmt: skip
+
+    @property
+    def in_body(self) -> bool:
+        """Whether its components are in the body's axes."""
+        return self.axes == "body"
+
+    @property
+    def has_frame(self) -> bool:
+        """Whether it counts along axes of the body."""
+        return self.in_body
+
+    @property
+    def needs_attitude(self) -> bool:
+        """Whether it has components in the body's axes, or turns the body."""
+        return self.in_body or self.point is None
+
+    @property
+    def quantities(self) -> Mapping[str, str]:
+        """Its components, those of a torque under other names."""
+        return super().quantities if self.point is not None else dict.fromkeys(("Mx", "My", "Mz"), "N*m")
+
+    def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
+        """Its image: a force mirrors as a vector, a torque as a rotation."""
+        x, y, z = (mirror.law(component) for component in self.components)
+        image = mirror.rotation if self.point is None else mirror.vector
+        return replace(super().mirrored(mirror, signs), components=image((x, y, z)))
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """All are components."""
+        return sign(quantity)

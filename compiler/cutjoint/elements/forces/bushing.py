@@ -1,0 +1,95 @@
+"""Six springs between two bodies at a point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+from cutjoint.elements.force import Carrier, Compliance, Force, ForceElement, ForceField, Frame, Law, Mirror, Point, Reader, Shape
+from cutjoint.elements.kinds import ForceKind
+from cutjoint.elements.terms import Scalar, Vector
+
+_ALONG = Law({"position": "m", "rate": "m/s"}, "N")
+_ABOUT = Law({"position": "rad", "rate": "rad/s"}, "N*m")
+
+#: Of the laws along the axes and about them: what each is over, and the units of stiffness and damping.
+_LAWS = (*[(_ALONG, "N/m", "N*s/m")] * 3, *[(_ABOUT, "N*m", "N*m*s")] * 3)
+
+
+def _problem(part: Any) -> tuple[str, ...]:
+    is_wrong = (part.laws is None) == (part.stiffness is None and part.damping is None)
+    return ("needs either laws, or stiffness and damping",) if is_wrong else ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bushing(Force):
+    """Six forces between two bodies at ``point``, common to both in the design position, along and about ``axes`` of ``base``.
+
+    With E the axes carried by the base and G those carried by the follower, the three displacements are E^T times the way from
+    the base's to the follower's point, the three rotations half the sum of the vector products of e_k and g_k (in E): for a small
+    angle the angle, for a large one its sine.  ``laws`` are six expressions over ``position`` (m, rad), its ``rate``, ``t`` and
+    parameters: forces on the follower at its point (N) and what works on its rotations (N m).  The base has the opposite
+    wrench at the same point, so that the power of the pair is the sum of law times rate.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind=ForceKind.BUSHING,
+        text="Six springs between two bodies at a point, in a frame of the base: along its axes and about them.",
+        fields=(
+            ForceField("bodies", Shape.BODIES), ForceField("at", Shape.POINT),
+            *(ForceField(name, Shape.DIRECTION, None) for name in "xyz"),
+            ForceField("stiffness", Shape.SIX, None), ForceField("damping", Shape.SIX, None), ForceField("laws", Shape.LAWS, None),
+        ),
+        problem=_problem,
+        interaction=Compliance(
+            base=Point(Carrier.BASE, "point"), follower=Point(Carrier.FOLLOWER, "point"), frame=Frame(Carrier.BASE, "axes")
+        ),
+        laws=("laws",),
+        quantities={
+            **dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.fromkeys(("Mx", "My", "Mz"), "N*m"),
+            **dict.fromkeys(("dx", "dy", "dz"), "m"), **dict.fromkeys(("rx", "ry", "rz"), "rad"),
+        },
+    )  # fmt: skip
+
+    base: str
+    follower: str
+    point: Vector
+    axes: tuple[Vector, Vector, Vector]
+    laws: tuple[Scalar, ...]
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        base, follower = reader.bodies("bodies")
+        axes = reader.frame()
+        return cls(
+            **reader.common(), base=base, follower=follower, point=reader.point("at"), axes=axes,
+            laws=tuple(_read_law(reader, index) for index in range(6)),
+        )  # fmt: skip
+
+    def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
+        """Its image, whose axes change their sign along the mirror's axis once more: they stay right-handed, and global axes global."""
+        x, y, z = (_times(sign, mirror.vector(axis)) for sign, axis in zip(mirror.signs, self.axes, strict=True))
+        of_laws = (*mirror.signs, *(-sign for sign in mirror.signs))
+        laws = tuple(mirror.reflected(law, sign) for sign, law in zip(of_laws, self.laws, strict=True))
+        return replace(super().mirrored(mirror, signs), axes=(x, y, z), laws=laws)
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """All are components, those about axes of rotations."""
+        return sign(quantity.replace("r", "M"))
+
+
+def _read_law(reader: Reader, index: int) -> Scalar:
+    """The force along an axis, or the torque about one, that draws the follower back."""
+    law, per_position, per_rate = _LAWS[index]
+    if reader.given("laws") is not None:
+        return reader.law("laws", index, law=law)
+    stiffness, damping = (
+        reader.number(name, index, unit=unit) for name, unit in (("stiffness", per_position), ("damping", per_rate))
+    )
+    return -stiffness * reader.variable("position") - damping * reader.variable("rate")
+
+
+def _times(sign: int, v: Vector) -> Vector:
+    return (sign * v[0], sign * v[1], sign * v[2])

@@ -1,0 +1,66 @@
+"""A force on a joint's coordinate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Mirror, OnCoordinate, Reader, Shape
+from cutjoint.elements.kinds import ForceKind
+
+_SLIDE = Law({"position": "m", "rate": "m/s"}, "N")
+_TURN = Law({"position": "rad", "rate": "rad/s"}, "N*m")
+
+
+def law_on(coordinate: str) -> Law:
+    """What a law on a joint's coordinate is over: on angles it gives torques."""
+    return _TURN if coordinate.startswith("angle") or not coordinate else _SLIDE
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointForce(LawForce):
+    """A generalised force on one scalar coordinate of a joint, named as in the joint's kind.
+
+    ``law`` is in N (N m on an angle) over ``position``, ``rate`` of the coordinate, ``t`` and parameters.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind=ForceKind.JOINT_FORCE,
+        text="A force on one of a joint's coordinates, on its only one if none is named.",
+        fields=(ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None), ForceField("law", Shape.LAW)),
+        interaction=OnCoordinate(),
+        laws=("law",),
+    )
+
+    joint: str
+    coordinate: str
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        joint, coordinate = reader.coordinate("joint", "coordinate")
+        return cls(**reader.common(), joint=joint, coordinate=coordinate, law=reader.law("law", law=law_on(coordinate)))
+
+    @property
+    def variables(self) -> Law:
+        """What the law is over."""
+        return law_on(self.coordinate)
+
+    @property
+    def joint_of(self) -> str:
+        """Its joint."""
+        return self.joint
+
+    @property
+    def coordinate_of(self) -> str:
+        """Its coordinate."""
+        return self.coordinate
+
+    def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
+        """Its image: its law counts the other way where its coordinate does."""
+        return replace(self, law=mirror.reflected(self.law, signs.get(self.joint, {}).get(self.coordinate, 1)))
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """A force counts as its coordinate does."""
+        return of_coordinate if quantity == "force" else 1

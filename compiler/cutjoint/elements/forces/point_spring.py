@@ -1,0 +1,44 @@
+"""A spring, damper or actuator between two points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from cutjoint.elements.force import Carrier, ForceElement, ForceField, Law, LawForce, Point, Reader, Shape, Stretch
+from cutjoint.elements.kinds import ForceKind
+from cutjoint.elements.terms import Vector
+
+_LAW = Law({"length": "m", "rate": "m/s"}, "N")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointSpring(LawForce):
+    """Force along the line from ``start`` on ``base`` to ``end`` on ``follower``.
+
+    ``law`` is the tension in N over the symbols ``length`` (m) and ``rate`` (m/s), ``t`` and parameters.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind=ForceKind.POINT_SPRING,
+        text="A force between two points, along the line through them.",
+        fields=(
+            ForceField("bodies", Shape.BODIES), ForceField("from", Shape.POINT), ForceField("to", Shape.POINT),
+            ForceField("law", Shape.LAW),
+        ),
+        interaction=Stretch(start=Point(Carrier.BASE, "start"), end=Point(Carrier.FOLLOWER, "end")),
+        laws=("law",), law=_LAW,
+    )  # fmt: skip
+
+    base: str
+    follower: str
+    start: Vector
+    end: Vector
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        base, follower = reader.bodies("bodies")
+        start, end = reader.point("from"), reader.point("to")
+        reader.distinct(start, end, names=("from", "to"), hint="the line between them gives the direction")
+        return cls(**reader.common(), base=base, follower=follower, start=start, end=end, law=reader.law("law", law=_LAW))

@@ -1,0 +1,70 @@
+"""A wheel on the road."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+from cutjoint.elements.force import Axis, Carrier, Constants, Force, ForceElement, ForceField, Point, Reader, RoadContact, Shape
+from cutjoint.elements.kinds import ForceKind
+from cutjoint.elements.terms import Scalar, Vector
+
+#: The constants of the Calspan model.
+CALSPAN = ("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")
+
+#: Numbers that are fields of their own, with units.
+_UNITS = {"stiffness": "N/m", "radius": "m", "spin_inertia": "kg*m^2"}
+
+#: Constants that count half where nothing pushes the wheel sideways and half of it is meant.
+_HALVED = ("stiffness", "spin_inertia")
+
+#: What counts the same way on the other side.
+_EVEN = ("Fz", "deflection")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tyre(Force):
+    """A wheel on the road: vertical spring, Calspan lateral and aligning force.
+
+    ``centre`` is the wheel centre, ``axis`` the wheel axis (pointing left when the wheel rolls forward).
+    ``constants`` maps ``stiffness``, ``radius``, ``spin_inertia`` (kg m2, of the wheel's turning about its axis, which
+    no coordinate stands for: its gyroscopic moment acts on the body) and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2``
+    to values.  Without ``lateral``, in a reduced model, nothing pushes it sideways and it does not align.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind=ForceKind.TYRE,
+        text="A wheel on the road.",
+        fields=(
+            ForceField("body", Shape.BODY), ForceField("centre", Shape.POINT), ForceField("axis", Shape.DIRECTION),
+            ForceField("radius", Shape.NUMBER), ForceField("stiffness", Shape.NUMBER), ForceField("spin_inertia", Shape.NUMBER, 0),
+            ForceField("calspan", Constants("Calspan", "Constants of the Calspan tyre.", CALSPAN)),
+        ),
+        interaction=RoadContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
+        laws=(),
+        quantities={"Fz": "N", "Fy": "N", "Mz": "N*m", "slip": "rad", "camber": "rad", "deflection": "m"},
+    )  # fmt: skip
+
+    body: str
+    centre: Vector
+    axis: Vector
+    constants: Mapping[str, Scalar]
+    lateral: bool = True
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        constants = {name: reader.number(name, unit=unit) for name, unit in _UNITS.items()}
+        constants |= {name: reader.number("calspan", name, unit="") for name in CALSPAN}
+        return cls(
+            **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"), constants=constants
+        )
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """What is sideways counts the other way."""
+        return 1 if quantity in _EVEN else -1
+
+    def halved(self) -> Self:
+        """It with half its load and spin, since nothing pushes it sideways."""
+        return replace(self, constants={name: value / 2 if name in _HALVED else value for name, value in self.constants.items()})

@@ -1,0 +1,29 @@
+"""What the records of elements are made of: expressions, vectors, and places in the user's file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any, TypeAlias
+
+#: A SymPy expression (SymPy ships no types).
+Scalar: TypeAlias = Any
+#: Three expressions: components in the global design frame.
+Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
+
+
+@dataclass(frozen=True, kw_only=True, order=True)
+class Span:
+    """Where an element stands in the user's file; line and column count from one."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+    @property
+    def place(self) -> str:
+        """File name and line without the folder, for generated files."""
+        return f"{PurePath(self.file).name}:{self.line}"
