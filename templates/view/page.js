@@ -1,17 +1,24 @@
 // The page's own script: shows the scene of the .glb file, moves it over time, and plots the columns of its run.
 'use strict';
 (() => {
-  const { AmbientLight, AnimationMixer, Box3, Color, DirectionalLight, GLTFLoader, GridHelper, HemisphereLight, MeshLambertMaterial, OrbitControls,
-    PerspectiveCamera, Plot, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } = Libraries;
+  const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLight, Float32BufferAttribute, Fog, GLTFLoader, HemisphereLight,
+    LineBasicMaterial, LineSegments, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
+  } = Libraries;
   const by = (id) => document.getElementById(id);
   const bytes = (id) => Uint8Array.from(atob(by(id).textContent), (c) => c.charCodeAt(0)).buffer;
   const about = JSON.parse(by('about').textContent);
   const numbers = new Float32Array(bytes('table'));
   const t = numbers.subarray(0, about.rows);
-  const columns = about.columns.map((c, i) => ({ ...c, values: numbers.subarray((i + 1) * about.rows, (i + 2) * about.rows) }));
+  const columns = about.columns.map((c, i) => measured({ ...c, values: numbers.subarray((i + 1) * about.rows, (i + 2) * about.rows) }));
   const { outlook } = about;
   const [first, last] = [t[0], t[t.length - 1]];
   const state = { time: first, playing: false, body: '', column: columns[0]?.name ?? '', follow: outlook.follow };
+
+  /** A column with as many decimals as five digits of its largest value have. */
+  function measured(column) {
+    const largest = column.values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
+    return { ...column, decimals: largest > 0 ? Math.min(Math.max(4 - Math.floor(Math.log10(largest)), 0), 9) : 0 };
+  }
 
   // The picture
   const picture = by('picture');
@@ -35,7 +42,7 @@
     model.traverse((object) => {
       if (object.userData.body !== undefined) nodes.set(object.userData.body, object);
       if (!object.isMesh) return;
-      if (!materials.has(object.material)) materials.set(object.material, new MeshLambertMaterial({ color: object.material.color }));
+      if (!materials.has(object.material)) materials.set(object.material, new MeshLambertMaterial({ color: object.material.color, fog: isRoad(object) }));
       object.material = materials.get(object.material);  // cheaper than what glTF describes, where a processor draws
       if (bodyOf(object) !== undefined) clickable.push(object);
     });
@@ -81,21 +88,28 @@
   function dress() {
     const style = getComputedStyle(document.documentElement);
     scene.background = new Color(style.getPropertyValue('--sky'));
+    scene.fog = new Fog(scene.background, 1, 2);
     if (grid) scene.remove(grid);
     grid = undefined;
     if (!outlook.road) {
       const about10 = 10 ** Math.floor(Math.log10(outlook.extent / 4)), share = outlook.extent / 4 / about10;
       cell = about10 * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
-      const line = new Color(style.getPropertyValue('--floor'));
-      grid = new GridHelper(40 * cell, 40, line, line);
-      grid.position.y = outlook.floor;
-      grid.material.transparent = true;
-      grid.material.opacity = 0.55;
+      grid = floor(new Color(style.getPropertyValue('--floor')));
       scene.add(grid);
     }
     by('scale').textContent = outlook.road ? 'strips of the road: 1 m' : `grid: ${+cell.toPrecision(3)} m`;
     if (plot) drawPlot();
     redraw();
+  }
+
+  /** Lines a cell apart, in pieces of a cell. */
+  function floor(color) {
+    const ends = [], half = 20;
+    for (let i = -half; i <= half; i++)
+      for (let k = -half; k < half; k++) ends.push(i, 0, k, i, 0, k + 1, k, 0, i, k + 1, 0, i);
+    const lines = new BufferGeometry();
+    lines.setAttribute('position', new Float32BufferAttribute(ends.map((end) => end * cell), 3));
+    return new LineSegments(lines, new LineBasicMaterial({ color }));
   }
 
   function resize() {
@@ -105,7 +119,10 @@
     renderer.setSize(width, height);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
-    if (plot) plot.setSize(plotSize());
+    if (plot) {
+      plot.setSize(plotSize());
+      cursor();
+    }
     redraw();
   }
 
@@ -118,6 +135,8 @@
   function render() {
     sun.position.copy(camera.position).add(new Vector3(0, outlook.extent, 0));
     if (grid) grid.position.set(cell * Math.round(orbit.target.x / cell), outlook.floor, cell * Math.round(orbit.target.z / cell));
+    const far = camera.position.distanceTo(orbit.target);
+    [scene.fog.near, scene.fog.far] = outlook.road ? [4 * far, 14 * far] : [far, 2.2 * far + 4 * cell];
     renderer.render(scene, camera);
     label();
   }
@@ -208,7 +227,7 @@
       const on = bodyOf(mesh) === body;
       if (on && !marked.has(mesh.userData.plain)) {
         const lit = mesh.userData.plain.clone();
-        lit.emissive = new Color(0x4a4a20);
+        lit.emissive = new Color(0x6b5200);
         marked.set(mesh.userData.plain, lit);
       }
       mesh.material = on ? marked.get(mesh.userData.plain) : mesh.userData.plain;
@@ -256,7 +275,7 @@
 
   function showValues() {
     const now = row();
-    for (const { column, cell } of cells) cell.textContent = `${Number(column.values[now].toPrecision(5))} ${column.unit}`;
+    for (const { column, cell } of cells) cell.textContent = `${+column.values[now].toFixed(column.decimals)} ${column.unit}`;
   }
 
   function chooseColumn(name) {
@@ -266,7 +285,7 @@
     drawPlot();
   }
 
-  let plot;
+  let plot, now;
   const plotSize = () => ({ width: by('plot').clientWidth || 300, height: 220 });
 
   function drawPlot() {
@@ -280,22 +299,18 @@
       ...plotSize(), legend: { show: false }, cursor: { drag: { setScale: false, x: false, y: false }, y: false, points: { show: false } },
       scales: { x: { time: false } }, axes: [{ ...axis, label: 't in s', labelSize: 20, size: 34 }, { ...axis, size: 58, label: column.unit, labelSize: 18 }],
       series: [{}, { stroke: colour('--accent'), width: 1.5, points: { show: false } }],
-      hooks: { draw: [(u) => cursorLine(u, colour('--ink'))] },
     };
     plot = new Plot(options, [t, column.values], by('plot'));
     plot.over.addEventListener('click', (e) => { play(false); setTime(plot.posToVal(e.offsetX, 'x')); });
+    now = document.createElement('div');
+    now.className = 'now';
+    plot.over.append(now);
+    cursor();
   }
 
-  const cursor = () => plot.redraw(false, false);
-
-  function cursorLine(u, colour) {
-    const x = Math.round(u.valToPos(state.time, 'x', true)) + 0.5;
-    u.ctx.strokeStyle = colour;
-    u.ctx.lineWidth = devicePixelRatio;
-    u.ctx.beginPath();
-    u.ctx.moveTo(x, u.bbox.top);
-    u.ctx.lineTo(x, u.bbox.top + u.bbox.height);
-    u.ctx.stroke();
+  /** The line in the plot goes to the present time. */
+  function cursor() {
+    now.style.transform = `translateX(${plot.valToPos(state.time, 'x')}px)`;
   }
 
   // Controls

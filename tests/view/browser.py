@@ -107,8 +107,11 @@ def opened() -> Iterator[Page]:
     assert CHROMIUM is not None
     to_browser, from_page = os.pipe(), os.pipe()
     with tempfile.TemporaryDirectory() as profile:
-        flags = ("--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--hide-scrollbars", "--no-first-run",
-                 "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage", "--remote-debugging-pipe")  # fmt: skip
+        flags = (
+            "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--hide-scrollbars",
+            "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage",
+            "--remote-debugging-pipe",
+        )  # fmt: skip
         command = [CHROMIUM, *flags, f"--user-data-dir={profile}"]
         # the browser reads its descriptor 3 and writes its descriptor 4
         shell = f'exec "$0" "$@" 3<&{to_browser[0]} 4>&{from_page[1]}'

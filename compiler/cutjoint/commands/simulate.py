@@ -98,9 +98,8 @@ def command(
 
     def play(prepared: PreparedRun) -> Trajectory:
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
-            return run_accurately(
-                replace(prepared.run, with_coordinates=view is not None), out=out, steps=steps, progress=progress, estimate=error, go_over=method is None, advise=True
-            )
+            plan = replace(prepared.run, with_coordinates=view is not None)
+            return run_accurately(plan, out=out, steps=steps, progress=progress, estimate=error, go_over=method is None, advise=True)
 
     prepared = find_cached_run(request, parameters)
     if prepared is not None:

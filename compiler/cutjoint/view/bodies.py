@@ -59,7 +59,7 @@ class BodyParts:
         """Bars from the centre of mass to all points, or one between two points where the centre lies in it or there is none."""
         r = self.sizes.bar
         if len(held) == 2 and (is_massless or _distance(centre, *held) < _WITHIN * r):
-            yield meshes.between(*held, r)
+            yield meshes.between(held[0], held[1], r)
             if not is_massless:
                 yield meshes.sphere(1.6 * r).moved(np.eye(3), centre)
             return
@@ -68,7 +68,7 @@ class BodyParts:
         for point in held:
             if np.linalg.norm(point - centre) > r:
                 yield meshes.between(centre, point, r)
-        yield meshes.sphere(1.6 * r if len(held) > 1 else 2.5 * r).moved(np.eye(3), centre)
+        yield meshes.sphere(1.6 * r if len(held) > 1 else 3 * r).moved(np.eye(3), centre)
 
     def _shape(self, shape: Shape) -> Iterator[Mesh]:
         places = [point_of(self.numbers, point) for point in shape.points]
@@ -80,11 +80,11 @@ class BodyParts:
                 x, y = axes[:2]  # a mirrored box has axes of the left hand; a box is the same without the third
                 yield meshes.box(a, b, c).moved(np.stack([x, y, np.cross(x, y)], axis=1), places[0])
             case ShapeKind.CYLINDER:
-                yield meshes.cylinder(*sizes, 40).moved(rotation_to(axes[0]), places[0])
+                yield meshes.cylinder(sizes[0], sizes[1], 40).moved(rotation_to(axes[0]), places[0])
             case ShapeKind.SPHERE:
                 yield meshes.sphere(sizes[0]).moved(np.eye(3), places[0])
             case ShapeKind.ROD:
-                yield meshes.between(*places, self.sizes.bar)
+                yield meshes.between(places[0], places[1], self.sizes.bar)
             case ShapeKind.POINT:
                 yield meshes.sphere(2.2 * self.sizes.bar).moved(np.eye(3), places[0])
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cutjoint.model.records import GROUND, BodyLoad, Gear, Joint, JointForce, Marker, Model, Reaction, RodForce, Tyre
 from cutjoint.model.quantities import Element
+from cutjoint.model.records import GROUND, BodyLoad, Gear, Joint, JointForce, Marker, Model, Reaction, RodForce, Tyre
 
 
 def bodies_of(model: Model) -> dict[str, tuple[str, ...]]:

@@ -28,8 +28,8 @@ def draw(model: Model, scene: Scene, numbers: Numbers, sizes: Sizes, t: Array, p
             Node(
                 name=body.name, parts=tuple(_moved(part, -centre) for part in parts[body.name]), translation=pose.place(centre),
                 rotation=quaternions_of(pose.rotation), about={"body": body.name},
-            )  # fmt: skip
-        )
+            )
+        )  # fmt: skip
     forces = ForceNodes(model=model, scene=scene, numbers=numbers, sizes=sizes, poses={**poses, GROUND: still}, up=up)
     return Drawing(name=model.name, t=t, nodes=(*nodes, *forces.all()), up=up)
 

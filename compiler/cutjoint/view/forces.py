@@ -114,7 +114,8 @@ class ForceNodes:
             for shade, colour in enumerate(ROAD):
                 kept = np.concatenate([cells == shade, cells == shade])
                 if kept.any():
-                    parts.append(Part(mesh=Mesh(points=whole.points, normals=whole.normals, faces=whole.faces[kept]), colour=colour, roughness=1.0))
+                    mesh = Mesh(points=whole.points, normals=whole.normals, faces=whole.faces[kept])
+                    parts.append(Part(mesh=mesh, colour=colour, roughness=1.0))
         return Node(name="road", parts=tuple(parts), translation=np.zeros((1, 3)), about={"road": True})
 
 
@@ -131,7 +132,9 @@ def _course(pieces: list[Piece], first: float, last: float) -> tuple[Array, Arra
         marks = np.unique(np.concatenate([[start, end], np.arange(np.ceil(start), end, 1.0), _bends(piece, start, end)]))
         x += marks.tolist()
         z += [piece.height(mark) for mark in marks]
-    return np.array(x), np.array(z)
+    points = np.array([x, z])
+    moves = np.concatenate([[True], np.abs(np.diff(points)).max(axis=0) > 1e-9])
+    return points[0, moves], points[1, moves]
 
 
 def _bends(piece: Piece, start: float, end: float) -> Array:

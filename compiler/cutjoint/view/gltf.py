@@ -31,7 +31,7 @@ def write_gltf(drawing: Drawing) -> bytes:
 
 def _packed(document: dict[str, Any], buffer: bytes) -> bytes:
     """The header and its two chunks, each of a length that four divides."""
-    text = json.dumps(document, separators=(",", ":")).encode()
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import pairwise
 from math import pi, tau
 
 import numpy as np
@@ -35,7 +36,7 @@ def revolved(profile: Sequence[tuple[float, float]], around: int = _AROUND) -> M
     """The surface that a profile of points (radius, z) sweeps about z, upwards outside, with an edge at each point."""
     angle = np.linspace(0.0, tau, around + 1)
     parts = []
-    for (r0, z0), (r1, z1) in zip(profile[:-1], profile[1:], strict=True):
+    for (r0, z0), (r1, z1) in pairwise(profile):
         out, up = z1 - z0, r0 - r1
         length = float(np.hypot(out, up))
         rows = [np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)], axis=1) for r, z in ((r0, z0), (r1, z1))]
@@ -78,35 +79,45 @@ def between(start: Array, end: Array, radius: float) -> Mesh:
     return cylinder(radius, float(np.linalg.norm(way)), 14).moved(rotation_to(way), (start + end) / 2)
 
 
+#: The length at which the wire of a coil is round, in radii of the coil.
+_DRAWN = 8.0
+
+
 @cache
 def coil(radius: float, turns: int = 7) -> Mesh:
-    """A helical spring from z = 0 to 1 with short straight ends; its wire is for a length of about eight radii."""
-    steps, sides, end = 14 * turns, 6, 0.08
+    """A helical spring from z = 0 to 1 with straight ends, to be drawn out along z."""
+    steps, end = 14 * turns, 0.08
     s = np.linspace(0.0, 1.0, steps + 1)
-    angle, z = tau * turns * s, end + (1 - 2 * end) * s
     reach = radius * np.minimum(1.0, np.minimum(s, 1 - s) * 20)
-    path = np.stack([reach * np.cos(angle), reach * np.sin(angle), z], axis=1)
-    path = np.concatenate([[[0.0, 0.0, 0.0]], path, [[0.0, 0.0, 1.0]]])
-    return _tube(path, radius / 6, sides)
+    path = np.stack([reach * np.cos(tau * turns * s), reach * np.sin(tau * turns * s), end + (1 - 2 * end) * s], axis=1)
+    long = np.array([1.0, 1.0, _DRAWN * radius])
+    tube = _tube(np.concatenate([[[0.0, 0.0, 0.0]], path, [[0.0, 0.0, 1.0]]]) * long, radius / 6)
+    normals = tube.normals * long
+    return Mesh(points=tube.points / long, normals=normals / np.linalg.norm(normals, axis=1, keepdims=True), faces=tube.faces)
 
 
-def _tube(path: Array, radius: float, sides: int) -> Mesh:
-    """A tube about a path (n, 3) near the z axis; lengths along z are those of a spring of unit length, which will be drawn out."""
-    out = path * [1.0, 1.0, 0.0]
-    size = np.linalg.norm(out, axis=1, keepdims=True)
-    out = np.where(size > 1e-12, out / np.maximum(size, 1e-12), [1.0, 0.0, 0.0])
-    up = np.array([0.0, 0.0, 1.0])
-    around = np.linspace(0.0, tau, sides + 1)
-    flat = 1 / (8 * radius * 6)
-    normals = np.cos(around)[np.newaxis, :, np.newaxis] * out[:, np.newaxis] + np.sin(around)[np.newaxis, :, np.newaxis] * up
-    points = path[:, np.newaxis] + radius * normals * [1.0, 1.0, flat]
-    return Mesh(points=points.reshape(-1, 3), normals=normals.reshape(-1, 3), faces=_grid_faces(len(path), sides + 1)[:, ::-1])
+def _tube(path: Array, radius: float, sides: int = 7) -> Mesh:
+    """A round tube along a path (n, 3)."""
+    ahead = np.gradient(path, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    first = np.cross(ahead, np.eye(3)[np.abs(ahead[0]).argmin()])[0]
+    across = np.empty_like(path)
+    for i, direction in enumerate(ahead):  # carried along, so that the tube does not twist
+        first = first - (first @ direction) * direction
+        first /= np.linalg.norm(first)
+        across[i] = first
+    around = np.linspace(0.0, tau, sides + 1)[np.newaxis, :, np.newaxis]
+    normals = np.cos(around) * across[:, np.newaxis] + np.sin(around) * np.cross(ahead, across)[:, np.newaxis]
+    points = path[:, np.newaxis] + radius * normals
+    faces = _grid_faces(len(path), sides + 1)
+    return Mesh(points=points.reshape(-1, 3), normals=normals.reshape(-1, 3), faces=faces)
 
 
 def tyre(radius: float) -> Mesh:
     """The rubber of a wheel."""
     w, inner = 0.25 * radius, 0.62 * radius
-    return revolved([(inner, -w), (0.9 * radius, -w), (radius, -0.6 * w), (radius, 0.6 * w), (0.9 * radius, w), (inner, w), (inner, -w)], 36)
+    flank, edge = 0.9 * radius, 0.6 * w
+    return revolved([(inner, -w), (flank, -w), (radius, -edge), (radius, edge), (flank, w), (inner, w), (inner, -w)], 36)
 
 
 def rim(radius: float) -> Mesh:
@@ -130,5 +141,5 @@ def strip(x: Array, z: Array, left: float, right: float) -> Mesh:
     normals = np.repeat(slope / np.linalg.norm(slope, axis=1, keepdims=True), 4, axis=0)
     corners = [np.stack([a, np.full(n - 1, y), h], axis=1) for a, h in ((x[:-1], z[:-1]), (x[1:], z[1:])) for y in (right, left)]
     first = 4 * np.arange(n - 1)[:, np.newaxis]
-    faces = np.concatenate([first + [0, 2, 3], first + [0, 3, 1]])
+    faces = np.concatenate([first + np.array([0, 2, 3]), first + np.array([0, 3, 1])])
     return Mesh(points=np.stack(corners, axis=1).reshape(-1, 3), normals=normals, faces=faces)

@@ -22,8 +22,8 @@ def find_outlook(model: Model, numbers: Numbers, sizes: Sizes, drawing: Drawing,
     """From the side if all axes of turns are one direction, else from ahead, the left and above."""
     has_road = any(isinstance(force, Tyre) for force in model.forces)
     return Outlook(
-        direction=_direction(model, numbers, drawing.up).tolist(), up=drawing.up.tolist(), extent=sizes.extent,
-        floor=_floor(sizes, drawing), road=has_road, follow=_followed(model, numbers, sizes, poses),
+        direction=_direction(model, numbers, drawing.up).tolist(), extent=sizes.extent, floor=_floor(sizes, drawing), road=has_road,
+        follow=_followed(model, numbers, sizes, poses),
     )  # fmt: skip
 
 
@@ -47,13 +47,11 @@ def _floor(sizes: Sizes, drawing: Drawing) -> float:
             if len(node.rotation) == 1 and len(node.scale) == 1:
                 lowest.append((node.translation @ drawing.up).min() + (reach @ drawing.up).min())
     heights = [float((node.translation @ drawing.up).min()) for node in drawing.nodes if len(node.translation) > 1]
-    return min([*lowest, *heights]) - 0.06 * sizes.extent
+    return float(min([*lowest, *heights])) - 0.06 * sizes.extent
 
 
 def _followed(model: Model, numbers: Numbers, sizes: Sizes, poses: Mapping[str, BodyPose]) -> str:
     """The heaviest body if it goes far."""
-    if not model.bodies:
-        return ""
     body = max(model.bodies, key=lambda b: numbers.number(b.mass))
     way = poses[body.name].place(point_of(numbers, body.centre_of_mass))
     return body.name if np.ptp(way, axis=0).max() > _FAR * sizes.extent else ""

@@ -29,18 +29,22 @@ class PlotColumn:
 
 @dataclass(frozen=True, kw_only=True)
 class Outlook:
-    """How a page first looks at a mechanism: ``direction`` (3,) from it to the eye and ``up`` (3,) in the model's axes, its ``extent`` in m,
-    the height of the ``floor`` along up, whether there is a ``road``, and which body to ``follow``, "" for none."""
+    """How a page first looks at a mechanism.
+
+    ``direction`` (3,) goes from it to the eye in the model's axes, ``extent`` is its size in m, ``floor`` the height of the ground along
+    up, ``road`` whether there is a road, ``follow`` the body that stays in the middle, "" for none.
+    """
 
     direction: Sequence[float]
-    up: Sequence[float]
     extent: float
     floor: float
     road: bool
     follow: str
 
 
-def make_page(*, title: str, scene: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook) -> str:
+def make_page(
+    *, title: str, scene: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook
+) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are."""
     folder = templates_folder() / "view"
     about = {
@@ -58,12 +62,14 @@ def make_page(*, title: str, scene: str, bodies: Sequence[str], glb: bytes, t: A
 
 def _environment() -> jinja2.Environment:
     loader = jinja2.FileSystemLoader(templates_folder() / "view")
-    return jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    return jinja2.Environment(
+        loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )  # fmt: skip
 
 
 def _as_data(content: Mapping[str, object]) -> str:
     """JSON that ends no element of the page, whatever its texts are."""
-    return re.sub("[<>&\u2028\u2029]", lambda found: f"\\u{ord(found[0]):04x}", json.dumps(content))
+    return re.sub("[<>&\u2028\u2029]", lambda found: f"\\u{ord(found[0]):04x}", json.dumps(content, allow_nan=False))
 
 
 def _hash(script: str) -> str:

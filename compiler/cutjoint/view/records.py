@@ -42,8 +42,8 @@ class Part:
 class Node:
     """Parts that move together: a point p of theirs is at rotation (scale p) + translation.
 
-    ``translation`` (times, 3), ``rotation`` (times, 4) as quaternions (x, y, z, w), ``scale`` (times, 3); with one row what does not change.
-    ``about`` is what a page has to know of the node.
+    ``translation`` is (times, 3), ``rotation`` (times, 4) as quaternions (x, y, z, w), ``scale`` (times, 3); what does not change has one
+    row.  ``about`` is what a page has to know of the node.
     """
 
     name: str
