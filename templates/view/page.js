@@ -32,7 +32,7 @@
   const sun = new DirectionalLight(0xffffff, 1.9);
   scene.add(sun);
   const nodes = new Map();  // of bodies, by name
-  const clickable = [];
+  const clickable = [], tarmac = new Map();  // of the road's materials the colours by day
   let model, mixer, action, grid, cell = 1, due = false;
 
   function load(gltf) {
@@ -43,6 +43,7 @@
       if (object.userData.body !== undefined) nodes.set(object.userData.body, object);
       if (!object.isMesh) return;
       if (!materials.has(object.material)) materials.set(object.material, new MeshLambertMaterial({ color: object.material.color, fog: isRoad(object) }));
+      if (isRoad(object)) tarmac.set(materials.get(object.material), object.material.color.clone());
       object.material = materials.get(object.material);  // cheaper than what glTF describes, where a processor draws
       if (bodyOf(object) !== undefined) clickable.push(object);
     });
@@ -89,6 +90,8 @@
     const style = getComputedStyle(document.documentElement);
     scene.background = new Color(style.getPropertyValue('--sky'));
     scene.fog = new Fog(scene.background, 1, 2);
+    const night = matchMedia('(prefers-color-scheme: dark)').matches;
+    for (const [material, colour] of tarmac) material.color.copy(colour).multiplyScalar(night ? 0.3 : 1);
     if (grid) scene.remove(grid);
     grid = undefined;
     if (!outlook.road) {

@@ -89,6 +89,11 @@ def test_a_spring_reaches_from_end_to_end(press: Shown) -> None:
     assert np.all(lengths[:, :2] == 1)
 
 
+def test_a_mechanism_without_bodies_is_empty() -> None:
+    content = write_gltf(Drawing(name="none", t=np.zeros(1), nodes=(), up=np.array([0.0, 0.0, 1.0])))
+    assert sorted(Gltf(content).document) == ["asset", "nodes", "scene", "scenes"]
+
+
 def every_mesh() -> dict[str, Mesh]:
     x, z = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 0.0, 1.0, 1.0])
     return {

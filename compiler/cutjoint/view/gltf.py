@@ -30,10 +30,12 @@ def write_gltf(drawing: Drawing) -> bytes:
 
 
 def _packed(document: dict[str, Any], buffer: bytes) -> bytes:
-    """The header and its two chunks, each of a length that four divides."""
+    """The header and the chunks, each of a length that four divides."""
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    if buffer:
+        chunks += struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
@@ -50,23 +52,24 @@ class _Writer:
         self._known: dict[int, dict[str, Any]] = {}
 
     def document(self) -> dict[str, Any]:
-        """The document; the buffer is whole afterwards."""
+        """The document, without lists that would be empty; the buffer is whole afterwards."""
         drawing = self._drawing
         nodes = [self._node(node) for node in drawing.nodes]
         root = {"name": drawing.name, "rotation": _numbers(shortest(drawing.up, np.array([0.0, 1.0, 0.0])))}
         animation = self._animation()
-        return {
+        document = {
             "asset": {"version": "2.0", "generator": f"cutjoint {__version__}"},
             "scene": 0,
             "scenes": [{"name": drawing.name, "nodes": [0]}],
-            "nodes": [{**root, "children": list(range(1, len(nodes) + 1))}, *nodes],
+            "nodes": [{**root, **({"children": list(range(1, len(nodes) + 1))} if nodes else {})}, *nodes],
             "meshes": self._meshes,
             "materials": [_material(colour, roughness) for colour, roughness in self._materials],
-            **({"animations": [animation]} if animation else {}),
+            "animations": [animation] if animation else [],
             "accessors": self._accessors,
             "bufferViews": self._views,
-            "buffers": [{"byteLength": len(self.buffer)}],
+            "buffers": [{"byteLength": len(self.buffer)}] if self.buffer else [],
         }
+        return {key: value for key, value in document.items() if value != []}
 
     def _node(self, node: Node) -> dict[str, Any]:
         if node.parts:

@@ -47,11 +47,13 @@ def _floor(sizes: Sizes, drawing: Drawing) -> float:
             if len(node.rotation) == 1 and len(node.scale) == 1:
                 lowest.append((node.translation @ drawing.up).min() + (reach @ drawing.up).min())
     heights = [float((node.translation @ drawing.up).min()) for node in drawing.nodes if len(node.translation) > 1]
-    return float(min([*lowest, *heights])) - 0.06 * sizes.extent
+    return float(min([*lowest, *heights], default=0.0)) - 0.06 * sizes.extent
 
 
 def _followed(model: Model, numbers: Numbers, sizes: Sizes, poses: Mapping[str, BodyPose]) -> str:
     """The heaviest body if it goes far."""
+    if not model.bodies:
+        return ""
     body = max(model.bodies, key=lambda b: numbers.number(b.mass))
     way = poses[body.name].place(point_of(numbers, body.centre_of_mass))
     return body.name if np.ptp(way, axis=0).max() > _FAR * sizes.extent else ""
