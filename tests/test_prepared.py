@@ -46,7 +46,10 @@ scenes:
 """
 
 #: What a run that is compiled does without: other commands' packages, and what measures.
-LATER = ("cutjoint.reduce", "cutjoint.twin", "cutjoint.export", "cutjoint.report.explain", "cutjoint.report.reductions", "cutjoint_bench")
+LATER = (
+    "cutjoint.reduce", "cutjoint.twin", "cutjoint.export", "cutjoint.view", "cutjoint.report.explain", "cutjoint.report.reductions",
+    "cutjoint_bench",
+)  # fmt: skip
 
 #: One value of each option that is not the default.
 OTHER_OPTIONS: dict[str, Any] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -64,16 +65,19 @@ from cutjoint.run.results import Trajectory
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
 @click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is; without, steps have one tolerance.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
+@click.option("--view", type=click.Path(dir_okay=False, path_type=Path),
+              help="Page (.html) that replays the run in a browser, or its animation as glTF (.glb).")
 @options.reports_errors
 def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
     integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
     iterations: int | None, changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path, steps: Path | None,
-    error: bool, plots: Path | None,
+    error: bool, plots: Path | None, view: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
-        {"the model": model, "the table of parameters": batch}, tables={"--out": out, "--steps": steps}, plots=plots
+        {"the model": model, "the table of parameters": batch}, tables={"--out": out, "--steps": steps}, plots=plots,
+        documents=[("--view", view)],
     )  # fmt: skip
     parameters = options.read_parameters(changes)
     asked = Options(
@@ -82,6 +86,10 @@ def command(
     request = Request(
         model=model, scene=scene, method=method, closure=closure, implementation=implementation, precision=precision, options=asked
     )  # fmt: skip
+    if view is not None:
+        from cutjoint.commands.replaying import require_replay
+
+        require_replay(request, view, batch)
     if batch is not None or threads is not None:
         from cutjoint.commands.batches import run_batch
 
@@ -90,9 +98,8 @@ def command(
 
     def play(prepared: PreparedRun) -> Trajectory:
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
-            return run_accurately(
-                prepared.run, out=out, steps=steps, progress=progress, estimate=error, go_over=method is None, advise=True
-            )
+            plan = replace(prepared.run, with_coordinates=view is not None)
+            return run_accurately(plan, out=out, steps=steps, progress=progress, estimate=error, go_over=method is None, advise=True)
 
     prepared = find_cached_run(request, parameters)
     if prepared is not None:
@@ -111,6 +118,10 @@ def command(
         console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
     if plots is not None:
         console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots))}", markup=False)
+    if view is not None and run.t.size:
+        from cutjoint.commands.replaying import write_replay
+
+        console.print(f"view: {write_replay(request, view, parameters, run)}", markup=False)
     if run.failure is not None:
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)

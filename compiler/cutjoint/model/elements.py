@@ -63,8 +63,8 @@ def _read_points(scope: Scope, part: document.Elements) -> Mapping[str, Vector]:
 
 
 def _read_body(element: Element, body: body_parts.Body) -> Body:
-    mass, centre, inertia = read_mass(element, body)
-    return Body(name=element.name, mass=mass, centre_of_mass=centre, inertia=inertia, span=element.span)
+    mass, centre, inertia, shapes = read_mass(element, body)
+    return Body(name=element.name, mass=mass, centre_of_mass=centre, inertia=inertia, span=element.span, shapes=shapes)
 
 
 def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:

@@ -14,8 +14,8 @@ import numpy as np
 import sympy
 
 from cutjoint.model import body_parts, values
-from cutjoint.model.geometry import coincide, read_axes, read_direction, read_point
-from cutjoint.model.records import Scalar, Vector
+from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
+from cutjoint.model.records import Scalar, Shape, ShapeKind, Vector
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path
 from cutjoint.model.units import INERTIA, LENGTH, MASS, Dimension
@@ -29,18 +29,19 @@ TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Lump:
-    """A mass with its centre and the inertia about it, (3, 3)."""
+    """A mass with its centre and the inertia about it, (3, 3), and the shapes that it comes from."""
 
     mass: Scalar
     centre: Vector
     inertia: Matrix
+    shapes: tuple[Shape, ...] = ()
 
 
-def read_mass(element: Element, body: body_parts.Body) -> tuple[Scalar, Vector, Inertia]:
-    """Mass, centre of mass, and inertia about it (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) in global axes."""
+def read_mass(element: Element, body: body_parts.Body) -> tuple[Scalar, Vector, Inertia, tuple[Shape, ...]]:
+    """Mass, centre of mass, inertia about it (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) in global axes, and the shapes that they come from."""
     lump = _given(element, body) if body.shapes is None else _compound(element, body.shapes)
     J = lump.inertia
-    return lump.mass, lump.centre, (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
+    return lump.mass, lump.centre, (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]), lump.shapes
 
 
 def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
@@ -171,14 +172,15 @@ def _compound(element: Element, shapes: tuple[body_parts.Shape, ...]) -> Lump:
     inertia = sympy.zeros(3, 3)
     for lump in lumps:
         inertia += lump.inertia + _steiner(lump.mass, _way((x, y, z), lump.centre))
-    return Lump(mass, (x, y, z), inertia)
+    return Lump(mass, (x, y, z), inertia, tuple(shape for lump in lumps for shape in lump.shapes))
 
 
 def _lump(element: Element, shape: body_parts.Shape, keys: Path) -> Lump:
     match shape:
         case body_parts.PointMass():
             mass = _positive(element, shape.mass, MASS, (*keys, "mass"))
-            return Lump(mass, read_point(element, shape.point, (*keys, "point")), sympy.zeros(3, 3))
+            point = read_point(element, shape.point, (*keys, "point"))
+            return Lump(mass, point, sympy.zeros(3, 3), (Shape(kind=ShapeKind.POINT, points=(point,)),))
         case body_parts.Rod():
             return _rod(element, shape, keys)
         case body_parts.Box():
@@ -189,7 +191,8 @@ def _lump(element: Element, shape: body_parts.Shape, keys: Path) -> Lump:
             r = _positive(element, shape.sphere, LENGTH, (*keys, "sphere"))
             mass = _solid_mass(element, shape, sympy.Rational(4, 3) * sympy.pi * r**3, keys)
             centre = read_point(element, shape.at, (*keys, "at"))
-            return Lump(mass, centre, _scaled(sympy.Rational(2, 5) * mass * r**2, sympy.eye(3)))
+            seen = Shape(kind=ShapeKind.SPHERE, points=(centre,), sizes=(r,), hole=shape.hole)
+            return Lump(mass, centre, _scaled(sympy.Rational(2, 5) * mass * r**2, sympy.eye(3)), (seen,))
 
 
 def _rod(element: Element, shape: body_parts.Rod, keys: Path) -> Lump:
@@ -199,25 +202,31 @@ def _rod(element: Element, shape: body_parts.Rod, keys: Path) -> Lump:
         element.fail("from and to are the same point", "a rod has two ends", (*keys, "rod", "to"))
     mass = _positive(element, shape.mass, MASS, (*keys, "mass"))
     x, y, z = ((a + b) / 2 for a, b in zip(start, end, strict=True))
-    return Lump(mass, (x, y, z), _steiner(mass / 12, _way(start, end)))
+    return Lump(mass, (x, y, z), _steiner(mass / 12, _way(start, end)), (Shape(kind=ShapeKind.ROD, points=(start, end)),))
 
 
 def _box(element: Element, shape: body_parts.Box, keys: Path) -> Lump:
     a, b, c = (_positive(element, side, LENGTH, (*keys, "box", index)) for index, side in enumerate(shape.box))
     mass = _solid_mass(element, shape, a * b * c, keys)
     own = _scaled(mass / 12, sympy.diag(b**2 + c**2, a**2 + c**2, a**2 + b**2))
+    axes = GLOBAL_AXES
     if shape.x is not None or shape.y is not None or shape.z is not None:
-        own = _turned(read_axes(element, shape, keys), own)
-    return Lump(mass, read_point(element, shape.at, (*keys, "at")), own)
+        axes = read_axes(element, shape, keys)
+        own = _turned(axes, own)
+    centre = read_point(element, shape.at, (*keys, "at"))
+    return Lump(mass, centre, own, (Shape(kind=ShapeKind.BOX, points=(centre,), axes=axes, sizes=(a, b, c), hole=shape.hole),))
 
 
 def _cylinder(element: Element, shape: body_parts.Cylinder, keys: Path) -> Lump:
     r, length = (_positive(element, getattr(shape.cylinder, n), LENGTH, (*keys, "cylinder", n)) for n in ("radius", "length"))
     mass = _solid_mass(element, shape, sympy.pi * r**2 * length, keys)
-    axis = sympy.Matrix(read_direction(element, shape.axis, (*keys, "axis")))
+    direction = read_direction(element, shape.axis, (*keys, "axis"))
+    axis = sympy.Matrix(direction)
     along, across = mass * r**2 / 2, mass * (3 * r**2 + length**2) / 12
     inertia = _scaled(across, sympy.eye(3)) + _scaled(along - across, axis * axis.T)
-    return Lump(mass, read_point(element, shape.at, (*keys, "at")), inertia)
+    centre = read_point(element, shape.at, (*keys, "at"))
+    seen = Shape(kind=ShapeKind.CYLINDER, points=(centre,), axes=(direction,), sizes=(r, length), hole=shape.hole)
+    return Lump(mass, centre, inertia, (seen,))
 
 
 def _solid_mass(element: Element, shape: body_parts.Solid, volume: Scalar, keys: Path) -> Scalar:

@@ -64,12 +64,37 @@ class DerivedParameter:
     span: Span
 
 
+class ShapeKind(StrEnum):
+    """What a shape of a body is, by its key in the file."""
+
+    BOX = "box"  #: its three lengths along its axes
+    CYLINDER = "cylinder"  #: radius and length, around its one axis
+    SPHERE = "sphere"  #: its radius
+    ROD = "rod"  #: without thickness between two points
+    POINT = "point"  #: without extent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """A part of a body that has a shape: ``points`` are its centre, or a rod's two ends, ``sizes`` in m as its kind says.
+
+    A ``hole`` takes mass away.
+    """
+
+    kind: ShapeKind
+    points: tuple[Vector, ...]
+    axes: tuple[Vector, ...] = ()
+    sizes: tuple[Scalar, ...] = ()
+    hole: bool = False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Body:
     """A rigid body; one without mass may have inertia, as a shaft's about its axis, and its centre is the origin unless given.
 
     ``inertia`` is (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) about the body's own centre of mass in global design axes,
-    kg m2; the last three are elements of the inertia matrix (products of inertia with their sign reversed).
+    kg m2; the last three are elements of the inertia matrix (products of inertia with their sign reversed).  ``shapes`` are those that
+    mass, centre and inertia come from; none where the file gives these as numbers.
     """
 
     name: str
@@ -77,6 +102,7 @@ class Body:
     centre_of_mass: Vector
     inertia: tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
     span: Span
+    shapes: tuple[Shape, ...] = ()
 
     @property
     def is_massless(self) -> bool:

@@ -150,7 +150,8 @@ class Trajectory:
     start, ``indeterminate`` the columns of reactions that redundant equations of loops leave open (of all solutions they are the one with
     the smallest multipliers of cut joints), ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if
     there is one.  ``instead`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where
-    nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.
+    nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``coordinates`` are the method's own at the
+    times of the rows (rows, coordinates), None where nobody asked for them.
     """
 
     t: Array
@@ -164,6 +165,7 @@ class Trajectory:
     indeterminate: tuple[str, ...] = ()
     effort: Effort = Effort()
     energy: EnergyBalance | None = None
+    coordinates: Array | None = field(default=None, repr=False, compare=False)
     table: Path | None = None
     instead: str = ""
     estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
@@ -277,8 +279,19 @@ def read_run_table(file: BinaryIO, names: Sequence[str], rows: int) -> tuple[Arr
     return t, columns
 
 
+def read_coordinates(file: BinaryIO) -> Array:
+    """The coordinates of a run, (rows, coordinates), from the table that its simulator has written; (0, 0) where it wrote none."""
+    file.seek(0)
+    return _read_rows(file)[1][:, 1:]
+
+
 def _read(file: BinaryIO) -> tuple[Array, dict[str, Array]]:
-    header, *lines = file.read().decode("utf-8").splitlines()
-    names = header.split(",")
-    rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(names)))
+    names, rows = _read_rows(file)
     return rows[:, 0], {name: rows[:, i] for i, name in enumerate(names) if i > 0}
+
+
+def _read_rows(file: BinaryIO) -> tuple[list[str], Array]:
+    """The names of a table's columns, time first, and its rows."""
+    header, *lines = file.read().decode("utf-8").splitlines() or ["t"]
+    names = header.split(",")
+    return names, np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(names)))

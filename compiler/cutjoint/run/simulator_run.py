@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, cast
 
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import RunTables
-from cutjoint.run.results import Columns, Trajectory, read_effort, read_energy, read_run_table
+from cutjoint.run.results import Columns, Trajectory, read_coordinates, read_effort, read_energy, read_run_table
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 
@@ -24,7 +26,8 @@ class SimulatorRun:
 
     ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``indeterminate`` are the components of reactions that
     these do not determine, ``others`` the settings of other integrators that it has: parts of a run file.  ``is_free`` is whether scene and
-    caller leave the choice of the integrator and of what steps do at events.
+    caller leave the choice of the integrator and of what steps do at events.  ``with_coordinates`` is whether the trajectory has
+    coordinates.
     """
 
     simulator: Path
@@ -37,6 +40,7 @@ class SimulatorRun:
     indeterminate: Sequence[str] = ()
     others: Sequence[Mapping[str, Any]] = ()
     is_free: bool = False
+    with_coordinates: bool = False
 
     def with_balance(self) -> SimulatorRun:
         """The run with a balance of work and energy, if its program has one."""
@@ -88,9 +92,12 @@ def start(
         Interrupted, Terminated: a signal has ended the run.
     """
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
-    with RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents) as tables:
+    asked = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
+    with asked as tables, _coordinates_file(run.with_coordinates) as file:
         model = {} if run.description is None else {"model": run.description}
-        summary = call_simulator(run.simulator, {**run.run_file, **model, **tables.places}, progress, seconds=seconds)
+        place = {} if file is None else {"coordinates_out": {"descriptor": file.fileno(), "name": "the temporary table of coordinates"}}
+        summary = call_simulator(run.simulator, {**run.run_file, **model, **tables.places, **place}, progress, seconds=seconds)
+        coordinates = None if file is None else read_coordinates(file)
         t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
@@ -98,4 +105,15 @@ def start(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=tuple(run.indeterminate), effort=read_effort(summary), energy=read_energy(summary), table=table,
+        coordinates=coordinates,
     )  # fmt: skip
+
+
+@contextmanager
+def _coordinates_file(wanted: bool) -> Iterator[BinaryIO | None]:
+    """A file without a name for the coordinates of a run, None where they are not wanted."""
+    if not wanted:
+        yield None
+        return
+    with tempfile.TemporaryFile(buffering=0) as file:
+        yield cast(BinaryIO, file)

@@ -42,6 +42,7 @@ class Recursive {
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
+  const std::vector<std::string_view>& coordinates() const { return d_.coordinates; }
 
   /// Take over a start; `motion` is 0 of a mechanism at rest.  Throws Failure where a guard is violated.
   void begin(const State<double>& start, double motion) {
@@ -73,6 +74,9 @@ class Recursive {
   Real time() const { return state_.t; }
 
   const std::optional<EnergyBalance<M>>& energy() const { return energy_; }
+
+  /// The coordinates of the row that was reported last.
+  const std::vector<Real>& position() const { return state_.q; }
 
   void report(Real* column) { mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
 

@@ -28,6 +28,7 @@ class RowByRow {
       : subject_(subject), dynamics_(dynamics), settings_(settings), guards_(subject), dt_(settings.dt) {}
 
   const std::vector<Named>& columns() const { return subject_.description().columns; }
+  const std::vector<std::string_view>& coordinates() const { return subject_.description().coordinates; }
 
   /// Take over a start in the coordinates of the dynamics.
   void begin(const State<Real>& start) {
@@ -65,8 +66,12 @@ class RowByRow {
 
   const std::optional<EnergyBalance<Subject>>& energy() const { return energy_; }
 
+  /// The coordinates of the row that was reported last.
+  const std::vector<Real>& position() const { return position_; }
+
   void report(Real* column) {
     const State<Real>& x = dynamics_.complete(t_, y_);
+    position_ = x.q;
     subject_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), column);
   }
 
@@ -125,7 +130,7 @@ class RowByRow {
   std::optional<Stepper> stepper_;
   std::optional<EnergyBalance<Subject>> energy_;
   std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
-  std::vector<Real> y_;
+  std::vector<Real> y_, position_;
   Real origin_{0}, t_{0}, dt_;
 };
 

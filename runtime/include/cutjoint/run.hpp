@@ -31,6 +31,7 @@ namespace cutjoint {
 /// A method has
 ///
 /// - `columns` and `report`, the names and values of what it reports, and `time`,
+/// - `coordinates` and `position`, the names and values of its coordinates where it has last reported,
 /// - `begin`, which takes over a start, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
@@ -184,30 +185,36 @@ class Run {
       steps_table_.emplace(file_, "steps_out");
       steps_table_->header(std::span<const std::string_view>(Method::step_columns));
     }
+    if (file_.contains("coordinates_out")) {
+      coordinates_.emplace(file_, "coordinates_out");
+      coordinates_->header(std::span<const std::string_view>(method_.coordinates()));
+    }
     if (file_.contains("tangents_out")) tangents_.emplace(file_.at("tangents_out"));
   }
 
   void close_files() {
     if (table_) table_->close();
     if (steps_table_) steps_table_->close();
+    if (coordinates_) coordinates_->close();
     if (tangents_) tangents_->close();
   }
 
   void write() {
     method_.report(values_.data());
     table_->row(method_.time(), values_);
+    if (coordinates_) coordinates_->row(method_.time(), method_.position());
     written_ = static_cast<double>(method_.time());
     remember();
     if constexpr (requires { method_.differentiate(); })
       if (tangents_) tangents_->write(method_.differentiate().dump() + '\n');
   }
 
-  /// Keep where the table ends, as long as the rows from here on may have to be taken back.
+  /// Keep where the tables end, as long as the rows from here on may have to be taken back.
   void remember() {
     if constexpr (requires { method_.energy(); }) {
       if (!method_.energy()) return;
-      ends_.emplace_back(written_, table_->end());
-      while (ends_.size() > 1 && ends_[1].first <= method_.energy()->settled()) ends_.pop_front();
+      ends_.push_back({written_, table_->end(), coordinates_ ? coordinates_->end() : Table::End{}});
+      while (ends_.size() > 1 && ends_[1].time <= method_.energy()->settled()) ends_.pop_front();
     }
   }
 
@@ -226,8 +233,9 @@ class Run {
 
   /// Take back the rows after a time, but for the first.
   void take_back(double since) {
-    while (ends_.size() > 1 && ends_.back().first > since) ends_.pop_back();
-    table_->cut(ends_.back().second);
+    while (ends_.size() > 1 && ends_.back().time > since) ends_.pop_back();
+    table_->cut(ends_.back().table);
+    if (coordinates_) coordinates_->cut(ends_.back().coordinates);
   }
 
   /// The row of the last state that converged, unless it has one.
@@ -254,13 +262,19 @@ class Run {
     std::cout << Json{{"progress", static_cast<double>(step) / static_cast<double>(steps)}} << std::endl;
   }
 
+  /// The time of a row, and where the tables end with it.
+  struct RowEnd {
+    double time;
+    Table::End table, coordinates;
+  };
+
   InitialState<M> initial_state_;
   Method& method_;
   const RunSettings& settings_;
   const Json& file_;
   std::vector<Real> values_;
-  std::optional<Table> table_, steps_table_;
-  std::deque<std::pair<double, Table::End>> ends_;  ///< times of rows, and where the table ends with them
+  std::optional<Table> table_, steps_table_, coordinates_;
+  std::deque<RowEnd> ends_;             ///< of the rows that may have to be taken back, and the one before
   std::optional<OutputFile> tangents_;  ///< a line of JSON a row
   bool begun_ = false;                  ///< whether the method has taken over a start
   bool stopped_ = false;                ///< by request, before the end

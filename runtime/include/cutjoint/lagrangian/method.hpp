@@ -49,6 +49,7 @@ class LagrangianMethod {
   }
 
   const std::vector<Named>& columns() const { return d_.columns; }
+  const std::vector<std::string_view>& coordinates() const { return d_.coordinates; }
 
   /// Take over a start in relative coordinates; `motion` is 0 of a mechanism at rest.  Throws Failure.
   void begin(const State<double>& start, double motion) {
@@ -88,6 +89,9 @@ class LagrangianMethod {
   Real time() const { return state_.t; }
 
   const std::optional<EnergyBalance<S>>& energy() const { return energy_; }
+
+  /// The coordinates of the row that was reported last.
+  const std::vector<Real>& position() const { return state_.q; }
 
   void report(Real* column) const { system_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
 

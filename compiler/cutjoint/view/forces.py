@@ -1,0 +1,141 @@
+"""Springs, rods, wheels and the road, which move between bodies or as none does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutjoint.analysis.body_poses import BodyPose
+from cutjoint.export.numbers import Numbers
+from cutjoint.formulate.forces import is_active
+from cutjoint.model.records import AxialForce, Bushing, Model, PointSpring, Scene, Tyre
+from cutjoint.run.roads import Piece, profile_pieces
+from cutjoint.view import meshes
+from cutjoint.view.colours import JOINT, ROAD, RUBBER, STEEL
+from cutjoint.view.records import Array, Mesh, Node, Part
+from cutjoint.view.sizes import Sizes, point_of
+from cutjoint.view.turns import along, one_side, product, quaternions_of, rotation_to
+
+#: A wheel that turns further than this from one row to the next, rad, is drawn without its turning, which nobody could follow.
+_LARGEST_TURN = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceNodes:
+    """What is drawn of forces, of joints that keep a distance, and of the road."""
+
+    model: Model
+    scene: Scene
+    numbers: Numbers
+    sizes: Sizes
+    poses: Mapping[str, BodyPose]
+    up: Array
+
+    def all(self) -> Iterator[Node]:
+        """The nodes in the model's order."""
+        wheels = []
+        for force in self.model.forces:
+            if not is_active(force, self.scene):
+                continue
+            match force:
+                case PointSpring():
+                    start, end = self._place(force.base, force.start), self._place(force.follower, force.end)
+                    yield self._drawn_out(force.name, meshes.coil(self.sizes.spring), start, end)
+                case AxialForce():
+                    yield self._axial(force)
+                case Bushing():
+                    ring = meshes.revolved([(0.8, -0.5), (1.3, -0.5), (1.3, 0.5), (0.8, 0.5), (0.8, -0.5)])
+                    mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
+                    turned = mesh.moved(rotation_to(point_of(self.numbers, force.axes[2])), np.zeros(3))
+                    rotation = quaternions_of(self.poses[force.base].rotation)
+                    yield self._node(force.name, (Part(mesh=turned, colour=JOINT),), self._place(force.base, force.point), rotation)
+                case Tyre():
+                    wheels.append((force, self._place(force.body, force.centre)))
+                    yield self._wheel(force, wheels[-1][1])
+        for joint in self.model.joints:
+            if joint.to is not None:
+                start, end = self._place(joint.base, joint.at), self._place(joint.follower, joint.to)
+                yield self._drawn_out(joint.name, meshes.cylinder(self.sizes.bar, 1.0).moved(np.eye(3), np.array([0, 0, 0.5])), start, end)
+        if wheels:
+            yield self._road(wheels)
+
+    def _place(self, body: str, point: tuple[object, ...]) -> Array:
+        return self.poses[body].place(point_of(self.numbers, point))  # type: ignore[arg-type]
+
+    def _node(self, name: str, parts: tuple[Part, ...], translation: Array, rotation: Array, scale: Array | None = None) -> Node:
+        still = np.ones((1, 3)) if scale is None else scale
+        return Node(name=name, parts=parts, translation=translation, rotation=rotation, scale=still, about={"element": name})
+
+    def _drawn_out(self, name: str, mesh: Mesh, start: Array, end: Array) -> Node:
+        """A mesh of unit length along z between two points (times, 3)."""
+        way = end - start
+        length = np.maximum(np.linalg.norm(way, axis=1), 1e-4 * self.sizes.extent)
+        scale = np.stack([np.ones_like(length), np.ones_like(length), length], axis=1)
+        seen = np.where(np.linalg.norm(way, axis=1, keepdims=True) > 1e-9 * self.sizes.extent, way, [0.0, 0.0, 1.0])
+        return self._node(name, (Part(mesh=mesh, colour=STEEL, roughness=0.4),), start, along(seen), scale)
+
+    def _axial(self, force: AxialForce) -> Node:
+        """A spring along the force's line, as long as its travel."""
+        point, origin = self._place(force.follower, force.point), self._place(force.base, force.origin)
+        axis = self.poses[force.base].turn(point_of(self.numbers, force.axis))
+        travel = np.sum((point - origin) * axis, axis=1, keepdims=True)
+        return self._drawn_out(force.name, meshes.coil(self.sizes.spring), point - travel * axis, point)
+
+    def _wheel(self, tyre: Tyre, centre: Array) -> Node:
+        """A wheel that turns as far as it goes, which no coordinate of the model says."""
+        radius, axis = self.numbers.number(tyre.constants["radius"]), point_of(self.numbers, tyre.axis)
+        pose = self.poses[tyre.body]
+        ahead = np.cross(pose.turn(axis), self.up)
+        ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
+        turns = np.sum(np.diff(centre, axis=0) * (ahead[1:] + ahead[:-1]) / 2, axis=1) / radius
+        angle = np.concatenate([[0.0], np.cumsum(turns)]) if np.abs(turns).max(initial=0.0) < _LARGEST_TURN else np.zeros(len(centre))
+        own = np.concatenate([np.sin(angle / 2)[:, np.newaxis] * axis, np.cos(angle / 2)[:, np.newaxis]], axis=1)
+        rotation = product(quaternions_of(pose.rotation), own)
+        turned = rotation_to(axis)
+        parts = (
+            Part(mesh=meshes.tyre(radius).moved(turned, np.zeros(3)), colour=RUBBER, roughness=0.9),
+            Part(mesh=meshes.rim(radius).moved(turned, np.zeros(3)), colour=STEEL, roughness=0.4),
+        )
+        return self._node(tyre.name, parts, centre, one_side(rotation))
+
+    def _road(self, wheels: list[tuple[Tyre, Array]]) -> Node:
+        """Both tracks under the way of all wheels, in strips of a metre."""
+        way = np.concatenate([centre for _, centre in wheels])
+        margin = 4 * max(self.numbers.number(tyre.constants["radius"]) for tyre, _ in wheels)
+        x0, x1 = np.floor(way[:, 0].min() - margin), np.ceil(way[:, 0].max() + margin)
+        road, parts = self.scene.road, []
+        tracks = [(road.left, 0.0, max(way[:, 1].max(), 0.0) + margin / 2), (road.right, min(way[:, 1].min(), 0.0) - margin / 2, 0.0)]
+        for segments, right, left in tracks:
+            x, z = _course(profile_pieces(segments, road.start), float(x0), float(x1))
+            cells = np.floor((x[1:] + x[:-1]) / 2).astype(int) % 2
+            whole = meshes.strip(x, z, left, right)
+            for shade, colour in enumerate(ROAD):
+                kept = np.concatenate([cells == shade, cells == shade])
+                if kept.any():
+                    mesh = Mesh(points=whole.points, normals=whole.normals, faces=whole.faces[kept])
+                    parts.append(Part(mesh=mesh, colour=colour, roughness=1.0))
+        return Node(name="road", parts=tuple(parts), translation=np.zeros((1, 3)), about={"road": True})
+
+
+def _course(pieces: list[Piece], first: float, last: float) -> tuple[Array, Array]:
+    """Places along a road and its heights there, both sides of a step."""
+    begins = [piece.begin for piece in pieces]
+    x, z = [], []
+    for index, piece in enumerate(pieces):
+        start = first if index == 0 else begins[index]
+        end = begins[index + 1] if index + 1 < len(begins) else last
+        start, end = max(start, first), min(end, last)
+        if end <= start:
+            continue
+        marks = np.unique(np.concatenate([[start, end], np.arange(np.ceil(start), end, 1.0), _bends(piece, start, end)]))
+        x += marks.tolist()
+        z += [piece.height(mark) for mark in marks]
+    points = np.array([x, z])
+    moves = np.concatenate([[True], np.abs(np.diff(points)).max(axis=0) > 1e-9])
+    return points[0, moves], points[1, moves]
+
+
+def _bends(piece: Piece, start: float, end: float) -> Array:
+    return np.linspace(start, end, 40) if piece.kind == "cosine" else np.zeros(0)

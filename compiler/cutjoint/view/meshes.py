@@ -1,0 +1,145 @@
+"""Meshes of simple bodies, around the origin along z."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from itertools import pairwise
+from math import pi, tau
+
+import numpy as np
+
+from cutjoint.view.records import Array, Faces, Mesh
+from cutjoint.view.turns import rotation_to
+
+_AROUND = 20
+
+
+def _grid_faces(rows: int, columns: int) -> Faces:
+    """Two triangles for each cell of a grid of (rows, columns) points."""
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = (i * columns + j).ravel()
+    b, c, d = a + 1, a + columns, a + columns + 1
+    return np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one."""
+    firsts = np.cumsum([0, *(len(m.points) for m in meshes[:-1])])
+    return Mesh(
+        points=np.concatenate([m.points for m in meshes]), normals=np.concatenate([m.normals for m in meshes]),
+        faces=np.concatenate([m.faces + first for m, first in zip(meshes, firsts, strict=True)]),
+    )  # fmt: skip
+
+
+def revolved(profile: Sequence[tuple[float, float]], around: int = _AROUND) -> Mesh:
+    """The surface that a profile of points (radius, z) sweeps about z, upwards outside, with an edge at each point."""
+    angle = np.linspace(0.0, tau, around + 1)
+    parts = []
+    for (r0, z0), (r1, z1) in pairwise(profile):
+        out, up = z1 - z0, r0 - r1
+        length = float(np.hypot(out, up))
+        rows = [np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)], axis=1) for r, z in ((r0, z0), (r1, z1))]
+        normals = np.stack([np.cos(angle) * out, np.sin(angle) * out, np.full_like(angle, up)], axis=1) / length
+        parts.append(Mesh(points=np.concatenate(rows), normals=np.concatenate([normals, normals]), faces=_grid_faces(2, around + 1)))
+    return joined(parts)
+
+
+def cylinder(radius: float, length: float, around: int = _AROUND) -> Mesh:
+    """A solid cylinder."""
+    h = length / 2
+    return revolved([(0.0, -h), (radius, -h), (radius, h), (0.0, h)], around)
+
+
+@cache
+def sphere(radius: float) -> Mesh:
+    """A sphere."""
+    rows = 11
+    theta, phi = np.meshgrid(np.linspace(-pi / 2, pi / 2, rows), np.linspace(0.0, tau, _AROUND + 1), indexing="ij")
+    normals = np.stack([np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)], axis=-1).reshape(-1, 3)
+    return Mesh(points=radius * normals, normals=normals, faces=_grid_faces(rows, _AROUND + 1))
+
+
+def box(a: float, b: float, c: float) -> Mesh:
+    """A cuboid with lengths along x, y, z."""
+    sides = []
+    half = np.array([a, b, c]) / 2
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            normal, u = sign * np.eye(3)[axis], np.eye(3)[(axis + 1) % 3]
+            v = np.cross(normal, u)
+            corners = np.array([normal - u - v, normal + u - v, normal + u + v, normal - u + v]) * half
+            sides.append(Mesh(points=corners, normals=np.tile(normal, (4, 1)), faces=np.array([[0, 1, 2], [0, 2, 3]])))
+    return joined(sides)
+
+
+def between(start: Array, end: Array, radius: float) -> Mesh:
+    """A round bar from one point (3,) to another."""
+    way = end - start
+    return cylinder(radius, float(np.linalg.norm(way)), 14).moved(rotation_to(way), (start + end) / 2)
+
+
+#: The length at which the wire of a coil is round, in radii of the coil.
+_DRAWN = 8.0
+
+
+@cache
+def coil(radius: float, turns: int = 7) -> Mesh:
+    """A helical spring from z = 0 to 1 with straight ends, to be drawn out along z."""
+    steps, end = 14 * turns, 0.08
+    s = np.linspace(0.0, 1.0, steps + 1)
+    reach = radius * np.minimum(1.0, np.minimum(s, 1 - s) * 20)
+    path = np.stack([reach * np.cos(tau * turns * s), reach * np.sin(tau * turns * s), end + (1 - 2 * end) * s], axis=1)
+    long = np.array([1.0, 1.0, _DRAWN * radius])
+    tube = _tube(np.concatenate([[[0.0, 0.0, 0.0]], path, [[0.0, 0.0, 1.0]]]) * long, radius / 6)
+    normals = tube.normals * long
+    return Mesh(points=tube.points / long, normals=normals / np.linalg.norm(normals, axis=1, keepdims=True), faces=tube.faces)
+
+
+def _tube(path: Array, radius: float, sides: int = 7) -> Mesh:
+    """A round tube along a path (n, 3)."""
+    ahead = np.gradient(path, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    first = np.cross(ahead, np.eye(3)[np.abs(ahead[0]).argmin()])[0]
+    across = np.empty_like(path)
+    for i, direction in enumerate(ahead):  # carried along, so that the tube does not twist
+        first = first - (first @ direction) * direction
+        first /= np.linalg.norm(first)
+        across[i] = first
+    around = np.linspace(0.0, tau, sides + 1)[np.newaxis, :, np.newaxis]
+    normals = np.cos(around) * across[:, np.newaxis] + np.sin(around) * np.cross(ahead, across)[:, np.newaxis]
+    points = path[:, np.newaxis] + radius * normals
+    faces = _grid_faces(len(path), sides + 1)
+    return Mesh(points=points.reshape(-1, 3), normals=normals.reshape(-1, 3), faces=faces)
+
+
+def tyre(radius: float) -> Mesh:
+    """The rubber of a wheel."""
+    w, inner = 0.25 * radius, 0.62 * radius
+    flank, edge = 0.9 * radius, 0.6 * w
+    return revolved([(inner, -w), (flank, -w), (radius, -edge), (radius, edge), (flank, w), (inner, w), (inner, -w)], 36)
+
+
+def rim(radius: float) -> Mesh:
+    """The rim of a wheel with spokes, by which one sees it turn."""
+    inner, w = 0.62 * radius, 0.1 * radius
+    ring = revolved([(0.9 * inner, -w), (inner, -w), (inner, w), (0.9 * inner, w), (0.9 * inner, -w)], 36)
+    bar = box(0.16 * radius, 1.9 * inner, w)
+    turned = [bar.moved(_about_z(k * pi / 3), np.zeros(3)) for k in range(3)]
+    return joined([ring, cylinder(0.2 * radius, 2.4 * w), *turned])
+
+
+def _about_z(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def strip(x: Array, z: Array, left: float, right: float) -> Mesh:
+    """A surface over x with heights z (n,), from y = right to left, seen from above; an edge at each point."""
+    n = len(x)
+    slope = np.stack([-(z[1:] - z[:-1]), np.zeros(n - 1), x[1:] - x[:-1]], axis=1)
+    normals = np.repeat(slope / np.linalg.norm(slope, axis=1, keepdims=True), 4, axis=0)
+    corners = [np.stack([a, np.full(n - 1, y), h], axis=1) for a, h in ((x[:-1], z[:-1]), (x[1:], z[1:])) for y in (right, left)]
+    first = 4 * np.arange(n - 1)[:, np.newaxis]
+    faces = np.concatenate([first + np.array([0, 2, 3]), first + np.array([0, 3, 1])])
+    return Mesh(points=np.stack(corners, axis=1).reshape(-1, 3), normals=normals, faces=faces)

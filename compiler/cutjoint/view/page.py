@@ -1,0 +1,77 @@
+"""A drawing as a page: one HTML file that holds all it needs."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from html import escape
+
+import jinja2
+import numpy as np
+
+from cutjoint.locations import templates_folder
+from cutjoint.view.records import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlotColumn:
+    """A column of a table over the drawing's times, and the ``bodies`` that it belongs to."""
+
+    name: str
+    unit: str
+    bodies: Sequence[str]
+    values: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outlook:
+    """How a page first looks at a mechanism.
+
+    ``direction`` (3,) goes from it to the eye in the model's axes, ``extent`` is its size in m, ``floor`` the height of the ground along
+    up, ``road`` whether there is a road, ``follow`` the body that stays in the middle, "" for none.
+    """
+
+    direction: Sequence[float]
+    extent: float
+    floor: float
+    road: bool
+    follow: str
+
+
+def make_page(
+    *, title: str, scene: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook
+) -> str:  # fmt: skip
+    """The page of a .glb file and the columns of its run; names are data there, whatever they are."""
+    folder = templates_folder() / "view"
+    about = {
+        "title": title, "scene": scene, "bodies": list(bodies), "outlook": asdict(outlook), "rows": int(t.size),
+        "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
+    }  # fmt: skip
+    values = np.concatenate([t, *(c.values for c in columns)]).astype("<f4")
+    scripts = [(folder / name).read_text(encoding="utf-8") for name in ("vendor/libraries.min.js", "page.js")]
+    return _environment().get_template("page.html.jinja").render(
+        title=escape(f"{title}, {scene}"), about=_as_data(about), glb=base64.b64encode(glb).decode(),
+        table=base64.b64encode(values.tobytes()).decode(), scripts=scripts, hashes=[_hash(script) for script in scripts],
+        styles=[(folder / name).read_text(encoding="utf-8") for name in ("vendor/uplot.min.css", "page.css")],
+    )  # fmt: skip
+
+
+def _environment() -> jinja2.Environment:
+    loader = jinja2.FileSystemLoader(templates_folder() / "view")
+    return jinja2.Environment(
+        loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )  # fmt: skip
+
+
+def _as_data(content: Mapping[str, object]) -> str:
+    """JSON that ends no element of the page, whatever its texts are."""
+    return re.sub("[<>&\u2028\u2029]", lambda found: f"\\u{ord(found[0]):04x}", json.dumps(content, allow_nan=False))
+
+
+def _hash(script: str) -> str:
+    """What the page's policy names a script by: no other one runs (W3C, Content Security Policy Level 3, section 2.3.1)."""
+    return f"'sha256-{base64.b64encode(sha256(script.encode()).digest()).decode()}'"

@@ -1,0 +1,64 @@
+"""What is drawn: meshes on nodes that move over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Faces: TypeAlias = NDArray[np.int64]
+
+#: Red, green and blue from 0 to 1, as screens have them (sRGB).
+Colour: TypeAlias = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh:
+    """Triangles: ``points`` and ``normals`` (n, 3), ``faces`` (m, 3), anticlockwise from outside."""
+
+    points: Array
+    normals: Array
+    faces: Faces
+
+    def moved(self, rotation: Array, shift: Array) -> Mesh:
+        """The mesh turned by (3, 3) and shifted by (3,)."""
+        return Mesh(points=self.points @ rotation.T + shift, normals=self.normals @ rotation.T, faces=self.faces)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A mesh of one colour."""
+
+    mesh: Mesh
+    colour: Colour
+    roughness: float = 0.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Node:
+    """Parts that move together: a point p of theirs is at rotation (scale p) + translation.
+
+    ``translation`` is (times, 3), ``rotation`` (times, 4) as quaternions (x, y, z, w), ``scale`` (times, 3); what does not change has one
+    row.  ``about`` is what a page has to know of the node.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    translation: Array
+    rotation: Array = field(default_factory=lambda: np.array([[0.0, 0.0, 0.0, 1.0]]))
+    scale: Array = field(default_factory=lambda: np.ones((1, 3)))
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """Nodes over the times ``t`` (times,), s, in the model's axes; ``up`` (3,) is against gravity."""
+
+    name: str
+    t: Array
+    nodes: tuple[Node, ...]
+    up: Array

@@ -1,0 +1,93 @@
+"""How large what is drawn is: by the extent of the mechanism in its design position."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutjoint.export.numbers import Numbers
+from cutjoint.formulate.forces import is_active
+from cutjoint.model.records import AxialForce, Bushing, Force, Model, PointSpring, Scene, Shape, ShapeKind, Tyre, Vector
+from cutjoint.view.records import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sizes:
+    """The ``extent`` of a mechanism, and the radii of bars, joints and springs by it, m."""
+
+    extent: float
+
+    @property
+    def bar(self) -> float:
+        """The radius of a bar between two joints."""
+        return 0.011 * self.extent
+
+    @property
+    def joint(self) -> float:
+        """The radius of a joint."""
+        return 0.019 * self.extent
+
+    @property
+    def spring(self) -> float:
+        """The radius of a coil."""
+        return 0.026 * self.extent
+
+
+def point_of(numbers: Numbers, point: Vector) -> Array:
+    """A point or direction of the design position as numbers (3,)."""
+    return np.array(numbers.triple(point))
+
+
+def force_points(force: Force) -> Iterator[tuple[str, Vector]]:
+    """The points at which a force acts, each with its body."""
+    match force:
+        case PointSpring():
+            yield from ((force.base, force.start), (force.follower, force.end))
+        case AxialForce():
+            yield from ((force.base, force.origin), (force.follower, force.point))
+        case Bushing():
+            yield from ((force.base, force.point), (force.follower, force.point))
+        case Tyre():
+            yield force.body, force.centre
+
+
+def attached_points(model: Model, scene: Scene) -> Iterator[tuple[str, Vector]]:
+    """The points in which joints and forces hold bodies, each with its body; a free joint holds nothing."""
+    for joint in model.joints:
+        if not joint.element.is_free:
+            yield from ((joint.base, joint.at), (joint.follower, joint.to or joint.at))
+    for force in model.forces:
+        if is_active(force, scene):
+            yield from force_points(force)
+
+
+def find_sizes(model: Model, scene: Scene, numbers: Numbers) -> Sizes:
+    """The sizes for a model: its extent is that of all points in the design position, and of the shapes around them."""
+    corners = [point_of(numbers, body.centre_of_mass) for body in model.bodies]
+    corners += [point_of(numbers, point) for _, point in attached_points(model, scene)]
+    for body in model.bodies:
+        corners += [corner for shape in body.shapes for corner in _corners(numbers, shape)]
+    for force in model.forces:
+        if isinstance(force, Tyre):
+            centre, radius = point_of(numbers, force.centre), numbers.number(force.constants["radius"])
+            corners += [centre - radius, centre + radius]
+    extent = float(np.linalg.norm(np.ptp(np.array(corners), axis=0))) if corners else 0.0
+    return Sizes(extent=extent if extent > 0 else 1.0)
+
+
+def _corners(numbers: Numbers, shape: Shape) -> Iterator[Array]:
+    """Corners of a box around a shape; one that is larger is of no harm."""
+    centre = point_of(numbers, shape.points[0])
+    if shape.kind is ShapeKind.BOX:
+        sides = np.abs(np.array([np.array(numbers.triple(axis)) for axis in shape.axes])).T @ [numbers.number(s) for s in shape.sizes] / 2
+    elif shape.kind is ShapeKind.CYLINDER:
+        radius, length = (numbers.number(s) for s in shape.sizes)
+        axis = np.abs(point_of(numbers, shape.axes[0]))
+        sides = length / 2 * axis + radius * np.sqrt(np.maximum(0.0, 1 - axis**2))
+    else:
+        sides = np.full(3, numbers.number(shape.sizes[0]) if shape.sizes else 0.0)
+        for point in shape.points[1:]:
+            yield point_of(numbers, point)
+    yield from (centre - sides, centre + sides)

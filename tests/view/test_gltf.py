@@ -1,0 +1,140 @@
+"""The glTF files: what moves is where the table says, and the validator of the standard has nothing to say."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+from shutil import which
+
+import numpy as np
+import pytest
+
+from cutjoint.view import meshes
+from cutjoint.view.gltf import write_gltf
+from cutjoint.view.records import Drawing, Mesh, Node, Part
+from cutjoint.view.turns import along, product, quaternions_of, shortest
+from tests.conftest import needs_cpp
+from tests.view.conftest import Shown
+from tests.view.files import Gltf, read_csv
+
+#: Numbers of 32 bits have steps of 4e-6 m at the 50 m that the vehicle drives.
+CLOSE = 1e-5
+VALIDATOR = "gltf-validator@2.0.0-dev.3.10"
+
+VALIDATE = """
+const validator = require('gltf-validator'), fs = require('fs');
+validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2]))).then((report) => console.log(JSON.stringify(report.issues)));
+"""
+
+
+@pytest.fixture(scope="module")
+def validator(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("validator")
+    if which("npm") is None or which("node") is None:
+        pytest.skip("needs npm and node")
+    installed = subprocess.run(
+        ["npm", "install", "--silent", "--ignore-scripts", VALIDATOR], cwd=folder, capture_output=True, text=True, timeout=120
+    )
+    if installed.returncode:
+        pytest.skip("npm cannot install gltf-validator here")
+    (folder / "validate.js").write_text(VALIDATE, encoding="utf-8")
+    return folder / "validate.js"
+
+
+@needs_cpp
+@pytest.mark.parametrize(("run", "bodies"), [
+    ("press", ("crank", "rod", "slider")), ("iltis", ("chassis", "front_left.carrier", "rear_right.tie_rod")),
+])  # fmt: skip
+def test_keyframes_are_where_the_table_says(run: str, bodies: tuple[str, ...], request: pytest.FixtureRequest) -> None:
+    shown: Shown = request.getfixturevalue(run)
+    gltf, table = Gltf.read(shown.glb), read_csv(shown.table)
+    for body in bodies:
+        t, places = gltf.track(body, "translation")
+        rows = np.searchsorted(table["t"], t - 1e-4)
+        assert np.abs(table["t"][rows] - t).max() < 1e-6 * max(1.0, t[-1])
+        expected = np.stack([table[f"{body}.{axis}"][rows] for axis in "xyz"], axis=1)
+        assert np.abs(places - expected).max() < CLOSE
+
+
+@needs_cpp
+def test_the_attitude_is_the_tables(iltis: Shown) -> None:
+    gltf, table = Gltf.read(iltis.glb), read_csv(iltis.table)
+    t, (x, y, z, w) = (part.T if part.ndim == 2 else part for part in gltf.track("chassis", "rotation"))
+    rows = np.searchsorted(table["t"], t - 1e-4)
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    assert np.ptp(pitch) > 0.1
+    assert np.abs(np.abs(pitch) - np.abs(table["chassis.pitch"][rows])).max() < 1e-6
+
+
+@needs_cpp
+@pytest.mark.parametrize("run", ["press", "iltis"])
+def test_the_validator_has_nothing_to_say(run: str, validator: Path, request: pytest.FixtureRequest) -> None:
+    command = ["node", validator, request.getfixturevalue(run).glb]
+    found = subprocess.run(command, capture_output=True, text=True, check=True, cwd=validator.parent)
+    issues = json.loads(found.stdout)
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+@needs_cpp
+def test_the_page_of_ten_seconds_is_below_five_megabytes(iltis: Shown) -> None:
+    assert iltis.page.stat().st_size < 5e6
+
+
+@needs_cpp
+def test_a_spring_reaches_from_end_to_end(press: Shown) -> None:
+    gltf, table = Gltf.read(press.glb), read_csv(press.table)
+    _, lengths = gltf.track("spring", "scale")
+    assert np.abs(lengths[:, 2] - (0.8 - table["slider.x"])).max() < CLOSE
+    assert np.all(lengths[:, :2] == 1)
+
+
+def test_a_mechanism_without_bodies_is_empty() -> None:
+    content = write_gltf(Drawing(name="none", t=np.zeros(1), nodes=(), up=np.array([0.0, 0.0, 1.0])))
+    assert sorted(Gltf(content).document) == ["asset", "nodes", "scene", "scenes"]
+
+
+def every_mesh() -> dict[str, Mesh]:
+    x, z = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    return {
+        "box": meshes.box(1, 2, 3), "cylinder": meshes.cylinder(1, 2), "sphere": meshes.sphere(1.0), "coil": meshes.coil(0.1),
+        "tyre": meshes.tyre(1.0), "rim": meshes.rim(1.0), "strip": meshes.strip(x, z, 1.0, 0.0),
+        "between": meshes.between(np.zeros(3), np.ones(3), 0.1),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "mesh"), every_mesh().items(), ids=every_mesh())
+def test_faces_look_outwards(name: str, mesh: Mesh) -> None:
+    a, b, c = (mesh.points[mesh.faces[:, i]] for i in range(3))
+    across = np.cross(b - a, c - a)
+    real = np.linalg.norm(across, axis=1) > 1e-9  # at poles a triangle has no area
+    assert np.all(np.sum(across * mesh.normals[mesh.faces].mean(axis=1), axis=1)[real] > 0)
+    assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1.0)
+
+
+def test_turns() -> None:
+    rng = np.random.default_rng(1)
+    rotations = np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in range(50)])
+    rotations *= np.linalg.det(rotations)[:, np.newaxis, np.newaxis]
+    points = rng.standard_normal((50, 3))
+    assert turned(quaternions_of(rotations), points) == pytest.approx(np.einsum("nij,nj->ni", rotations, points))
+    ways = np.concatenate([points, -points[-1:], [[0.0, 0.0, -1.0]]])
+    z = np.tile([0.0, 0.0, 1.0], (len(ways), 1))
+    assert turned(along(ways), z) == pytest.approx(ways / np.linalg.norm(ways, axis=1, keepdims=True))
+    assert turned(shortest(z[0], np.array([0.0, 1.0, 0.0]))[np.newaxis], z[:1]) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
+
+
+def turned(q: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points after rotations: q p q*."""
+    pure = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
+    return product(product(q, pure), q * [-1, -1, -1, 1])[:, :3]
+
+
+def test_what_does_not_move_has_no_track() -> None:
+    part = Part(mesh=meshes.box(1, 1, 1), colour=(1.0, 0.0, 0.0))
+    moving = np.linspace(0, 1, 5)[:, np.newaxis] * [1.0, 0.0, 0.0]
+    nodes = (Node(name="still", parts=(part,), translation=np.ones((5, 3))), Node(name="moving", parts=(part,), translation=moving))
+    content = write_gltf(Drawing(name="two", t=np.linspace(0, 1, 5), nodes=nodes, up=np.array([0.0, 0.0, 1.0])))
+    gltf = Gltf(content)
+    assert [c["target"] for c in gltf.document["animations"][0]["channels"]] == [{"node": 2, "path": "translation"}]
+    assert len(gltf.document["accessors"]) == 5, "the mesh stands there once"

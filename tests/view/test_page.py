@@ -1,0 +1,177 @@
+"""Pages in a browser without a window: what is seen is where it should be, and nothing is asked of a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from cutjoint.locations import templates_folder
+from cutjoint.view import meshes
+from cutjoint.view.gltf import write_gltf
+from cutjoint.view.page import Outlook, PlotColumn, make_page
+from cutjoint.view.records import Drawing, Node, Part
+from tests.conftest import ROOT, needs_cpp
+from tests.view.browser import Page
+from tests.view.conftest import Shown
+from tests.view.files import Array, read_csv
+
+#: Where a person finds what the tests have seen.
+PICTURES = ROOT / "results" / "view"
+
+
+def projected(page: Page, place: Array) -> Array:
+    """The pixel of a place in a model whose up is z, from where the page's eye is."""
+    eye = page.run("cutjoint.eye()")
+    start, target = np.array(eye["from"]), np.array(eye["to"])
+    width, height = eye["size"]
+    back = (start - target) / np.linalg.norm(start - target)
+    right = np.cross([0.0, 1.0, 0.0], back)
+    right /= np.linalg.norm(right)
+    x, y, z = place
+    way = np.array([x, z, -y]) - start
+    focal = height / 2 / np.tan(np.radians(eye["angle"]) / 2)
+    depth = -way @ back
+    return np.array([width / 2 + focal * (way @ right) / depth, height / 2 - focal * (way @ np.cross(back, right)) / depth])
+
+
+def require_silence(page: Page) -> None:
+    """Nothing complained, and nothing was asked for but the page itself and what it holds."""
+    assert page.complaints == []
+    assert page.requests
+    assert [r for r in page.requests if not r.startswith(("file:", "data:", "blob:"))] == []
+    assert {r for r in page.requests if r.startswith("file:")} <= {r for r in page.requests if r.endswith(".html")}
+
+
+@needs_cpp
+@pytest.mark.parametrize(("run", "bodies"), [
+    ("press", ("crank", "rod", "slider")), ("iltis", ("chassis", "front_left.carrier", "rear_right.tie_rod")),
+])  # fmt: skip
+def test_bodies_are_seen_where_the_table_says(run: str, bodies: tuple[str, ...], browser: Page, request: pytest.FixtureRequest) -> None:
+    shown: Shown = request.getfixturevalue(run)
+    table = read_csv(shown.table)
+    browser.open(shown.page)
+    for row in (0, table["t"].size // 3, table["t"].size - 1):
+        for body in bodies:
+            seen = browser.run(f"cutjoint.project('{body}', {table['t'][row]})")
+            expected = projected(browser, np.array([table[f"{body}.{axis}"][row] for axis in "xyz"]))
+            assert np.abs(seen - expected).max() < 1.0
+        browser.picture(PICTURES / f"{run}-{row}.png")
+    require_silence(browser)
+
+
+@needs_cpp
+def test_bodies_have_their_colours_in_the_picture(press: Shown, browser: Page) -> None:
+    browser.open(press.page)
+    top = browser.run("document.getElementById('picture').getBoundingClientRect().top")
+    for time in (0.0, 0.1, 1.0):
+        pixels = {body: browser.run(f"cutjoint.project('{body}', {time})") for body in ("crank", "rod", "slider")}
+        picture = imread(browser.picture(PICTURES / "press-colours.png"))
+        crank, rod, slider = (picture[round(y + top), round(x), :3] for x, y in pixels.values())
+        assert crank.argmax() == 2, "blue"
+        assert rod[0] > rod[1] > rod[2], "orange"
+        assert slider.argmax() == 1, "green"
+
+
+@needs_cpp
+def test_a_click_chooses_a_body_and_lists_its_outputs(press: Shown, browser: Page) -> None:
+    browser.open(press.page)
+    x, y = browser.run("cutjoint.project('slider', 0.5)")
+    top = browser.run("document.getElementById('picture').getBoundingClientRect().top")
+    browser.click(x, y + top)
+    assert browser.run("cutjoint.shown().body") == "slider"
+    names = browser.run("[...document.querySelectorAll('#values td:first-child')].map((cell) => cell.textContent)")
+    assert names == ["slider.x", "slider.y", "slider.z", "slider.vx", "spring.force"]
+    table = read_csv(press.table)
+    value = browser.run("document.querySelector('#values td + td').textContent")
+    assert float(value.split()[0]) == pytest.approx(table["slider.x"][50], abs=1e-4)
+    require_silence(browser)
+
+
+@needs_cpp
+def test_it_plays_to_the_end_and_the_cursor_follows(press: Shown, browser: Page) -> None:
+    browser.open(press.page, dark=True)
+    browser.run("document.getElementById('speed').value = '5'; cutjoint.play(true)")
+    browser.run("new Promise((done) => { const wait = () => cutjoint.shown().playing ? setTimeout(wait, 50) : done(1); wait(); })")
+    assert browser.run("cutjoint.shown().time") == pytest.approx(2.0)
+    ends = browser.run("[0, 1, 2].map((t) => (cutjoint.setTime(t), document.querySelector('.now').getBoundingClientRect().left))")
+    assert ends[1] - ends[0] == pytest.approx(ends[2] - ends[1], abs=1.0)
+    assert ends[2] - ends[0] > 100
+    browser.picture(PICTURES / "press-dark.png")
+    require_silence(browser)
+
+
+@needs_cpp
+def test_names_do_not_overlap(iltis: Shown, browser: Page) -> None:
+    browser.open(iltis.page)
+    browser.run("document.getElementById('names').click(); cutjoint.choose('front_left.carrier')")
+    browser.picture(PICTURES / "iltis-names.png")
+    sides = "(label) => { const b = label.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; }"
+    boxes = browser.run(f"[...document.querySelectorAll('#labels span')].map({sides})")
+    assert len(boxes) > 3
+    overlaps = [
+        (one, other) for i, one in enumerate(boxes) for other in boxes[:i]
+        if one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+    ]  # fmt: skip
+    assert overlaps == []
+
+
+#: Names that would run in a page that took them for more than text.
+HOSTILE = (
+    "</script><script>window.owned = 1</script>", "<img src=x onerror=window.owned=1>", "\"'`${window.owned=1}", "--><!--<script>",
+    "\u2028{{ 1 }}",
+)  # fmt: skip
+
+
+def hostile_page(file: Path) -> Path:
+    """A page whose names are all hostile."""
+    t, part = np.linspace(0.0, 1.0, 3), Part(mesh=meshes.box(1, 1, 1), colour=(0.8, 0.2, 0.2))
+    nodes = [
+        Node(name=name, parts=(part,), translation=t[:, np.newaxis] * [i, 1.0, 0.0], about={"body": name}) for i, name in enumerate(HOSTILE)
+    ]
+    columns = [PlotColumn(name=name, unit=name, bodies=[name], values=np.array([0.0, 1.0, np.nan])) for name in HOSTILE]
+    outlook = Outlook(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=HOSTILE[0])
+    glb = write_gltf(Drawing(name=HOSTILE[0], t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0])))
+    text = make_page(title=HOSTILE[0], scene=HOSTILE[1], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook)
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_names_are_text_whatever_they_are(browser: Page, tmp_path: Path) -> None:
+    browser.open(hostile_page(tmp_path / "hostile.html"))
+    browser.run("document.getElementById('names').click()")
+    for name in HOSTILE:
+        browser.run(f"cutjoint.choose(JSON.parse(document.getElementById('about').textContent).bodies[{HOSTILE.index(name)}])")
+        assert browser.run("cutjoint.shown().body") == name
+    assert browser.run("window.owned ?? 'nobody'") == "nobody"
+    assert browser.run("[document.title, document.querySelector('h1').textContent]") == [f"{HOSTILE[0]}, {HOSTILE[1]}", HOSTILE[0]]
+    assert browser.run("document.querySelectorAll('script').length") == 5
+    require_silence(browser)
+
+
+def test_no_other_script_runs(browser: Page, tmp_path: Path) -> None:
+    """The page's policy holds even if a text should once get out of its place."""
+    file = hostile_page(tmp_path / "policy.html")
+    text = file.read_text(encoding="utf-8").replace("<main>", "<script>window.owned = 1</script><main>")
+    file.write_text(text, encoding="utf-8")
+    browser.open(file)
+    assert browser.run("window.owned ?? 'nobody'") == "nobody"
+    assert any("Content Security Policy" in complaint for complaint in browser.complaints)
+    browser.complaints.clear()
+
+
+@pytest.mark.parametrize("name", ["page.js", "vendor/libraries.min.js"])
+def test_scripts_end_where_they_end(name: str) -> None:
+    text = (templates_folder() / "view" / name).read_text(encoding="utf-8").lower()
+    assert "</script" not in text
+    assert "<!--" not in text
+
+
+def test_the_libraries_have_their_licences() -> None:
+    folder = templates_folder() / "view" / "vendor"
+    licences, text = ((folder / name).read_text(encoding="utf-8") for name in ("LICENSES.txt", "libraries.min.js"))
+    for owner in ("three.js authors", "Leon Sorokin"):
+        assert owner in licences
+        assert owner in text, "each page has them too"

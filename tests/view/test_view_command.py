@@ -1,0 +1,137 @@
+"""`cutjoint view` and `cutjoint simulate --view`: what they write, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.analysis.body_poses import find_poses
+from cutjoint.cli import main
+from cutjoint.formulate.recursive.poses import derive_poses
+from cutjoint.model.records import ShapeKind
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.reading import read_model, read_model_text
+from tests.conftest import MODELS, needs_cpp
+from tests.view.conftest import call
+from tests.view.files import Gltf, read_csv
+
+PRESS = MODELS / "press.yaml"
+
+#: A crane whose guided slide follows an input, with shapes in an instance and its mirror image; z is not up.
+CRANE = """
+cutjoint: 1
+name: crane
+gravity: [0, -9.81, 0]
+parameters: {reach: {value: 0.5, unit: m, binding: input}, arm: {value: 0.4, unit: m, binding: param}}
+bodies: {trolley: {shapes: [{box: [0.4, 0.2, 0.3], at: [0, 2, 0], mass: 10}]}}
+joints: {rail: {kind: prismatic, bodies: [ground, trolley], at: [0, 2, 0], axis: [1, 0, 0], guide: reach + 0.1*t}}
+submodels:
+  weight:
+    connectors: [carrier]
+    bodies:
+      bob:
+        shapes:
+          - {rod: {from: [0, 2, 0.2], to: [0, 1, 0.2]}, mass: 1}
+          - {cylinder: {radius: 0.1, length: 0.3}, at: [0, 1, 0.2], axis: [0, 1, 0], mass: 2}
+          - {sphere: 0.05, at: [0, 1, 0.2], mass: 0.5, hole: true}
+    joints: {pivot: {kind: spherical, bodies: [carrier, bob], at: [0, 2, 0.2]}}
+instances:
+  front: &front {use: weight, connect: {carrier: trolley}}
+  back: {<<: *front, mirror: z}
+outputs: [trolley.x, front.bob.x, front.bob.y, front.bob.z, back.bob.x, back.bob.z]
+scenes:
+  carry: {end: 0.5, output_step: 0.05, numerics: {dt: 0.01}, inputs: {reach: "0.5 + 0.2*sin(5*t)"}, rates: {front.pivot.wx: 1}}
+"""
+
+
+@pytest.fixture
+def crane(tmp_path: Path) -> Path:
+    file = tmp_path / "crane.yaml"
+    file.write_text(CRANE, encoding="utf-8")
+    return file
+
+
+@needs_cpp
+@pytest.mark.parametrize("changes", [(), ("--set", "reach=0.7")], ids=["the scene's", "held"])
+def test_poses_follow_guides_and_inputs(crane: Path, changes: tuple[str, ...]) -> None:
+    table, glb = crane.with_suffix(".csv"), crane.with_suffix(".glb")
+    call("simulate", crane, "--out", table, "--no-error", "--view", glb, *changes)
+    columns, gltf = read_csv(table), Gltf.read(glb)
+    for body, axes in {"trolley": "x", "front.bob": "xyz", "back.bob": "xz"}.items():
+        t, places = gltf.track(body, "translation")
+        assert t == pytest.approx(columns["t"], abs=1e-6)
+        for axis in axes:
+            assert np.abs(places[:, "xyz".index(axis)] - columns[f"{body}.{axis}"]).max() < 1e-6
+    assert gltf.document["nodes"][0]["rotation"] == [0, 0, 0, 1], "y is up in the model and in the file"
+
+
+def test_bodies_keep_their_shapes() -> None:
+    model = read_model_text(CRANE, "crane.yaml")
+    trolley, front, back = model.bodies
+    assert [shape.kind for shape in trolley.shapes] == [ShapeKind.BOX]
+    assert [(s.kind, s.hole) for s in front.shapes] == [(ShapeKind.ROD, False), (ShapeKind.CYLINDER, False), (ShapeKind.SPHERE, True)]
+    assert [p for s in back.shapes for p in s.points] == [(x, y, -z) for s in front.shapes for x, y, z in s.points]
+
+
+def test_poses_at_the_design_position_are_the_file() -> None:
+    model = read_model(PRESS)
+    equations = derive_poses(build_topology(model), model.scenes["turn"])
+    poses = find_poses(equations, np.zeros(2), np.zeros((2, 3)), {"stiffness": 2000.0})
+    for pose in poses.values():
+        assert pose.place(np.array([0.3, 0.0, 0.1])) == pytest.approx(np.tile([0.3, 0.0, 0.1], (2, 1)))
+        assert pose.rotation.shape == (2, 3, 3)
+
+
+@needs_cpp
+def test_view_draws_the_start_of_a_scene(crane: Path) -> None:
+    page, glb = crane.with_suffix(".html"), crane.with_suffix(".glb")
+    call("view", crane, "--out", page, "--set", "reach=0.7")
+    about = json.loads(re.search('id="about">(.*?)</script>', page.read_text(encoding="utf-8"))[1])  # type: ignore[index]
+    assert (about["title"], about["scene"], about["rows"]) == ("crane", "carry", 1)
+    assert about["bodies"] == ["trolley", "front.bob", "back.bob"]
+    call("view", crane, "--out", glb, "--set", "reach=0.7")
+    document = Gltf.read(glb).document
+    places = {node["name"]: node["translation"] for node in document["nodes"] if "translation" in node}
+    assert places["trolley"] == pytest.approx([0.7, 2, 0])
+    assert "animations" not in document
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (("view", PRESS, "--out", "pose.png"), "--out pose.png: no such kind of file; write a name that ends in .html or .glb"),
+    (("simulate", PRESS, "--out", "x.csv", "--view", "run.txt"),
+     "--view run.txt: no such kind of file; write a name that ends in .html or .glb"),
+    (("simulate", PRESS, "--out", "x.html", "--view", "x.html"),
+     "--view x.html: that is --out x.html too; write the two to different files"),
+    (("simulate", PRESS, "--out", "x.csv", "--view", "x.html", "--method", "augmented"),
+     "--view: rows of the method augmented are natural coordinates, not those of the tree; use --method recursive or recursive-newton"),
+    (("simulate", PRESS, "--out", "x.csv", "--view", "x.html", "--method", "auto", "--tolerance", "1e-3"),
+     "--view: method auto may run a reduced model; name the method with --method"),
+])  # fmt: skip
+def test_refusals(arguments: tuple[object, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(main, [str(a) for a in arguments])
+    assert result.exit_code == 1
+    assert message in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_batch_is_not_seen(tmp_path: Path) -> None:
+    cases = tmp_path / "cases.csv"
+    cases.write_text("stiffness\n1000\n2000\n", encoding="utf-8")
+    result = CliRunner().invoke(
+        main, ["simulate", str(PRESS), "--batch", str(cases), "--out", str(tmp_path / "x.csv"), "--view", str(tmp_path / "x.html")]
+    )
+    assert result.exit_code == 1
+    assert "--view: a batch has many runs; simulate the one to be seen alone" in result.output
+
+
+def test_simulate_alone_imports_nothing_of_it() -> None:
+    script = "import sys, cutjoint.commands.simulate; print([name for name in sys.modules if name.startswith('cutjoint.view')])"
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "[]\n"
