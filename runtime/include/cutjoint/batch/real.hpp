@@ -37,6 +37,11 @@ struct Selection<Lanes<Number, N>> {
   static double of(Real x, int k) { return static_cast<double>(x[k]); }
   static void count(Mask mask, Mask& counted) { counted -= mask; }
   static void take(Mask mask, Real value, Real& number) { number = where(mask, value, number); }
+
+  template <class Numbers>
+  static void take_all(Mask mask, const Numbers& values, Numbers& numbers) {
+    for (std::size_t i = 0; i < numbers.size(); ++i) take(mask, values[i], numbers[i]);
+  }
 };
 
 /// The larger of two numbers; not a number where one of them is none.

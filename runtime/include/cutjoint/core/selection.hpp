@@ -22,9 +22,15 @@ struct Selection {
   static double of(Real x, int) { return static_cast<double>(x); }
   static void count(bool mask, long& counted) { counted += mask; }
 
-  /// Numbers become those of a selection.
+  /// A number becomes another in a selection.
   static void take(bool mask, Real value, Real& number) {
     if (mask) number = value;
+  }
+
+  /// The same of arrays; what was in them may come to be in `values`.
+  template <class Numbers>
+  static void take_all(bool mask, Numbers& values, Numbers& numbers) {
+    if (mask) numbers.swap(values);
   }
 };
 

@@ -88,7 +88,7 @@ class Trapezoidal {
       const Mask lost = Instances::both(open, Instances::either(Instances::without(late, close), Instances::without(open, Instances::finite(change_))));
       if (Instances::any(lost)) note(lost, t, iteration);
       failed = Instances::either(failed, lost);
-      for (std::size_t i = 0; i < vdot_.size(); ++i) Instances::take(open, vdot_[i], state.vdot[i]);
+      Instances::take_all(open, vdot_, state.vdot);
       open = Instances::without(open, Instances::either(failed, fixed_point_.fixed_cost ? Instances::all_if(last) : close));
     }
     follow(state);
