@@ -53,9 +53,9 @@
       action.play();
     }
     setTime(first);
-    home();
     new ResizeObserver(resize).observe(picture);
     resize();
+    home();
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', dress);
     dress();
     document.body.dataset.ready = 'yes';
@@ -70,12 +70,24 @@
   /** A vector of the model's axes in those of the scene. */
   const turned = (vector) => new Vector3(...vector).applyQuaternion(model.children[0].quaternion);
 
+  /** Looks at the mechanism so that all of it is seen, at all times where nothing is followed. */
   function home() {
-    const box = new Box3();
-    model.traverse((o) => { if (o.isMesh && !isRoad(o)) box.expandByObject(o); });
-    const centre = box.getCenter(new Vector3()), radius = Math.max(box.getSize(new Vector3()).length() / 2, 1e-6);
-    const narrow = Math.min(1, camera.aspect), half = (camera.fov * Math.PI) / 360;
-    camera.position.copy(centre).addScaledVector(turned(outlook.direction).normalize(), (1.02 * radius) / Math.sin(half) / narrow);
+    const box = new Box3(), { time } = state;
+    for (const at of state.follow || !action ? [time] : Array.from({ length: 17 }, (_, i) => first + ((last - first) * i) / 16)) {
+      setTime(at);
+      model.traverse((o) => { if (o.isMesh && !isRoad(o)) box.expandByObject(o); });
+    }
+    setTime(time);
+    const centre = box.getCenter(new Vector3()), half = box.getSize(new Vector3()).multiplyScalar(0.5);
+    const back = turned(outlook.direction).normalize(), right = new Vector3(0, 1, 0).cross(back).normalize(), up = back.clone().cross(right);
+    const slope = Math.tan((camera.fov * Math.PI) / 360);
+    let distance = outlook.extent / 2;
+    for (let k = 0; k < 8; k++) {  // each corner is seen
+      const corner = half.clone().multiply(new Vector3(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1));
+      const across = Math.max(Math.abs(corner.dot(up)), Math.abs(corner.dot(right)) / camera.aspect) / slope;
+      distance = Math.max(distance, corner.dot(back) + 1.12 * across);
+    }
+    camera.position.copy(centre).addScaledVector(back, distance);
     orbit.target.copy(centre);
     orbit.update();
     redraw();

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from cutjoint.pipeline import compile_scene
+from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.reading import read_model_text
 from tests.conftest import needs_cpp
+from tests.physics.test_energy import CART
 
-#: Two links that swing; the first one's angle is held by a stop.
+#: Two links that swing.
 SWING = """
 cutjoint: 1
 name: swing
@@ -47,6 +49,20 @@ def test_they_are_those_of_the_rows(method: str, integrator: str) -> None:
     assert run.coordinates.shape == (11, 2)
     assert np.array_equal(run.coordinates, np.stack([run["shoulder.angle"], run["elbow.angle"]], axis=1))
     assert np.ptp(run.coordinates, axis=0).min() > 0.1
+
+
+@needs_cpp
+def test_rows_that_are_taken_back_are_taken_back_here_too() -> None:
+    model = read_model_text(CART, "cartpole.yaml")
+    artifact = compile_scene(model, next(iter(model.scenes.values())))
+    plan = make_simulator_run(artifact, Options(integrator="rk4", dt=1e-2))
+    run = run_accurately(replace(plan, with_coordinates=True))
+    assert run.failure is not None
+    assert "the motion runs away" in run.failure.message
+    assert run.coordinates is not None
+    assert len(run.coordinates) == run.t.size
+    slide, turn = run.coordinates.T
+    assert run["pole.x"] == pytest.approx(slide + 0.5 * np.sin(turn))
 
 
 @needs_cpp

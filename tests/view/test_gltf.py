@@ -13,7 +13,7 @@ import pytest
 from cutjoint.view import meshes
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.records import Drawing, Mesh, Node, Part
-from cutjoint.view.turns import along, product, quaternions_of, shortest
+from cutjoint.view.turns import along, product, quaternions_of, rotation_to, shortest, turned
 from tests.conftest import needs_cpp
 from tests.view.conftest import Shown
 from tests.view.files import Gltf, read_csv
@@ -124,10 +124,10 @@ def test_turns() -> None:
     assert turned(shortest(z[0], np.array([0.0, 1.0, 0.0]))[np.newaxis], z[:1]) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
 
 
-def turned(q: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points after rotations: q p q*."""
-    pure = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
-    return product(product(q, pure), q * [-1, -1, -1, 1])[:, :3]
+def test_a_product_is_one_turn_after_another() -> None:
+    p, q = quaternions_of(np.array([rotation_to(np.array([1.0, 2.0, 3.0])), rotation_to(np.array([-1.0, 0.5, 0.2]))]))[:, np.newaxis]
+    vector = np.array([[0.3, -0.4, 0.5]])
+    assert turned(product(p, q), vector) == pytest.approx(turned(p, turned(q, vector)))
 
 
 def test_what_does_not_move_has_no_track() -> None:

@@ -104,6 +104,16 @@ def test_it_plays_to_the_end_and_the_cursor_follows(press: Shown, browser: Page)
 
 
 @needs_cpp
+def test_a_body_that_is_followed_stays_where_it_is_in_the_picture(iltis: Shown, browser: Page) -> None:
+    browser.open(iltis.page)
+    assert browser.run("document.getElementById('follow').value") == "chassis"
+    first, later = (np.array(browser.run(f"cutjoint.project('chassis', {time})")) for time in (0.0, 5.0))
+    assert np.abs(first - later).max() < 1.0
+    browser.run("const list = document.getElementById('follow'); list.value = ''; list.dispatchEvent(new Event('change'))")
+    assert np.abs(browser.run("cutjoint.project('chassis', 0)") - later).max() > 100.0
+
+
+@needs_cpp
 def test_names_do_not_overlap(iltis: Shown, browser: Page) -> None:
     browser.open(iltis.page)
     browser.run("document.getElementById('names').click(); cutjoint.choose('front_left.carrier')")
@@ -175,3 +185,14 @@ def test_the_libraries_have_their_licences() -> None:
     for owner in ("three.js authors", "Leon Sorokin"):
         assert owner in licences
         assert owner in text, "each page has them too"
+
+
+@needs_cpp
+def test_all_of_it_is_seen_from_the_start(press: Shown, browser: Page) -> None:
+    browser.open(press.page, size=(900, 500))
+    width, height = browser.run("cutjoint.eye().size")
+    for time in (0.0, 0.1, 0.25, 2.0):
+        for body in ("crank", "rod", "slider"):
+            x, y = browser.run(f"cutjoint.project('{body}', {time})")
+            assert 0 < x < width
+            assert 0 < y < height

@@ -23,6 +23,9 @@ _OF_BODIES = tuple(
 
 
 def colours_of(bodies: Sequence[str]) -> dict[str, Colour]:
-    """A colour for each body; those with one name in several instances of a submodel have one colour."""
-    names = list(dict.fromkeys(body.rpartition(".")[2] for body in bodies))
-    return {body: _OF_BODIES[names.index(body.rpartition(".")[2]) % len(_OF_BODIES)] for body in bodies}
+    """A colour for each body; those with one name in several instances of a submodel have one colour, unless all would."""
+    own = {body: body.rpartition(".")[2] for body in bodies}
+    if len(set(own.values())) == 1:
+        own = {body: body for body in bodies}
+    names = list(dict.fromkeys(own.values()))
+    return {body: _OF_BODIES[names.index(name) % len(_OF_BODIES)] for body, name in own.items()}

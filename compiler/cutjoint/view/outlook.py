@@ -10,12 +10,14 @@ from cutjoint.analysis.body_poses import BodyPose
 from cutjoint.export.numbers import Numbers
 from cutjoint.model.records import Model, Tyre
 from cutjoint.view.page import Outlook
-from cutjoint.view.records import Array, Drawing
+from cutjoint.view.records import Array, Drawing, Node
 from cutjoint.view.sizes import Sizes, point_of
-from cutjoint.view.turns import rotation_to
+from cutjoint.view.turns import rotation_to, turned
 
-#: A body that goes further than this many extents of the mechanism is followed.
-_FAR = 1.5
+#: A body that goes further than this many extents of the mechanism is followed; what turns about a pivot goes two at most.
+_FAR = 3.0
+#: At how many times it is looked at where a node is.
+_SAMPLES = 50
 
 
 def find_outlook(model: Model, numbers: Numbers, sizes: Sizes, drawing: Drawing, poses: Mapping[str, BodyPose]) -> Outlook:
@@ -39,15 +41,19 @@ def _direction(model: Model, numbers: Numbers, up: Array) -> Array:
 
 
 def _floor(sizes: Sizes, drawing: Drawing) -> float:
-    """The height of the lowest point at any time; parts turn about their node, so that no more than their size counts."""
-    lowest = []
-    for node in drawing.nodes:
-        for part in node.parts:
-            reach = part.mesh.points
-            if len(node.rotation) == 1 and len(node.scale) == 1:
-                lowest.append((node.translation @ drawing.up).min() + (reach @ drawing.up).min())
-    heights = [float((node.translation @ drawing.up).min()) for node in drawing.nodes if len(node.translation) > 1]
-    return float(min([*lowest, *heights], default=0.0)) - 0.06 * sizes.extent
+    """A little below the lowest point at any time."""
+    lowest = [_lowest(node, drawing.up) for node in drawing.nodes if node.parts]
+    return min(lowest, default=0.0) - 0.02 * sizes.extent
+
+
+def _lowest(node: Node, up: Array) -> float:
+    """The lowest point of a node at some of its times."""
+    rows = max(len(node.translation), len(node.rotation), len(node.scale))
+    kept = np.unique(np.linspace(0, rows - 1, _SAMPLES).astype(int))
+    places, turns, scales = (track[np.minimum(kept, len(track) - 1)] for track in (node.translation, node.rotation, node.scale))
+    seen_up = turned(turns * [-1, -1, -1, 1], np.broadcast_to(up, (len(kept), 3))) * scales
+    points = np.concatenate([part.mesh.points for part in node.parts])
+    return float((places @ up + (points @ seen_up.T).min(axis=0)).min())
 
 
 def _followed(model: Model, numbers: Numbers, sizes: Sizes, poses: Mapping[str, BodyPose]) -> str:

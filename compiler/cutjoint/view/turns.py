@@ -49,6 +49,12 @@ def product(p: Array, q: Array) -> Array:
     return np.concatenate([vector, p[..., 3:] * q[..., 3:] - np.sum(u * v, axis=-1, keepdims=True)], axis=-1)
 
 
+def turned(q: Array, vectors: Array) -> Array:
+    """Vectors (n, 3) after the rotations q (n, 4): v + 2 u x (u x v + w v)."""
+    u, w = q[:, :3], q[:, 3:]
+    return np.asarray(vectors + 2 * np.cross(u, np.cross(u, vectors) + w * vectors))
+
+
 def along(directions: Array) -> Array:
     """Quaternions (n, 4) that take z to each of the directions (n, 3), without a turn about them from one to the next."""
     result = np.empty((len(directions), 4))
