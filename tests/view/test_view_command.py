@@ -103,6 +103,19 @@ def test_view_draws_the_start_of_a_scene(crane: Path) -> None:
     assert "animations" not in document
 
 
+@needs_cpp
+def test_a_pose_as_designed_is_where_a_run_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes no simulator."""
+    call("simulate", PRESS, "--out", tmp_path / "run.csv", "--no-error", "--end", "0.02", "--view", tmp_path / "run.glb")
+    monkeypatch.setenv("CXX", "false")
+    call("view", PRESS, "--out", tmp_path / "pose.glb")
+    run, pose = (Gltf.read(tmp_path / f"{name}.glb") for name in ("run", "pose"))
+    drawn = {node["name"]: node for node in pose.document["nodes"] if "name" in node}
+    for body, path in (("crank", "rotation"), ("rod", "translation"), ("rod", "rotation"), ("slider", "translation")):
+        still = [0, 0, 0, 1] if path == "rotation" else [0, 0, 0]
+        assert drawn[body].get(path, still) == pytest.approx(run.track(body, path)[1][0], abs=1e-6)
+
+
 @pytest.mark.parametrize(("arguments", "message"), [
     (("view", PRESS, "--out", "pose.png"), "--out pose.png: no such kind of file; write a name that ends in .html or .glb"),
     (("simulate", PRESS, "--out", "x.csv", "--view", "run.txt"),

@@ -86,15 +86,23 @@ def show_run(model: Model, scene: Scene, parameters: Mapping[str, float], run: T
 
 
 def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Shown:
-    """The pose in which a scene starts.
+    """The pose in which a scene starts; one as designed takes no simulator.
 
     Raises:
         RunError: the scene has no start, or a parameter cannot be set.
         SimulatorError, ToolchainError: as for a run.
     """
-    starts, _ = find_start(build_topology(model), scene, parameters)
-    poses = {name: BodyPose(rotation=s.rotation[np.newaxis], shift=s.shift[np.newaxis]) for name, s in starts.items()}
+    if _is_as_designed(model, scene):
+        poses = {body.name: BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3))) for body in model.bodies}
+    else:
+        starts, _ = find_start(build_topology(model), scene, parameters)
+        poses = {name: BodyPose(rotation=s.rotation[np.newaxis], shift=s.shift[np.newaxis]) for name, s in starts.items()}
     return Shown(model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses=poses)
+
+
+def _is_as_designed(model: Model, scene: Scene) -> bool:
+    """Whether a scene starts where the file places the bodies: nothing else is given and no guide moves them."""
+    return scene.pose == "design" and not scene.positions and all(joint.guide is None for joint in model.joints)
 
 
 def write_view(path: Path, shown: Shown) -> Path:
