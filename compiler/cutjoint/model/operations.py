@@ -158,9 +158,17 @@ def _apply(
 
 def require_real(value: Scalar) -> None:
     """Raises ExpressionError when a value without symbols is infinite, undefined or complex, as 1/(x - x) and acos(2*x/x) are."""
-    if value in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I) or (value.is_number and value.is_extended_real is False):
+    if value in (sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I) or (value.is_number and _is_complex(value)):
         hint = "look for a division by zero and roots of what is negative"
         raise ExpressionError("a part of the expression has no finite real value", hint)
+
+
+def _is_complex(value: Scalar) -> bool:
+    """Whether a number is not real; where its assumptions do not say, as of roots of a tangent, by its digits."""
+    if value.is_extended_real is not None:
+        return not value.is_extended_real
+    real, imaginary = (abs(part) for part in value.evalf().as_real_imag())
+    return bool(imaginary > 1e-12 * real)
 
 
 def _short_constant(value: Scalar, number: float, size: int) -> Scalar:
