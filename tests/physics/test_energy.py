@@ -129,6 +129,8 @@ def test_a_penalty_far_too_small_is_a_warning() -> None:
     """Loops that give way take up work; all steps agree on that, so that their errors are silent."""
     error = simulate(driven(numerics=SOFT), integrator="trapezoidal", dt=1e-3).error
     assert max(error.largest.values()) < 1e-5
+    assert not error.converged
+    assert "loops stand open" in error.warnings[1]
     assert "work and energy differ by" in error.warnings[0]
 
 
