@@ -146,6 +146,8 @@ def _apply(
         if value is not sympy.nan:  # it may follow from a failed term
             for part in (value, *(value.args if value.is_Mul else ())):
                 require_real(part)
+            if value.is_number:  # the variables have cancelled, as in x/x
+                return _constant_of(name, value, dimension, size)
         return Term(value, dimension, None, size, degree, roots)
     number = _numeric(name, numeric, numbers)
     if number == 0:
@@ -154,6 +156,12 @@ def _apply(
     if value == 0:  # exactly, where floats leave a last digit, as of sin(pi)
         return Term(sympy.Integer(0), dimension, 0.0)
     return Term(value, dimension, number, size)
+
+
+def _constant_of(name: str, value: Scalar, dimension: Dimension | None, size: int) -> Term:
+    """A term whose variables have cancelled: from here on it is tried in floats as other constants are."""
+    number = _numeric(name, lambda: float(value), [])
+    return Term(_short_constant(value, number, size), dimension, number, size)
 
 
 def require_real(value: Scalar) -> None:
@@ -196,7 +204,7 @@ def _numeric(name: str, numeric: Callable[..., Any], numbers: list[float]) -> fl
     except (OverflowError, ValueError):
         number = math.nan
     if isinstance(number, complex) or not math.isfinite(number):
-        raise ExpressionError(f"'{name}' of {shown} has no finite real value")
+        raise ExpressionError(f"'{name}'{' of ' * bool(shown)}{shown} has no finite real value")
     return float(number)
 
 
