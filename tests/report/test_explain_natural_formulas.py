@@ -16,7 +16,7 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.natural.layout import Layout
-from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import COORDINATES, Joint, JointForce, JointKind, Model
@@ -215,7 +215,7 @@ def test_a_shared_node_that_the_basis_does_not_have() -> None:
 
 def test_combinations_with_parameters() -> None:
     size = random_models.SIZE.symbol
-    ground = tuple(Node(name=n, kind=NodeKind.POINT, body="b", place=(0, 0, 0)) for n in "abcde")
+    ground = tuple(Node(title=NodeName(n), kind=NodeKind.POINT, body="b", place=(0, 0, 0)) for n in "abcde")
     model = random_models.tree_with(K.REVOLUTE, False, 1)
     a, b, c, d, e = ground
     assert form_text({a: -1.0, b: 0.5, c: 1.0 * size, d: 1 - size, e: -2 / (1 + size)}, model) == (

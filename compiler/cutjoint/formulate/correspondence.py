@@ -28,18 +28,8 @@ def find_corresponding(quantities: Mapping[Quantity, Block], topology: Topology)
 def _family(quantity: Quantity, quantities: Mapping[Quantity, Block], counterparts: list[dict[str, str]]) -> Family | None:
     members: list[Block] = []
     for names in counterparts:
-        found = quantities.get(replace(quantity, parts=tuple(_renamed(part, names) for part in quantity.parts)))
+        found = quantities.get(replace(quantity, parts=tuple(names.get(part, part) for part in quantity.parts)))
         if found is None or found.shape != quantities[quantity].shape:
             return None
         members.append(found)
     return tuple(members) if any(m is not members[0] for m in members) else None
-
-
-def _renamed(name: str, names: Mapping[str, str]) -> str:
-    """The name of an element, or of a node called after one, in another member."""
-    end = len(name)
-    while end > 0:
-        if name[:end] in names:
-            return names[name[:end]] + name[end:]
-        end = name.rfind(".", 0, end)
-    return name

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from cutjoint.formulate.natural.motion import NodeMotions
-from cutjoint.formulate.natural.nodes import Form, Node
+from cutjoint.formulate.natural.nodes import Form, Node, NodeName, record
 from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import Block
 
@@ -20,14 +20,14 @@ class NodalForce:
     motions: NodeMotions
     parts: dict[Node, Block] = field(default_factory=dict)
 
-    def add(self, source: str, form: Form, force: Block) -> None:
+    def add(self, source: NodeName | str, form: Form, force: Block) -> None:
         """A force of an element that works on the displacement of a form."""
         for node, coefficient in form.items():
             self._add(source, node, self.motions.times(coefficient, force))
 
-    def _add(self, source: str, node: Node, force: Block) -> None:
+    def _add(self, source: NodeName | str, node: Node, force: Block) -> None:
         if node.body != GROUND:
-            self.motions.builder.record(force, "force", source, node.name)
+            record(self.motions.builder, force, "force", source, node.title)
             known = self.parts.get(node)
             self.parts[node] = force if known is None else self.motions.builder.add(known, force)
 
@@ -35,11 +35,11 @@ class NodalForce:
         """The force on each coordinate; the others hand theirs on, the last laid out first."""
         for node in reversed(self.motions.layout.nodes):
             if node.parts is not None and node in self.parts:
-                self.add(node.name, node.parts, self.parts.pop(node))
+                self.add(node.title, node.parts, self.parts.pop(node))
         b = self.motions.builder
         forces = {n: self.parts.get(n, b.zero(n.size)) for n in self.motions.layout.coordinates}
         for node, force in forces.items():
-            b.record(force, "total force", node.name)
+            record(b, force, "total force", node.title)
         return forces
 
 
@@ -50,15 +50,15 @@ class NodalMatrix:
     motions: NodeMotions
     parts: dict[tuple[Node, Node], Block] = field(default_factory=dict)
 
-    def add(self, source: str, rows: Form, columns: Form, block: Block) -> None:
+    def add(self, source: NodeName | str, rows: Form, columns: Form, block: Block) -> None:
         """A block of an element between two forms."""
         for i, c in rows.items():
             for j, d in columns.items():
                 self._add(source, i, j, self.motions.times(c * d, block))
 
-    def _add(self, source: str, i: Node, j: Node, block: Block) -> None:
+    def _add(self, source: NodeName | str, i: Node, j: Node, block: Block) -> None:
         if GROUND not in (i.body, j.body):
-            self.motions.builder.record(block, "tangent", source, i.name, j.name)
+            record(self.motions.builder, block, "tangent", source, i.title, j.title)
             known = self.parts.get((i, j))
             self.parts[i, j] = block if known is None else self.motions.builder.add(known, block)
 
@@ -75,6 +75,6 @@ class NodalMatrix:
         assert node.parts is not None
         one = {node: 1}
         for i, j in [pair for pair in self.parts if pair[0] is node]:
-            self.add(node.name, node.parts, {j: 1} if j is not node else one, self.parts.pop((i, j)))
+            self.add(node.title, node.parts, {j: 1} if j is not node else one, self.parts.pop((i, j)))
         for i, j in [pair for pair in self.parts if pair[1] is node]:
-            self.add(node.name, {i: 1}, node.parts, self.parts.pop((i, j)))
+            self.add(node.title, {i: 1}, node.parts, self.parts.pop((i, j)))

@@ -24,7 +24,7 @@ from cutjoint.formulate.natural.layout import Layout, lay_out
 from cutjoint.formulate.natural.mass import mass_matrix
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.needs import require_coordinates
-from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, record
 from cutjoint.formulate.natural.outputs import NaturalReporter
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.natural.start import place_nodes
@@ -194,7 +194,7 @@ class _System:
             for (u, w), block in squares.by_coordinate().items():
                 scaled = b.scale(weight, block)
                 blocks[u, w] = b.add(blocks[u, w], scaled) if (u, w) in blocks else scaled
-                b.record(blocks[u, w], "total tangent", u.name, w.name)
+                record(b, blocks[u, w], "total tangent", u.title, w.title)
             return self._elements(blocks, lower=True)
 
     def classical(self) -> dict[str, Block]:

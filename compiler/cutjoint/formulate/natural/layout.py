@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, count
 
 import numpy as np
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angles
-from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, is_nought
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName, Use, is_nought
 from cutjoint.kernels.directions import direction_of
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Joint, Model, Output, Reaction, Scalar, Scene, Vector
@@ -85,7 +85,7 @@ class Layout:
         if known is not None:
             return {known: 1}
         if self.group_of[body] == GROUND:
-            return {self.node(body, kind, place, f"ground.{kind}_{len(self.nodes)}"): 1}
+            return {self.node(body, kind, place, NodeName(GROUND, f"{kind}_{len(self.nodes)}")): 1}
         return combination(self.groups[self.group_of[body]], kind, place)
 
     def _key(self, body: str, kind: NodeKind, place: Vector) -> tuple[str, NodeKind, tuple[Scalar, ...]]:
@@ -97,20 +97,20 @@ class Layout:
         """The node that a body carries there."""
         return self._places.get(self._key(body, kind, place))
 
-    def node(self, body: str, kind: NodeKind, place: Vector, name: str) -> Node:
+    def node(self, body: str, kind: NodeKind, place: Vector, title: NodeName) -> Node:
         """The node of a body that is laid out: the one it carries there, or a new combination of its basis."""
         known = self.find(body, kind, place)
         if known is not None:
             return known
         group = self.group_of[body]
         parts = None if group == GROUND else combination(self.groups[group], kind, place)
-        return self.add(Node(name=self.free_name(name, group), kind=kind, body=group, place=place, parts=parts))
+        return self.add(Node(title=self.free_title(title, group), kind=kind, body=group, place=place, parts=parts))
 
     def shared(self, body: str, need: Need) -> Node:
         """The node of a body that another is to have as well; of a direction the opposite one is as good."""
         x, y, z = need.place
         opposite = self.find(body, need.kind, (-x, -y, -z)) if need.kind is NodeKind.VECTOR else None
-        return opposite or self.node(body, need.kind, need.place, need.name)
+        return opposite or self.node(body, need.kind, need.place, need.title)
 
     def add(self, node: Node) -> Node:
         """A new node, whose name no other must have: two bodies may meet a joint at points of their own."""
@@ -120,10 +120,10 @@ class Layout:
         self.carry(node.body, node)
         return node
 
-    def free_name(self, name: str, group: str) -> str:
-        """A name that no node has."""
-        candidates = chain((name, f"{group}.{name}"), (f"{group}.{name}_{i}" for i in count(2)))
-        return next(c for c in candidates if c not in self._names)
+    def free_title(self, title: NodeName, group: str) -> NodeName:
+        """A title as whose text no node is called."""
+        candidates = chain([title], (replace(title, group=group, number=i) for i in count(1)))
+        return next(c for c in candidates if str(c) not in self._names)
 
     def carry(self, body: str, node: Node) -> None:
         """A further body carries the node."""
@@ -172,7 +172,7 @@ def lay_out(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> Layo
             builder.lay_out(body)
     for joint, coordinate in asked_angles(model, scene, outputs):
         body = joint.base if joint.follower == GROUND else joint.follower
-        node = Node(name=f"{joint.name}.{coordinate}", kind=NodeKind.ANGLE, body=body, place=(sympy.Integer(0),) * 3)
+        node = Node(title=NodeName(joint.name, coordinate), kind=NodeKind.ANGLE, body=body, place=(sympy.Integer(0),) * 3)
         builder.layout.nodes.append(node)
         builder.layout.angles[joint.name, coordinate] = node
     return builder.layout
@@ -282,7 +282,7 @@ class _Builder:
         given: dict[Node, None] = {}
         mate = self._first_of_attitude.get(self._attitude_of[group])
         if mate is not None:
-            needs = [Need(kind=NodeKind.VECTOR, place=axis, name=f"{mate}.{'xyz'[i]}") for i, axis in enumerate(GLOBAL_AXES)]
+            needs = [Need(kind=NodeKind.VECTOR, place=axis, title=NodeName(mate, "xyz"[i])) for i, axis in enumerate(GLOBAL_AXES)]
             given |= dict.fromkeys(self.layout.shared(mate, need) for need in needs)
         for joint in self._joints_at[group]:
             base, follower = self.group_of[joint.base], self.group_of[joint.follower]
@@ -296,15 +296,15 @@ class _Builder:
         """What a joint's two bodies have in common."""
         shared = []
         if joint.element.shares_point:
-            shared.append(Need(kind=NodeKind.POINT, place=joint.at, name=joint.name))
+            shared.append(Need(kind=NodeKind.POINT, place=joint.at, title=NodeName(joint.name)))
         direction = joint.element.shared_direction
         if direction is not None:
-            shared.append(Need(kind=NodeKind.VECTOR, place=direction_of(joint, direction), name=f"{joint.name}.{direction}"))
+            shared.append(Need(kind=NodeKind.VECTOR, place=direction_of(joint, direction), title=NodeName(joint.name, direction)))
         return shared
 
     def _choose(self, group: str, given: list[Node], needs: Needs) -> tuple[list[Node], list[Node]]:
         """The basis of a group and the shared nodes that are left over."""
-        selection = _Selection(self._column, self.layout.free_name)
+        selection = _Selection(self._column, self.layout.free_title)
         items: list[Node | Need] = [*given, *needs.shared, *needs.spanned]
         rank = _span([self._column(item) for item in items])
         points = sorted(needs.shared, key=lambda n: n.kind is not NodeKind.POINT)
@@ -323,19 +323,19 @@ class _Builder:
 
     def _is_of_alike(self, need: Need) -> bool:
         """Whether a need is that of a joint which stands alike with others, so that lanes compute them side by side."""
-        return need.name in self._alike or need.name.rpartition(".")[0] in self._alike
+        return need.title.element in self._alike
 
     def _first_point(self, group: str, points: Sequence[Need], needs: Needs) -> Need:
         known = [n for n in (*points, *needs.spanned) if n.kind is NodeKind.POINT]
-        return known[0] if known else Need(kind=NodeKind.POINT, place=(sympy.Integer(0),) * 3, name=f"{group}.point")
+        return known[0] if known else Need(kind=NodeKind.POINT, place=(sympy.Integer(0),) * 3, title=NodeName(group, "point"))
 
     def _free(self, group: str, needs: Needs, selection: _Selection) -> None:
         """A body that nothing carries: its centre of mass and the global axes."""
         centre = next((n for n in needs.spanned if n.kind is NodeKind.POINT), None)
         if centre is not None:
-            selection.offer(group, Need(kind=NodeKind.POINT, place=centre.place, name=f"{group}.centre"), _SHARED)
+            selection.offer(group, Need(kind=NodeKind.POINT, place=centre.place, title=NodeName(group, "centre")), _SHARED)
             for name, axis in zip("xyz", GLOBAL_AXES, strict=True):
-                selection.offer(group, Need(kind=NodeKind.VECTOR, place=axis, name=f"{group}.{name}"), _OWN)
+                selection.offer(group, Need(kind=NodeKind.VECTOR, place=axis, title=NodeName(group, name)), _OWN)
 
     def _complete(self, group: str, needs: Needs, selection: _Selection, rank: int) -> None:
         """Unit vectors across what is chosen, or what is needed but lies badly, until the span is whole."""
@@ -383,10 +383,10 @@ def _span(columns: Sequence[NDArray[np.float64]]) -> int:
 class _Selection:
     """Nodes that are independent: the directions from the first point to the others, and the directions among them."""
 
-    def __init__(self, column: Callable[[Node | Need], NDArray[np.float64]], free_name: Callable[[str, str], str]) -> None:
+    def __init__(self, column: Callable[[Node | Need], NDArray[np.float64]], free_title: Callable[[NodeName, str], NodeName]) -> None:
         self.nodes: list[Node] = []
         self._column = column
-        self._free_name = free_name
+        self._free_title = free_title
 
     def _ways(self) -> NDArray[np.float64]:
         """The directions that the nodes span, (k, 3)."""
@@ -423,7 +423,7 @@ class _Selection:
 
     def offer(self, group: str, need: Need, least: float) -> None:
         """Take a new node of the group for a need that adds enough."""
-        self.take(Node(name=self._free_name(need.name, group), kind=need.kind, body=group, place=need.place), least)
+        self.take(Node(title=self._free_title(need.title, group), kind=need.kind, body=group, place=need.place), least)
 
     def across(self, group: str) -> None:
         """Take a unit vector across all chosen."""
@@ -433,5 +433,5 @@ class _Selection:
         largest = int(np.argmax(np.abs(np.round(normal, 9))))
         normal = normal * np.sign(normal[largest])
         place = tuple(sympy.Float(float(np.round(x, 15))) + 0 for x in normal)
-        count = sum(n.name.startswith(f"{group}.across") for n in self.nodes)
-        self.nodes.append(Node(name=f"{group}.across_{count + 1}", kind=NodeKind.VECTOR, body=group, place=place))
+        count = sum(n.title.element == group and n.title.which.startswith("across") for n in self.nodes)
+        self.nodes.append(Node(title=NodeName(group, f"across_{count + 1}"), kind=NodeKind.VECTOR, body=group, place=place))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from cutjoint.formulate.natural.layout import Layout
-from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
+from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, record
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import GROUND, Scalar, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
@@ -57,7 +57,7 @@ class NodeMotions:
         if node not in self._known:
             motion = self._known[node] = self._derived(node)
             for block in (motion.x, motion.v, motion.a):
-                self.builder.record(block, "node", node.name)
+                record(self.builder, block, "node", node.title)
         return self._known[node]
 
     def _derived(self, node: Node) -> Motion:

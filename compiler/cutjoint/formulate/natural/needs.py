@@ -11,7 +11,7 @@ import sympy
 from cutjoint.elements.force import Compliance, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
 from cutjoint.elements.joint import Condition, Direction, Products, SameAttitude, SameDirection
 from cutjoint.formulate.forces import is_active
-from cutjoint.formulate.natural.nodes import NodeKind
+from cutjoint.formulate.natural.nodes import NodeKind, NodeName
 from cutjoint.kernels.directions import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.geometry import GLOBAL_AXES
@@ -29,7 +29,7 @@ class Need:
 
     kind: NodeKind
     place: Vector
-    name: str
+    title: NodeName
 
 
 @dataclass(kw_only=True)
@@ -39,17 +39,17 @@ class Needs:
     shared: list[Need] = field(default_factory=list)
     spanned: list[Need] = field(default_factory=list)
 
-    def point(self, place: Vector, name: str) -> None:
+    def point(self, place: Vector, element: str, which: str = "") -> None:
         """A point that other bodies or forces meet."""
-        self.shared.append(Need(kind=NodeKind.POINT, place=place, name=name))
+        self.shared.append(Need(kind=NodeKind.POINT, place=place, title=NodeName(element, which)))
 
-    def direction(self, place: Vector, name: str) -> None:
+    def direction(self, place: Vector, element: str, which: str) -> None:
         """A direction that other bodies or forces meet."""
-        self.shared.append(Need(kind=NodeKind.VECTOR, place=place, name=name))
+        self.shared.append(Need(kind=NodeKind.VECTOR, place=place, title=NodeName(element, which)))
 
-    def span(self, kind: NodeKind, places: Iterable[Vector], name: str) -> None:
+    def span(self, kind: NodeKind, places: Iterable[Vector], element: str, which: str = "") -> None:
         """Points or directions that must be combinations of the others."""
-        self.spanned.extend(Need(kind=kind, place=place, name=name) for place in places)
+        self.spanned.extend(Need(kind=kind, place=place, title=NodeName(element, which)) for place in places)
 
     def attitude(self, body: str) -> None:
         """All directions."""
@@ -111,7 +111,7 @@ class Collector:
     def _inertia(self, body: Body) -> None:
         needs = self.of(body.name)
         if body.mass != 0:
-            needs.span(NodeKind.POINT, [body.centre_of_mass], f"{body.name}.centre")
+            needs.span(NodeKind.POINT, [body.centre_of_mass], body.name, "centre")
         moments, axes = np.linalg.eigh(second_moments(body, self._value))
         largest = np.abs(moments).max()
         extents = [tuple(axes[:, i]) for i in range(3) if abs(moments[i]) > _FLAT * largest]
@@ -123,7 +123,7 @@ class Collector:
         if not joint.element.closes:
             return
         base.point(joint.at, name)
-        follower.point(joint.to or joint.at, f"{name}.to" if joint.to else name)
+        follower.point(joint.to or joint.at, name, "to" if joint.to else "")
         for condition in joint.element.conditions:
             self._condition(joint, condition, idle)
         if joint.guide is not None:
@@ -150,7 +150,7 @@ class Collector:
 
     def _direction(self, needs: Needs, joint: Joint, direction: Direction) -> None:
         label = "axis_1" if direction is Direction.AXIS and len(joint.axes) > 1 else direction
-        needs.direction(direction_of(joint, direction), f"{joint.name}.{label}")
+        needs.direction(direction_of(joint, direction), joint.name, label)
 
     def angle(self, joint: Joint, coordinate: str) -> None:
         """The directions that an angle is measured by."""
@@ -164,15 +164,15 @@ class Collector:
                 self.coordinate(force.joint_of, force.coordinate_of)
             case Stretch() | Travel():
                 for place in force.places:
-                    needs, name = self.of(place.body(force)), f"{force.name}.{place.field}"
-                    (needs.point if isinstance(place, Point) else needs.direction)(place.of(force), name)
+                    needs = self.of(place.body(force))
+                    (needs.point if isinstance(place, Point) else needs.direction)(place.of(force), force.name, place.field)
             case Compliance() as how:
                 for end in (how.base, how.follower):
                     self.of(end.body(force)).point(end.of(force), force.name)
                     self.of(end.body(force)).attitude(end.body(force))
             case Wrench() | RoadContact():
                 for place in (place for place in force.places if isinstance(place, Point)):
-                    self.of(place.body(force)).point(place.of(force), f"{force.name}.{place.field}")
+                    self.of(place.body(force)).point(place.of(force), force.name, place.field)
                 for body in force.bodies if force.needs_attitude else ():
                     self.of(body).attitude(body)
 
@@ -202,7 +202,7 @@ class Collector:
                 if reaction.direction is None:
                     self.of(reaction.body).attitude(reaction.body)
                 else:
-                    self.of(reaction.body).direction(reaction.direction, f"{reaction.name}.direction")
+                    self.of(reaction.body).direction(reaction.direction, reaction.name, "direction")
         for joint in model.joints:
             if joint.name == output.element:
                 self._joint_output(joint, output.quantity)

@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import TypeAlias
 
 from cutjoint.model.records import GROUND, Scalar, Vector
+from cutjoint.program.blocks import Block, Builder
 
 
 class NodeKind(StrEnum):
@@ -18,6 +19,27 @@ class NodeKind(StrEnum):
     ANGLE = "angle"
 
 
+@dataclass(frozen=True)
+class NodeName:
+    """What a node is called after: ``which`` of an element's points and directions; ``group`` is the rigid group that it is told apart by,
+    with a ``number``, where another node has the plain name.  As text ``group.element.which_number``."""
+
+    element: str
+    which: str = ""
+    group: str = ""
+    number: int = 1
+
+    def __str__(self) -> str:
+        return ".".join(filter(None, (self.group, self.element, self.which))) + (f"_{self.number}" if self.number > 1 else "")
+
+
+def record(builder: Builder, block: Block, symbol: str, *names: NodeName | str) -> None:
+    """Say what a block is: a quantity of nodes, by their titles, and of elements, by their names."""
+    titles = [name if isinstance(name, NodeName) else NodeName(name) for name in names]
+    parts = (part for title in titles for part in (title.element, title.group))
+    builder.record(block, symbol, *parts, which=tuple(which for title in titles for which in (title.which, title.number)))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Node:
     """A point or direction of one or more bodies, or a joint's angle; equal only to itself.
@@ -26,11 +48,16 @@ class Node:
     with ``parts`` is that linear combination of others of its body, any other is a coordinate: three, or one of an angle.
     """
 
-    name: str
+    title: NodeName
     kind: NodeKind
     body: str
     place: Vector
     parts: Form | None = None
+
+    @property
+    def name(self) -> str:
+        """Its title as text, which no other node has."""
+        return str(self.title)
 
     @property
     def is_coordinate(self) -> bool:
