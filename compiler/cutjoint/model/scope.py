@@ -180,7 +180,7 @@ class Element:
         """The full name of a body, :data:`UNKNOWN` when there is none."""
         full = name if name == GROUND else self.scope.full(name)
         directory = self.scope.directory
-        if full in directory.bodies or full in (GROUND, UNKNOWN):
+        if full in directory.bodies or full == GROUND or self.scope.connectors.get(name) == UNKNOWN:
             return full
         if not directory.misses(full):
             self.fail(f"unknown body '{name}'", nearest(name, self._known_bodies(), "bodies here"), keys)
