@@ -8,12 +8,14 @@ from typing import Any
 
 import sympy
 
+from cutjoint.model.exponential import Exponential
 from cutjoint.model.records import Scalar
 from cutjoint.program.blocks import Block, Builder, is_identity
 
 _CALLS: dict[Any, str] = {
     sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.asin: "asin", sympy.acos: "acos", sympy.atan: "atan",
-    sympy.atan2: "atan2", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.tanh: "tanh", sympy.exp: "exp", sympy.log: "log",
+    sympy.atan2: "atan2", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.tanh: "tanh", sympy.exp: "exp", Exponential: "exp",
+    sympy.log: "log",
     sympy.Abs: "abs", sympy.StrictLessThan: "lt", sympy.LessThan: "le", sympy.Not: "not",
 }  # fmt: skip
 

@@ -17,6 +17,7 @@ from typing import Any
 import sympy
 
 from cutjoint.model.choices import Choice, Extent, measure
+from cutjoint.model.exponential import Exponential
 from cutjoint.model.records import Scalar
 from cutjoint.model.units import Dimension
 
@@ -332,7 +333,7 @@ SPECIAL: Mapping[str, Callable[[list[Term]], Term]] = {
 
 #: Differentiable functions: SymPy's and the plain one.
 SMOOTH: Mapping[str, tuple[Callable[..., Scalar], Callable[..., float]]] = {
-    name: (getattr(sympy, name), getattr(math, name))
+    name: (Exponential if name == "exp" else getattr(sympy, name), getattr(math, name))
     for name in (
         "sin",
         "cos",
