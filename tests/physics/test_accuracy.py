@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cutjoint.model.read import read_model_text
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
@@ -102,6 +102,19 @@ def test_a_chaotic_run_says_that_it_has_not_converged() -> None:
     run = completed(simulate(compiled(CHAOS)))
     assert not run.error.converged
     assert run.error["middle.angle"] > 0.1
+
+
+def test_runs_that_agree_by_chance_do_not_promise_much() -> None:
+    """Behind its singular poses errors of the four-bar follow from where steps happen to fall: 1 ms and 0.5 ms agree ten times as well as
+    either with shorter ones."""
+    model = read_model("models/four_bar.yaml")
+    artifact = compile_scene(model, model.scenes["swing"])
+    run, finer, reference = (
+        completed(simulate(artifact, integrator="rk4", dt=dt, error=error)) for dt, error in ((1e-3, True), (5e-4, False), (5e-5, False))
+    )
+    assert not np.array_equal(run["tip.vx"], finer["tip.vx"])
+    for name in ("tip.x", "tip.y", "tip.vx", "tip.vy"):
+        assert run.error[name] > 0.2 * np.max(np.abs(run[name] - reference[name]))
 
 
 def test_equal_steps_follow_from_the_tolerance_too() -> None:

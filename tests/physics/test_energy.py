@@ -126,10 +126,11 @@ def given(integrator: str) -> dict[str, float]:
 
 
 def test_a_penalty_far_too_small_is_a_warning() -> None:
-    """Loops that give way take up work; all steps agree on that, so that their errors are silent."""
-    error = simulate(driven(numerics=SOFT), integrator="trapezoidal", dt=1e-3).error
-    assert max(error.largest.values()) < 1e-5
-    assert not error.converged
+    """Loops that give way take up work; all steps agree on that to 1e-5, and beside closed loops the errors are larger."""
+    run, finer = (simulate(driven(numerics=SOFT), integrator="trapezoidal", dt=dt) for dt in (1e-3, 5e-4))
+    assert max(float(np.max(np.abs(run[name] - finer[name]))) for name in run.columns) < 1e-5
+    error = run.error
+    assert max(error.largest.values()) > 1e-4
     assert "loops stand open" in error.warnings[1]
     assert "work and energy differ by" in error.warnings[0]
 

@@ -15,7 +15,7 @@ from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
 from cutjoint.run.balance import find_imbalance
 from cutjoint.run.cures import follow_up
-from cutjoint.run.open_loops import find_open_loops
+from cutjoint.run.open_loops import find_open_gap, open_loops
 from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
@@ -24,6 +24,8 @@ from cutjoint.run.simulator_run import SimulatorRun, start
 _FALLING = 1.5
 #: Differences that are this share of what an output reaches are small even where they fall no further.
 _SMALL = 1e-5
+#: From one difference to the next no more than this share of the first is believed to have gone: by more, two runs agree by chance.
+_BELIEVED = 6 / 7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,18 +81,18 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             if last.failure is not None and change.heals and level < change.levels:
                 continue
             kept = run if last.failure is not None else begin(_finer(plan, change, level - 1))
-            return _estimated(kept, before or _unknown(run), converged=False)
+            return _estimated(plan, kept, before or _unknown(run), converged=False)
         if last.failure is None:
             apart = _differences(last, run)
             errors = {name: apart[name] * _share(change, apart[name], None if before is None else before[name]) for name in apart}
             if _keeps(run, errors, goal):
-                return _estimated(run, errors, converged=True, others=runs)
+                return _estimated(plan, run, errors, converged=True, others=runs)
             if before is not None and not any(_falls(run[name], before[name], apart[name]) for name in apart):
-                return _estimated(run, apart, converged=False, others=runs)
+                return _estimated(plan, run, apart, converged=False, others=runs)
             before = apart
         last = run
         runs = [*runs[-1:], run]
-    return _estimated(last, before or _unknown(last), converged=False)
+    return _estimated(plan, last, before or _unknown(last), converged=False)
 
 
 def _change_of(plan: SimulatorRun) -> _Change:
@@ -114,17 +116,26 @@ def _unknown(run: Trajectory) -> dict[str, float]:
     return dict.fromkeys(run.columns, inf)
 
 
-def _estimated(run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = ()) -> Trajectory:
+def _estimated(
+    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = ()
+) -> Trajectory:  # fmt: skip
     """The run with its errors; ``others`` are runs of the same with other steps."""
-    estimate = _judged(run, errors, converged=converged, others=others)
+    estimate = _judged(plan, run, errors, converged=converged, others=others)
     return replace(run, estimator=lambda _: estimate)
 
 
-def _judged(run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory]) -> ErrorEstimate:
-    """The errors of a run, and what these do not see."""
-    open_loops = find_open_loops(run, others, errors)
-    warnings = tuple(filter(None, (find_imbalance(run, others), open_loops)))
-    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged and not open_loops, warnings=warnings)
+def _judged(
+    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory]
+) -> ErrorEstimate:  # fmt: skip
+    """The errors of a run, with what open loops change, and what they do not see."""
+    gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
+    if gap > 0.0:
+        closed = _controlled(plan)
+        apart = {} if closed is None else _differences(run, closed)
+        errors = {name: max(error, apart.get(name, 0.0)) for name, error in errors.items()}
+        converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
+        warnings.append(open_loops(gap, is_known=closed is not None))
+    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)))
 
 
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
@@ -132,7 +143,8 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
 
     A second run has half the step, or a tenth of the tolerance of a step where steps follow from one: what the run differs by is its error,
     but for the smaller error of that second run.  A third, with twice the step or ten times the tolerance, or a finer one where that fails,
-    shows whether differences fall.  They do not where a motion is chaotic, or goes another way at a singular pose.
+    shows whether differences fall.  They do not where a motion is chaotic, or goes another way at a singular pose.  Where they fall by more
+    than orders of integrators explain, two runs agree by chance, and a share of the third's difference is the error.
 
     Raises:
         Interrupted, Terminated: a signal has ended a run.
@@ -149,14 +161,28 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         finest = _try(plan, change, 2)
         before, after = apart, _unknown(run) if finest is None else _differences(finer, finest)
     errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
+    if coarser is not None:
+        errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
     converged = all(_falls(run.columns[c], before[c], after[c]) for c in apart)
-    return _judged(run, errors, converged=converged, others=[finer] if coarser is None else [coarser, finer])
+    return _judged(plan, run, errors, converged=converged, others=[finer] if coarser is None else [coarser, finer])
+
+
+def _controlled(plan: SimulatorRun) -> Trajectory | None:
+    """The run by an integrator with error control, which closes loops after each step; None if the program has none, or it fails."""
+    found = (replace(plan, run_file={**plan.run_file, **parts}) for parts in plan.others if INTEGRATORS[parts["integrator"]].adaptive)
+    other = next(found, None)
+    return None if other is None else _whole(other)
 
 
 def _try(plan: SimulatorRun, change: _Change, times: int) -> Trajectory | None:
     """The run with steps that are so many times finer, its rows at the same times; None if it fails."""
+    return _whole(_finer(plan, change, times))
+
+
+def _whole(plan: SimulatorRun) -> Trajectory | None:
+    """A run that goes to its end; None if it fails."""
     try:
-        run = start(_finer(plan, change, times))
+        run = start(plan)
     except SimulatorError:
         return None
     return run if run.failure is None else None

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import isfinite
+from collections.abc import Sequence
 
 from cutjoint.run.results import Trajectory
 
@@ -12,20 +11,23 @@ _SMALL = 1e-6
 #: Gaps of runs with other steps that differ by less than this factor do not come from the steps.
 _SAME = 1.5
 
+_COUNTED = "the errors count it"
+_UNSEEN = "errors of the steps do not see what that changes"
 
-def find_open_loops(run: Trajectory, others: Sequence[Trajectory], errors: Mapping[str, float]) -> str:
-    """What is wrong with the loops of a run, beside runs of the same with other steps and its ``errors`` by these; "" where nothing is.
 
-    A gap that stays with other steps, as behind a guide whose rate jumps, is an error that all these runs share.
+def find_open_gap(run: Trajectory, others: Sequence[Trajectory]) -> float:
+    """The largest gap (m or rad) of the loops of a run where runs of the same with other steps have it too; 0 where they do not.
+
+    It is an error that all these runs share, as behind a guide whose rate jumps.
     """
     gap = run.effort.residuals.position
-    told = max((error for name, error in errors.items() if run.units[name] == "m" and isfinite(error)), default=0.0)
-    if not gap > max(_SMALL, told) or not any(_is_same(gap, other.effort.residuals.position) for other in others):
-        return ""
-    return (
-        f"loops stand open by up to {gap:.2g} m or rad, with other steps too: errors of the steps do not see what that changes; "
-        "the closure proximal closes them, as the integrators rk4 and dormand-prince do"
-    )
+    return gap if gap > _SMALL and any(_is_same(gap, other.effort.residuals.position) for other in others) else 0.0
+
+
+def open_loops(gap: float, *, is_known: bool) -> str:
+    """What is said of such a gap; ``is_known`` is whether the errors of the run count what it changes."""
+    known = f"a run with error control, whose loops are closed, shows what that changes, and {_COUNTED}" if is_known else _UNSEEN
+    return f"loops stand open by up to {gap:.2g} m or rad, with other steps too: {known}; the closure proximal closes them"
 
 
 def _is_same(gap: float, other: float) -> bool:

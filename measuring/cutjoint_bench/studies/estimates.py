@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
 import click
 import numpy as np
+import sympy
 from rich.console import Console
 from rich.table import Table
+from sympy.core.relational import Relational
 
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
+from cutjoint.model.expressions import variable
 from cutjoint.model.read import read_model
 from cutjoint.model.records import STEP, Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
@@ -72,12 +75,22 @@ def settings_of(method: str, scene: Scene) -> Iterator[tuple[str, dict[str, floa
                 yield f"{integrator.name}, {1e3 * dt:g} ms", {"integrator": integrator.name, "dt": dt}
 
 
-def judge(run: Trajectory, reference: Trajectory) -> Judgement:
-    """The estimates of a run against a reference at common times."""
+def jump_times(model: Model, scene: Scene) -> list[float]:
+    """The times (s) at which an input or a guide goes over to another formula, where what jumps has a value on either side."""
+    laws = [*scene.inputs.values(), *(law for joint in model.joints for law in joint.guide or ())]
+    conditions = {c for law in laws for c in sympy.sympify(law).atoms(Relational)}
+    t = variable("t")
+    return sorted(float(time) for c in conditions if c.free_symbols == {t} for time in sympy.solve(c.lhs - c.rhs, t))
+
+
+def judge(run: Trajectory, reference: Trajectory, jumps: Sequence[float] = ()) -> Judgement:
+    """The estimates of a run against a reference at common times, but for those of ``jumps``."""
     if run.failure is not None:
         return Judgement(failure=str(run.failure))
     estimate, ratios, largest = run.error, [], 0.0
-    _, here, there = np.intersect1d(np.round(run.t, 9), np.round(reference.t, 9), return_indices=True)
+    times, here, there = np.intersect1d(np.round(run.t, 9), np.round(reference.t, 9), return_indices=True)
+    smooth = ~np.isin(times, np.round(jumps, 9))
+    here, there = here[smooth], there[smooth]
     sizes: dict[str, float] = {}
     for name, unit in reference.units.items():
         sizes[unit] = max(sizes.get(unit, 0.0), float(np.max(np.abs(reference[name]))))
@@ -94,7 +107,7 @@ def judge_scene(model: Model, scene: Scene) -> Iterator[tuple[str, str, Judgemen
     """Method, settings and judgement of each run of a scene."""
     artifact = compile_scene(model, scene)
     runs = (simulate(artifact, error=False, check=False, **how) for how in REFERENCES)  # type: ignore[arg-type]
-    reference = next((run for run in runs if run.failure is None), None)
+    reference, jumps = next((run for run in runs if run.failure is None), None), jump_times(model, scene)
     if reference is None:
         yield "recursive", "", Judgement(failure="no reference reached the end")
         return
@@ -105,7 +118,7 @@ def judge_scene(model: Model, scene: Scene) -> Iterator[tuple[str, str, Judgemen
             yield method, "", Judgement(failure=str(error))
             continue
         for name, settings in settings_of(method, scene):
-            yield method, name, judge(simulate(artifact, check=False, **settings), reference)  # type: ignore[arg-type]
+            yield method, name, judge(simulate(artifact, check=False, **settings), reference, jumps)  # type: ignore[arg-type]
 
 
 def _row(judgement: Judgement) -> tuple[str, ...]:
