@@ -43,7 +43,7 @@ def turning(guide: str) -> Artifact:
 
 
 def test_a_gap_behind_a_guide_that_jumps_is_told_and_counted() -> None:
-    """Two steps agree on what neither has right, a run that closes its loops shows it: estimates are near the errors beside an exact run."""
+    """Two steps agree on what neither has right, a run that closes its loops shows it: estimates are near the true errors."""
     run, finer = (simulate(turning(JUMP), integrator="trapezoidal", dt=dt) for dt in (5e-4, 2.5e-4))
     exact = simulate(turning(JUMP), integrator="dormand-prince", tolerance=1e-9, error=False)
     true = float(np.max(np.abs(run["post.angle"] - exact["post.angle"])))
