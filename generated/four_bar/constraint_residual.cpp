@@ -80,30 +80,30 @@ void FourBar<Real>::constraint_residual(const Real* q, const Real* v, Real* resi
   const Real Phi_closure_2_x_negated = R_crank_2_pin_yx + (R_coupler_2_bar_xx - R_crank_1_pin_yx - Real(1.0));
   const Real Phi_closure_2_y = R_crank_2_pin_xx - (R_crank_1_pin_xx + R_coupler_2_bar_yx);
 
-  residual[0] = -Phi_closure_1_x_negated;
-  residual[1] = Phi_closure_1_y;
-  residual[2] = Real(0.0);
-  residual[3] = Real(0.0);
-  residual[4] = Real(0.0);
-  residual[5] = Real(0.0);
-  residual[6] = -Phi_closure_2_x_negated;
-  residual[7] = Phi_closure_2_y;
-  residual[8] = Real(0.0);
-  residual[9] = Real(0.0);
-  residual[10] = Real(0.0);
-  residual[11] = Real(0.0);
-  rate[0] = -Phid_closure_1_x_negated;
-  rate[1] = -Phid_closure_1_y_negated;
-  rate[2] = Real(0.0);
-  rate[3] = Real(0.0);
-  rate[4] = Real(0.0);
-  rate[5] = Real(0.0);
-  rate[6] = -Phid_closure_2_x_negated;
-  rate[7] = -Phid_closure_2_y_negated;
-  rate[8] = Real(0.0);
-  rate[9] = Real(0.0);
-  rate[10] = Real(0.0);
-  rate[11] = Real(0.0);
+  residual[0] = -Phi_closure_1_x_negated;  // closure_1.x
+  residual[1] = Phi_closure_1_y;  // closure_1.y
+  residual[2] = Real(0.0);  // closure_1.z
+  residual[3] = Real(0.0);  // closure_1.axis_x
+  residual[4] = Real(0.0);  // closure_1.axis_y
+  residual[5] = Real(0.0);  // closure_1.axis_z
+  residual[6] = -Phi_closure_2_x_negated;  // closure_2.x
+  residual[7] = Phi_closure_2_y;  // closure_2.y
+  residual[8] = Real(0.0);  // closure_2.z
+  residual[9] = Real(0.0);  // closure_2.axis_x
+  residual[10] = Real(0.0);  // closure_2.axis_y
+  residual[11] = Real(0.0);  // closure_2.axis_z
+  rate[0] = -Phid_closure_1_x_negated;  // closure_1.x
+  rate[1] = -Phid_closure_1_y_negated;  // closure_1.y
+  rate[2] = Real(0.0);  // closure_1.z
+  rate[3] = Real(0.0);  // closure_1.axis_x
+  rate[4] = Real(0.0);  // closure_1.axis_y
+  rate[5] = Real(0.0);  // closure_1.axis_z
+  rate[6] = -Phid_closure_2_x_negated;  // closure_2.x
+  rate[7] = -Phid_closure_2_y_negated;  // closure_2.y
+  rate[8] = Real(0.0);  // closure_2.z
+  rate[9] = Real(0.0);  // closure_2.axis_x
+  rate[10] = Real(0.0);  // closure_2.axis_y
+  rate[11] = Real(0.0);  // closure_2.axis_z
 }
 
 template void FourBar<Precision>::constraint_residual(const Precision* q, const Precision* v, Precision* residual, Precision* rate) const;

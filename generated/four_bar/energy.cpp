@@ -132,8 +132,8 @@ void FourBar<Real>::energy(const Real* q, const Real* v, const Real* vdot, const
       (v_crank_1_pin_angle_rate*crank_1_bar_1 + energy_4);
   const Real power = v_crank_2_pin_angle_rate*Fc_crank_2_bar_wz + energy_5;
 
-  energy[0] = kinetic_energy;
-  energy[1] = power;
+  energy[0] = kinetic_energy;  // kinetic
+  energy[1] = power;  // power
 }
 
 template void FourBar<Precision>::energy(const Precision* q, const Precision* v, const Precision* vdot, const Precision* lambda, Precision* energy) const;

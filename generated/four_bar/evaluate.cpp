@@ -368,23 +368,23 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real correction_closure_2_x = loaded_.penalty_closure_2*(rdrift_closure_2_x + closure_2_1);
   const Real correction_closure_2_y = loaded_.penalty_closure_2*(rdrift_closure_2_y + closure_2_2);
 
-  vdot[0] = zdd_crank_0_bar_crank_0_pin - rzdd_crank_0_bar_crank_0_pin_negated;
-  vdot[1] = zdd_crank_0_bar_coupler_1_pin + rzdd_crank_0_bar_coupler_1_pin;
-  vdot[2] = zdd_crank_0_bar_crank_1_pin + rzdd_crank_0_bar_crank_1_pin;
-  vdot[3] = zdd_crank_0_bar_coupler_2_pin + rzdd_crank_0_bar_coupler_2_pin;
-  vdot[4] = zdd_crank_0_bar_crank_2_pin + rzdd_crank_0_bar_crank_2_pin;
-  correction[0] = correction_closure_1_x;
-  correction[1] = correction_closure_1_y;
-  correction[2] = Real(0.0);
-  correction[3] = Real(0.0);
-  correction[4] = Real(0.0);
-  correction[5] = Real(0.0);
-  correction[6] = correction_closure_2_x;
-  correction[7] = correction_closure_2_y;
-  correction[8] = Real(0.0);
-  correction[9] = Real(0.0);
-  correction[10] = Real(0.0);
-  correction[11] = Real(0.0);
+  vdot[0] = zdd_crank_0_bar_crank_0_pin - rzdd_crank_0_bar_crank_0_pin_negated;  // crank_0.pin.angle_rate
+  vdot[1] = zdd_crank_0_bar_coupler_1_pin + rzdd_crank_0_bar_coupler_1_pin;  // coupler_1.pin.angle_rate
+  vdot[2] = zdd_crank_0_bar_crank_1_pin + rzdd_crank_0_bar_crank_1_pin;  // crank_1.pin.angle_rate
+  vdot[3] = zdd_crank_0_bar_coupler_2_pin + rzdd_crank_0_bar_coupler_2_pin;  // coupler_2.pin.angle_rate
+  vdot[4] = zdd_crank_0_bar_crank_2_pin + rzdd_crank_0_bar_crank_2_pin;  // crank_2.pin.angle_rate
+  correction[0] = correction_closure_1_x;  // closure_1.x
+  correction[1] = correction_closure_1_y;  // closure_1.y
+  correction[2] = Real(0.0);  // closure_1.z
+  correction[3] = Real(0.0);  // closure_1.axis_x
+  correction[4] = Real(0.0);  // closure_1.axis_y
+  correction[5] = Real(0.0);  // closure_1.axis_z
+  correction[6] = correction_closure_2_x;  // closure_2.x
+  correction[7] = correction_closure_2_y;  // closure_2.y
+  correction[8] = Real(0.0);  // closure_2.z
+  correction[9] = Real(0.0);  // closure_2.axis_x
+  correction[10] = Real(0.0);  // closure_2.axis_y
+  correction[11] = Real(0.0);  // closure_2.axis_z
 }
 
 template void FourBar<Precision>::evaluate(const Precision* q, const Precision* v, const Precision* lambda, Precision* vdot, Precision* correction) const;

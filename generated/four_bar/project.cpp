@@ -215,11 +215,11 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
       (L_crank_0_bar_coupler_2_pin_crank_2_pin*pzdd_crank_0_bar_coupler_2_pin +
       L_crank_0_bar_crank_1_pin_crank_2_pin*pzdd_crank_0_bar_crank_1_pin);
 
-  dz[0] = -pzdd_crank_0_bar_crank_0_pin_negated;
-  dz[1] = pzdd_crank_0_bar_coupler_1_pin;
-  dz[2] = pzdd_crank_0_bar_crank_1_pin;
-  dz[3] = pzdd_crank_0_bar_coupler_2_pin;
-  dz[4] = pzdd_crank_0_bar_crank_2_pin;
+  dz[0] = -pzdd_crank_0_bar_crank_0_pin_negated;  // crank_0.pin.angle_rate
+  dz[1] = pzdd_crank_0_bar_coupler_1_pin;  // coupler_1.pin.angle_rate
+  dz[2] = pzdd_crank_0_bar_crank_1_pin;  // crank_1.pin.angle_rate
+  dz[3] = pzdd_crank_0_bar_coupler_2_pin;  // coupler_2.pin.angle_rate
+  dz[4] = pzdd_crank_0_bar_crank_2_pin;  // crank_2.pin.angle_rate
 }
 
 template void FourBar<Precision>::project(const Precision* q, const Precision* gap, Precision* dz) const;

@@ -20,12 +20,12 @@ void FourBar<Real>::report(const Real* q, const Real* v, const Real* vdot, const
   const Real R_crank_0_pin_xx = cos(q_crank_0_pin_angle);
   const Real R_crank_0_pin_yx = sin(q_crank_0_pin_angle);
 
-  column[0] = -R_crank_0_pin_yx;
-  column[1] = R_crank_0_pin_xx;
-  column[2] = -(v_crank_0_pin_angle_rate*R_crank_0_pin_xx);
-  column[3] = -(v_crank_0_pin_angle_rate*R_crank_0_pin_yx);
-  column[4] = q_crank_0_pin_angle;
-  column[5] = v_crank_0_pin_angle_rate;
+  column[0] = -R_crank_0_pin_yx;  // tip.x
+  column[1] = R_crank_0_pin_xx;  // tip.y
+  column[2] = -(v_crank_0_pin_angle_rate*R_crank_0_pin_xx);  // tip.vx
+  column[3] = -(v_crank_0_pin_angle_rate*R_crank_0_pin_yx);  // tip.vy
+  column[4] = q_crank_0_pin_angle;  // crank_0.pin.angle
+  column[5] = v_crank_0_pin_angle_rate;  // crank_0.pin.angle_rate
 }
 
 template void FourBar<Precision>::report(const Precision* q, const Precision* v, const Precision* vdot, const Precision* lambda, Precision* column) const;

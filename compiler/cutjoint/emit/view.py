@@ -52,6 +52,9 @@ class FunctionView:
     results: tuple[str, ...]
 
 
+#: What begins the comment of a statement.
+_NOTE = "  // "
+
 #: Characters of a line of a generated expression.
 LINE = 110
 
@@ -199,7 +202,7 @@ class Viewer:
             else:
                 before += printer.statements(part, uses)
         sections += self._sections(before, rolled.sections)
-        results = [f"{self._target(r)} = {printer.text(r.scalar)};" for r in rolled.results]
+        results = [f"{self._target(r)} = {printer.text(r.scalar)};{self._note(r)}" for r in rolled.results]
         results += _stores(rolled, loops, printer)
         return self._view(name, self._equations.function(name).arguments, _in_parts(sections), results, loops.arrays)
 
@@ -240,10 +243,20 @@ class Viewer:
         array, index = self._place(result.target, result.index)
         return f"{array}[{index}]"
 
+    def _note(self, result: Result) -> str:
+        """The comment that names what an element of a result is."""
+        slot, element = self._equations.slots.get(result.target), result.target.partition(":")[2]
+        name = slot.names[result.index] if slot else ""
+        if name == result.target:  # an entry of a matrix, by row and column
+            name = element
+        text = name if name.startswith(element) or not name else f"{element}.{name}"
+        return f"{_NOTE}{on_one_line(text)}" if text else ""
+
     def _view(
         self, name: str, arguments: tuple[str, ...], sections: Sequence[SectionView], results: Sequence[str], arrays: tuple[str, ...]
     ) -> FunctionView:  # fmt: skip
-        text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *results])
+        lines = (r.partition(_NOTE)[0] for r in results)
+        text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *lines])
         names = [a.rpartition(" ")[2] for a in arguments]
         const = "" if name in ("load", "begin_step", "start_step") else " const"
         return FunctionView(
