@@ -47,6 +47,7 @@ _EVALUATORS: Mapping[Any, Callable[..., Any]] = {
     sympy.Or: lambda *parts: any(parts),
     sympy.Not: operator.not_,
     sympy.Abs: abs,
+    sympy.exp: math.exp,
     **dict(RELATIONS.values()),
     **{function: numeric for function, numeric in SMOOTH.values() if isinstance(function, type)},
 }
