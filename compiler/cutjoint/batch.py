@@ -58,9 +58,9 @@ class BatchArtifact:
         return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"
 
 
-def compile_batch(path: AnyPath, *, scene: str | None = None, flags: Sequence[str] = FLAGS) -> BatchArtifact:
+def compile_batch(path: AnyPath, *, scene: str | None = None, opened: Sequence[str] = (), flags: Sequence[str] = FLAGS) -> BatchArtifact:
     """Compile a model file for batches of one scene, the only one if none is named; errors as in `compile_scene_batch`."""
-    model = read_model(path)
+    model = read_model(path, opened=opened)
     return compile_scene_batch(model, find_scene(model, scene), flags=flags)
 
 

@@ -36,9 +36,10 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 
 
-def compile_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:
-    """Compile a model file for one scene, the only one if none is named; ``how`` and errors as in `compile_scene`."""
-    model = read_model(path)  # model.yaml -> Model
+def compile_model(path: AnyPath, *, scene: str | None = None, opened: Sequence[str] = (), **how: Any) -> Artifact:
+    """Compile a model file for one scene, the only one if none is named; numbers whose names match one of the patterns ``opened``, such as
+    "*.stiffness", become parameters; ``how`` and errors as in `compile_scene`."""
+    model = read_model(path, opened=opened)  # model.yaml -> Model
     return compile_scene(model, find_scene(model, scene), **how)
 
 

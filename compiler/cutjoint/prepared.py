@@ -35,12 +35,16 @@ _LARGEST = 8_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What the options of `cutjoint simulate` ask for besides parameters; None for what the scene has."""
+    """What the options of `cutjoint simulate` ask for besides parameters; None for what the scene has.
+
+    ``opened`` are patterns of the names of numbers that become parameters.
+    """
 
     model: Path
     scene: str | None = None
     method: str | None = None
     closure: str | None = None
+    opened: tuple[str, ...] = ()
     implementation: str = Implementation.GENERATED
     precision: str = DEFAULT_PRECISION
     options: Options = field(default_factory=Options)

@@ -8,7 +8,10 @@ import click
 
 from cutjoint.commands import options
 from cutjoint.emit.standalone import STEPS
-from cutjoint.pipeline import compile_model
+from cutjoint.formulate.inputs import open_parameters
+from cutjoint.pipeline import compile_model, generate
+from cutjoint.run.artifact import Artifact
+from cutjoint.topology.reading import read_model
 
 
 @click.command("compile")
@@ -17,10 +20,20 @@ from cutjoint.pipeline import compile_model
 @options.method
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the C++ and the simulator.")
 @click.option("--integrator", type=click.Choice(list(STEPS)), help="Rule of the steps instead of the scene's, of method recursive.")
+@options.opened
 @options.reports_errors
-def command(model: Path, scene: str | None, method: str, out: Path, integrator: str | None) -> None:
+def command(model: Path, scene: str | None, method: str, out: Path, integrator: str | None, opened: tuple[str, ...]) -> None:
     """Generate and compile the C++ of MODEL for one scene."""
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_model(model, scene=scene, method=method, out=out, integrator=integrator)
+        artifact = compile_model(model, scene=scene, method=method, out=out, integrator=integrator, opened=opened)
+        price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
-    options.out.print(f"{operations} operations an evaluation; source and simulator in {out}", markup=False)
+    options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}", markup=False)
+
+
+def _price(artifact: Artifact, path: Path) -> str:
+    """What it costs that numbers are opened."""
+    plain = read_model(path)
+    _, program, _ = generate(plain, plain.scenes[artifact.scene.name], artifact.scene.outputs, method=artifact.method)
+    count = len(open_parameters(artifact.topology.model)) - len(open_parameters(plain))
+    return f" ({count} numbers are opened; {program.operations(artifact.iteration)} without)"

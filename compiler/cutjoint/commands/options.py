@@ -68,6 +68,9 @@ some_scene = click.option("--scene", metavar="NAME", help="Scene of the model fi
 method = click.option("--method", type=click.Choice(list(METHODS)), default=DEFAULT_METHOD, show_default=True, help="Formulation.")
 changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, 
                        help="Change a parameter, or hold an input constant, without recompiling (SI units).")  # fmt: skip
+opened = click.option("--open", "opened", metavar="PATTERN", multiple=True,
+                      help="Make parameters of the numbers of MODEL whose names match, such as '*.stiffness' or 'front.hub.*'; * stands "
+                      "for any text. --set and tables of --batch change them without recompiling.")  # fmt: skip
 dt = click.option("--dt", type=Setting("dt"), help="Step in s; the scene's otherwise.")
 end = click.option("--end", type=Setting("end", positive=True), help="End time in s; the scene's otherwise.")
 iterations = click.option("--iterations", type=Setting("iterations"),

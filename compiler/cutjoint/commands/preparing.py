@@ -32,7 +32,7 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
         ModelError: the file is wrong.
         RunError: there is no such scene, or the method has no closure.
     """
-    model = read_model(request.model)
+    model = read_model(request.model, opened=request.opened)
     scene = find_scene(model, request.scene)
     method = request.method or scene.method or DEFAULT_METHOD
     if request.closure is None:

@@ -56,6 +56,7 @@ from cutjoint.run.results import Trajectory
 @options.dt
 @options.end
 @options.iterations
+@options.opened
 @options.changes
 @click.option("--batch", type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="CSV file of parameters and constant inputs, a row for each run (SI units): many runs side by side; --out has a row for "
@@ -71,8 +72,8 @@ from cutjoint.run.results import Trajectory
 def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
     integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
-    iterations: int | None, changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path, steps: Path | None,
-    error: bool, plots: Path | None, view: Path | None,
+    iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path,
+    steps: Path | None, error: bool, plots: Path | None, view: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
@@ -84,7 +85,8 @@ def command(
         dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events
     )  # fmt: skip
     request = Request(
-        model=model, scene=scene, method=method, closure=closure, implementation=implementation, precision=precision, options=asked
+        model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,
+        options=asked,
     )  # fmt: skip
     if view is not None:
         from cutjoint.commands.replaying import require_replay

@@ -135,7 +135,7 @@ class Viewer:
             return identifier(self._equations.slots[symbol].names[index])
         if symbol == "penalties":
             return f"penalty_{self._equations.topology.closing[index].name.replace('.', '_')}"
-        return f"p_{self._equations.parameters[index].name}" if symbol == "parameters" else f"{symbol}_now"
+        return f"p_{identifier(self._equations.parameters[index].name)}" if symbol == "parameters" else f"{symbol}_now"
 
     def members(self, binding: BindingTime) -> tuple[tuple[str, str], ...]:
         """Type and name of the stored values of one stage."""

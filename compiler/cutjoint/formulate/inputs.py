@@ -69,7 +69,7 @@ def parameter_blocks(builder: Builder, model: Model) -> dict[Scalar, Block]:
     if column:
         loaded = builder.symbol("parameters", len(column), BindingTime.PARAM)
         for i, parameter in enumerate(column):
-            values[parameter.symbol] = builder.label(builder.element(loaded, i), parameter.name)
+            values[parameter.symbol] = builder.label(builder.element(loaded, i), _name_of(parameter.symbol).removeprefix("p_"))
     for parameter in model.parameters:
         if parameter.binding is Binding.CONST:
             values[parameter.symbol] = builder.number(parameter.value)

@@ -82,6 +82,7 @@ class Instance(Part):
     connect: dict[StrictStr, StrictStr] = Field(default={})
     with_: dict[StrictStr, Number] = Field(default={}, alias="with")
     mirror: Literal["x", "y", "z"] | None = None
+    binding: Literal["param"] | None = None
 
 
 class Parameter(Part):

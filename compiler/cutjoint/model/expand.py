@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass, replace
+from glob import escape
 
 from cutjoint.model import document
 from cutjoint.model.elements import Elements, read_elements
 from cutjoint.model.errors import Problems, nearest
 from cutjoint.model.mirror import mirror_elements
+from cutjoint.model.opening import Opening
 from cutjoint.model.operations import Term
 from cutjoint.model.parameters import read_parameters
 from cutjoint.model.records import DerivedParameter, Parameter, Scalar
@@ -30,10 +32,10 @@ class Expansion:
     elements: Elements
 
 
-def expand(source: Source, problems: Problems, shaped: Shaped) -> Expansion:
-    """Read all elements of the model and of its instances."""
+def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening) -> Expansion:
+    """Read all elements of the model and of its instances; ``opening`` makes parameters of their numbers."""
     model, directory = shaped.document, _directory(shaped)
-    scope = Scope(source, problems, directory, {}, {})
+    scope = Scope(source, problems, directory, {}, {}, opening=opening)
     parameters = read_parameters(scope, model)
     scope = parameters.extend(scope)
     groups = [read_elements(scope, model), *_instances(scope, model)]
@@ -105,7 +107,10 @@ def _instance(where: Element, instance: document.Instance, submodel: document.Su
 def _arguments(where: Element, instance: document.Instance, submodel: document.Submodel) -> dict[str, Term]:
     """The values that the instance gives to the submodel's parameters."""
     _match_keys(where, "with", instance.with_, submodel.parameters, "parameter", instance.use)
-    given = {name: where.term(value, ("with", name), where.scope.names) for name, value in instance.with_.items()}
+    if instance.binding is not None:
+        where.scope.opening.patterns.append(f"{escape(where.name)}.*")
+    terms = {name: where.term(value, ("with", name), where.scope.names) for name, value in instance.with_.items()}
+    given = {name: where.opened(term, None, ("with", name), is_argument=True) for name, term in terms.items()}
     return {name: given.get(name, FAILED_TERM) for name in submodel.parameters}
 
 

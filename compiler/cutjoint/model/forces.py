@@ -142,7 +142,7 @@ def _spring_law(element: Element, spring: joint_parts.JointSpring, kind: LawKind
 def _stop_law(element: Element, limits: joint_parts.JointLimits, kind: LawKind) -> Scalar:
     lower, upper = limits.lower, limits.upper
     if lower is not None and upper is not None:
-        low, high = (element.value(element.scalar(x, None, ("limits",))) for x in (lower, upper))
+        low, high = (element.value(element.scalar(x, None, ("limits", key))) for x, key in ((lower, "lower"), (upper, "upper")))
         if low >= high:
             element.fail("limits: lower is not below upper", "", ("limits",))
     return soft_stops(element, kind, ("limits",), limits.stiffness, limits.damping, lower=lower, upper=upper)

@@ -58,10 +58,10 @@ def _read_numbers(parts: Mapping[str, document.Parameter], where: Mapping[str, E
     parameters, terms = [], {}
     for name, part in parts.items():
         found, dimension = _number(where[name], part)
-        symbol = parameter_symbol(name)
-        parameters.append(
-            Parameter(name=name, symbol=symbol, value=found.value, unit=found.unit, binding=Binding(part.binding), span=where[name].span)
-        )
+        symbol, binding = parameter_symbol(name), Binding(part.binding)
+        if where[name].scope.opening.takes(name) and binding is Binding.CONST:
+            binding = Binding.PARAM
+        parameters.append(Parameter(name=name, symbol=symbol, value=found.value, unit=found.unit, binding=binding, span=where[name].span))
         terms[name] = FAILED_TERM if math.isnan(found.value) else Term(symbol, dimension)
     return tuple(parameters), terms
 

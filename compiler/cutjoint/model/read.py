@@ -6,12 +6,14 @@ frame is wrong, ends the reading early.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from cutjoint.locations import AnyPath
 from cutjoint.model.errors import Problems
 from cutjoint.model.expand import expand
-from cutjoint.model.records import Model
+from cutjoint.model.opening import Opening
+from cutjoint.model.records import Model, Span
 from cutjoint.model.scenes import read_scenes
 from cutjoint.model.scope import Element
 from cutjoint.model.shape import check_shape
@@ -20,15 +22,15 @@ from cutjoint.model.units import ACCELERATION
 from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected
 
 
-def read_model(path: AnyPath) -> Model:
-    """Read and validate the model file at ``path``.
+def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
+    """Read and validate the model file at ``path``.  Numbers whose names match one of ``opened``, such as "*.stiffness", become parameters.
 
     Raises ModelError with all problems found; numbers in the result are SI.
     """
-    return read_model_text(read_text(Path(path)), str(path))
+    return read_model_text(read_text(Path(path)), str(path), opened=opened)
 
 
-def read_model_text(text: str, file: str) -> Model:
+def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Model:
     """Read and validate a model from its text; ``file`` is the name that places and messages carry.
 
     Raises ModelError with all problems found.
@@ -44,7 +46,10 @@ def read_model_text(text: str, file: str) -> Model:
     check_names(source, problems, document)
     check_submodels(source, problems, document)
     # document -> flat elements with expressions
-    expansion = expand(source, problems, shaped)
+    opening = Opening(list(opened))
+    expansion = expand(source, problems, shaped, opening)
+    for problem in opening.problems(opened, Span(file=file, line=1, column=1)):
+        problems.add(problem.span, problem.element, problem.message, problem.hint)
     # elements -> scenes that refer to them
     scenes = read_scenes(document, expansion)
     root = Element(expansion.scope, "model", document.name, ())
@@ -55,7 +60,7 @@ def read_model_text(text: str, file: str) -> Model:
     model = Model(
         name=document.name,
         gravity=gravity,
-        parameters=expansion.parameters,
+        parameters=(*expansion.parameters, *opening.parameters.values()),
         derived=expansion.derived,
         bodies=elements.bodies,
         joints=elements.joints,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, field, replace
 
 import sympy
@@ -12,6 +12,7 @@ from cutjoint.model import joint_parts
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import read_term, variable
+from cutjoint.model.opening import Opening, number_name
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.records import GROUND, Scalar, Span, Vector
 from cutjoint.model.source import Path, Source, field_name
@@ -50,20 +51,21 @@ class Scope:
 
     ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
     the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
-    that never change.  ``connectors`` maps local body names to full ones.
+    that never change.  ``connectors`` maps local body names to full ones.  ``opening`` makes parameters of numbers.
     """
 
     source: Source
     problems: Problems
     directory: Directory
     names: Mapping[str, Term]
-    values: Mapping[Scalar, float]
+    values: MutableMapping[Scalar, float]
     moving: frozenset[Scalar] = frozenset()
     settled: Mapping[Scalar, Scalar] = field(default_factory=dict)
     path: Path = ()
     prefix: str = ""
     connectors: Mapping[str, str] = field(default_factory=dict)
     points: Mapping[str, Vector] = field(default_factory=dict)
+    opening: Opening = field(default_factory=Opening)
 
     def full(self, name: str) -> str:
         """The full name of an element of this scope."""
@@ -123,10 +125,13 @@ class Element:
         expected: Dimension | None,
         keys: Path,
         names: Mapping[str, Term] | None = None,
+        *,
+        in_triple: bool = False,
     ) -> Scalar:
         """A number or expression of dimension ``expected`` (None for any).
 
-        ``names`` are the symbols it may use, by default all parameters that do not change with time.
+        ``names`` are the symbols it may use, by default all parameters that do not change with time; then a number may be opened.
+        ``in_triple`` is whether the last key is that of a component.
         """
         term = self.term(value, keys, self.scope.constants() if names is None else names)
         if expected is not None and term.dimension not in (None, expected):
@@ -141,7 +146,17 @@ class Element:
         if expected in _BOUNDED and abs(self.value(term.value)) > LARGEST:
             self.fail(worded(field_name(keys), f"is larger than {LARGEST:g} in SI units"), "mind its unit", keys)
             return FAILED
-        return term.value
+        return term.value if names is not None else self.opened(term, expected, keys, in_triple=in_triple).value
+
+    def opened(
+        self, term: Term, expected: Dimension | None, keys: Path, *, in_triple: bool = False, is_argument: bool = False
+    ) -> Term:  # fmt: skip
+        """The parameter that a number of the file is opened as, else the term itself; an argument of an instance has its name alone."""
+        path = (*self.path, *keys)
+        if path not in self.scope.source.values:  # nothing stands there
+            return term
+        name = number_name(self.name, keys[1:] if is_argument else keys, in_triple=in_triple)
+        return self.scope.opening.opened(name, term, expected, self.scope.source.value_span(path), self.scope.values)
 
     def _is_closed(self, expression: Scalar) -> bool:
         """Whether an expression has a value once the parameters have theirs."""
@@ -169,7 +184,7 @@ class Element:
         names: Mapping[str, Term] | None = None,
     ) -> Vector:
         """Three components of dimension ``expected``."""
-        a, b, c = (self.scalar(value, expected, (*keys, index), names) for index, value in enumerate(values))
+        a, b, c = (self.scalar(value, expected, (*keys, index), names, in_triple=True) for index, value in enumerate(values))
         return (a, b, c)
 
     def with_variables(self, *variables: str) -> dict[str, Term]:

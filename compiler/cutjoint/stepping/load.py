@@ -15,18 +15,21 @@ from cutjoint.toolchain.build import FLAGS
 from cutjoint.topology.reading import read_model
 
 
-def load(path: AnyPath, *, scene: str | None = None, integrator: str | None = None, flags: Sequence[str] = FLAGS) -> Simulation:
+def load(
+    path: AnyPath, *, scene: str | None = None, integrator: str | None = None, opened: Sequence[str] = (), flags: Sequence[str] = FLAGS
+) -> Simulation:  # fmt: skip
     """Compile a model file for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
     Steps are those of the recursive method by ``integrator``, "trapezoidal", "rk4" or "dormand-prince": that of the scene unless one is
     named, and the trapezoidal rule where the scene names none.  They are as long as the scene says; those of dormand-prince are as long as
-    its tolerances allow, and a step of the simulation takes as many as it needs.
+    its tolerances allow, and a step of the simulation takes as many as it needs.  Numbers whose names match one of the patterns ``opened``,
+    such as "*.stiffness", become parameters.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the scene is wrong, or there is no such integrator.
         ToolchainError: a tool is not installed, or the compiler failed.
     """
-    model = read_model(path)
+    model = read_model(path, opened=opened)
     chosen = find_scene(model, scene)
     equations, program, source = generate(model, chosen, chosen.outputs)
     standalone = make_standalone(equations.mechanism, program, source, integrator=integrator)

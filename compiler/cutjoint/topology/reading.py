@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from cutjoint.locations import AnyPath
@@ -13,15 +13,15 @@ from cutjoint.topology.search import span
 from cutjoint.topology.spanning_tree import TopologyError
 
 
-def read_model(path: AnyPath) -> Model:
-    """Read and validate the model file at ``path``; numbers in the result are SI.
+def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
+    """Read and validate the model file at ``path``; numbers in the result are SI, those whose names match ``opened`` are parameters.
 
     Raises:
         ModelError: the file is wrong, with all its problems and those of its loops; where the file is right, `build_topology` finds
             these.
     """
     with _problems_of_loops():
-        return read.read_model(path)
+        return read.read_model(path, opened=opened)
 
 
 def read_model_text(text: str, file: str) -> Model:
