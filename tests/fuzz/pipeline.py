@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from dataclasses import dataclass
+from zlib import crc32
 
 from cutjoint import pipeline
 from cutjoint.analysis.guides import GuideError
@@ -49,8 +50,10 @@ def compile_text(text: str) -> Outcome:
 
 
 def _compile(text: str) -> Outcome:
+    """A text's outcome; of one text in six all numbers are opened, of another its masses."""
+    opened = {0: ["*"], 1: ["*.mass"]}.get(crc32(text.encode()) % 6, [])
     try:
-        model = read_model_text(text, FILE)
+        model = read_model_text(text, FILE, opened=opened)
         scene = next(iter(model.scenes.values()), None) or pipeline.find_scene(model, None)
         equations, _, source = pipeline.generate(model, scene, scene.outputs)
         make_run_file(model, scene, {}, task="simulate", out="table.csv")
