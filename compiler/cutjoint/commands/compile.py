@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.emit.standalone import STEPS
+from cutjoint.emit.standalone import INTEGRATORS_OF_CORE
 from cutjoint.pipeline import compile_model
 
 
@@ -16,7 +16,7 @@ from cutjoint.pipeline import compile_model
 @options.scene
 @options.method
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the C++ and the simulator.")
-@click.option("--integrator", type=click.Choice(list(STEPS)), help="Rule of the steps instead of the scene's, of method recursive.")
+@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of the steps instead of the scene's.")
 @options.reports_errors
 def command(model: Path, scene: str | None, method: str, out: Path, integrator: str | None) -> None:
     """Generate and compile the C++ of MODEL for one scene."""
