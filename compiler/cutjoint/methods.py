@@ -191,6 +191,7 @@ METHODS: Mapping[str, Method] = _catalogue(
     ),
     Method(
         name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, instead=("recursive", "augmented"), own_updates=20,
+        stands_alone=True,
     ),
 )  # fmt: skip
 

@@ -70,7 +70,7 @@ def compile_scene(
     if integrator is not None and not alone:
         raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
     if alone:
-        standalone = make_standalone(equations.mechanism, program, source, integrator=integrator)
+        standalone = make_standalone(equations, program, source, integrator=integrator, lanes=lanes)
         files, name = standalone.files, standalone.simulator
     if folder is not None:
         require_no_model((*files, name), folder, Path(model.span.file))

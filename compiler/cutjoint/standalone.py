@@ -11,26 +11,33 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.emit.source import Source
-from cutjoint.emit.standalone import STEPS, emit_standalone, simulation_size
-from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.emit.standalone import STEPS, Parts, Steps, System, emit_standalone, simulation_size
+from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.records import Equations
+from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import DEFAULT_INTEGRATOR, Events
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
+from cutjoint.sparse.plan import plan_definite
+from cutjoint.sparse.tangent import settle_entries
 from cutjoint.toolchain.build import FLAGS, build_folder, simulator_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class Standalone:
     """A folder's files by name; ``name`` is the model's, ``digest`` that of its source, ``size`` the bytes that a simulation takes at
-    most, ``integrator`` the name of the rule of its steps, ``run_file`` the settings, parameters and start that it begins with."""
+    most, ``method`` and ``integrator`` the names of the rule of its steps, ``steps`` what that can do, ``run_file`` the settings,
+    parameters and start that it begins with."""
 
     name: str
     files: Mapping[str, str]
     digest: str
     size: int
+    method: str
     integrator: str
+    steps: Steps
     run_file: Mapping[str, Any]
 
     @property
@@ -47,22 +54,37 @@ class Standalone:
         return build_folder(self.name, self.files, self.digest, shared=True, flags=flags)
 
 
-def make_standalone(equations: RecursiveEquations, program: Program, source: Source, *, integrator: str | None = None) -> Standalone:
-    """The folder of a mechanism in a scene, with the settings, parameters and start of that.
+def make_standalone(
+    equations: Equations, program: Program, source: Source, *, integrator: str | None = None, lanes: bool = True
+) -> Standalone:
+    """The folder of a model in a scene, by what `pipeline.generate` has made, with the settings, parameters and start of the scene.
 
-    The integrator is that of the scene unless one is named; where the core has not the scene's, or the scene names none, it is the
-    trapezoidal rule.
+    The integrator is that of the scene unless one is named; where the core has not the scene's for the method, or the scene names none, it
+    is the trapezoidal rule.  ``lanes`` is whether isomorphic parts are computed side by side.
 
     Raises:
         RunError: the core has not the integrator, or the scene has a setting or a start without a finite value.
     """
-    model, own = equations.topology.model, equations.scene.numerics.integrator
-    if integrator is not None and integrator not in STEPS:
-        raise RunError(f"integrator: '{integrator}' is not one of folders that stand alone, {', '.join(STEPS)}")
-    chosen = integrator or (own if own is not None and own in STEPS else DEFAULT_INTEGRATOR)
-    options = Options(integrator=chosen, events=None if STEPS[chosen].finds_events else Events.CROSSED)
-    run_file = make_run_file(model, equations.scene, {}, task="simulate", options=options)
+    parts = _parts(equations, program, lanes)
+    scene, known = equations.scene, STEPS[parts.method]
+    if integrator is not None and integrator not in known:
+        raise RunError(f"integrator: '{integrator}' is not one of folders that stand alone, {', '.join(known)}")
+    own = scene.numerics.integrator
+    chosen = integrator or (own if own is not None and own in known else DEFAULT_INTEGRATOR)
+    steps = known[chosen]
+    options = Options(integrator=chosen, events=None if steps.finds_events else Events.CROSSED)
+    run_file = make_run_file(equations.topology.model, scene, {}, task="simulate", method=parts.method, options=options)
     return Standalone(
-        name=model.name, files=emit_standalone(program, equations, run_file, source.digest), digest=source.digest,
-        size=simulation_size(program, equations, chosen), integrator=chosen, run_file=run_file,
+        name=equations.topology.model.name, files=emit_standalone(parts, run_file, source.digest), digest=source.digest,
+        size=simulation_size(parts, steps), method=parts.method, integrator=chosen, steps=steps, run_file=run_file,
     )  # fmt: skip
+
+
+def _parts(equations: Equations, program: Program, lanes: bool) -> Parts:
+    """What a simulation is made of; the plan of a factorisation follows from the pattern."""
+    start = equations.mechanism
+    if not isinstance(equations, ImplicitEquations):
+        return Parts(mechanism=start, program=program, system=None)
+    _, pattern = settle_entries(program, len(equations.row_names), symmetric=False)
+    system = System(equations=equations, program=program, plan=plan_definite(pattern))
+    return Parts(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)

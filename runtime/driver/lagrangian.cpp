@@ -1,5 +1,7 @@
 // The driver of the Lagrangian methods.
 #include "cutjoint/driver.hpp"
+#include "newton.hpp"
+
 #include "cutjoint/lagrangian/method.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
@@ -8,10 +10,6 @@
 #include "cutjoint/sdirk/method.hpp"
 #include "cutjoint/stepping/newton_rule.hpp"
 #include "cutjoint/stepping/split_steps.hpp"
-
-extern template class cutjoint::Newton<cutjoint::AnySystem<cutjoint::Precision>>;  // newton.cpp
-extern template class cutjoint::AugmentedNewton<cutjoint::AnySystem<cutjoint::Precision>>;
-extern template class cutjoint::RecursiveNewton<cutjoint::AnySystem<cutjoint::Precision>>;
 
 namespace {
 

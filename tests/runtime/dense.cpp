@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <vector>
 
+#include "cutjoint/core/newton/dense_solver.hpp"
+
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
@@ -43,6 +45,49 @@ void compare_eigenvalues(Eigen::Index n, Eigen::Index rank) {
   std::printf("eigenvalues %.3e %.3e\n", (own - known.eigenvalues()).norm() / A.norm(), rebuilt);
 }
 
+/// What a solver needs to know of a system: the places of a matrix of which some entries are left out.
+struct System {
+  using real_type = double;
+
+  struct Pattern {
+    int size;
+    std::vector<int> first{0}, row{};
+  };
+  struct Description {
+    Pattern pattern;
+    int factors = 0;
+  };
+
+  const Description& description() const { return description_; }
+
+  Description description_;
+};
+
+/// `zeros` is the share of the entries that are left out, those of the diagonal first.
+void compare_solutions(Eigen::Index n, double zeros) {
+  Matrix A = Matrix::Random(n, n);
+  const Vector b = Vector::Random(n);
+  System system{{{static_cast<int>(n)}}};
+  std::vector<double> values;
+  auto& pattern = system.description_.pattern;
+  for (Eigen::Index j = 0; j < n; ++j) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (zeros > 0.0 && (i == j || std::rand() < zeros * RAND_MAX)) A(i, j) = 0.0;
+      if (A(i, j) == 0.0) continue;
+      pattern.row.push_back(static_cast<int>(i));
+      values.push_back(A(i, j));
+    }
+    pattern.first.push_back(static_cast<int>(values.size()));
+  }
+  cutjoint::DenseSolver<System> solver(system);
+  solver.prepare();
+  Vector x = b;
+  const bool broken = static_cast<bool>(solver.factor(values.data()));
+  if (!broken) solver.solve(x.data());
+  const Eigen::FullPivLU<Matrix> known(A);
+  std::printf("solution %d %d %.3e\n", broken, !known.isInvertible(), broken ? 0.0 : (A * x - b).norm() / (A.norm() * x.norm()));
+}
+
 }  // namespace
 
 int main() {
@@ -50,4 +95,6 @@ int main() {
   for (const auto& [rows, columns] : {std::pair<Eigen::Index, Eigen::Index>{1, 1}, {3, 3}, {2, 7}, {7, 2}, {12, 20}, {40, 31}})
     for (Eigen::Index rank = 0; rank <= std::min(rows, columns); rank += 1 + rank / 3) compare_squares(rows, columns, rank);
   for (const Eigen::Index n : {1, 2, 5, 30}) compare_eigenvalues(n, n), compare_eigenvalues(n, (n + 1) / 2);
+  for (const Eigen::Index n : {1, 2, 3, 8, 40})
+    for (const double zeros : {0.0, 0.3}) compare_solutions(n, zeros);
 }

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+from cutjoint.methods import DEFAULT_METHOD, METHODS, names_of
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import generate
 from cutjoint.run.scenes import find_scene
@@ -22,6 +23,12 @@ LIBRARIES = ("-lm", "-lmvec")
 
 HERE = Path(__file__).parent
 
+#: The methods that folders have.
+ALONE = names_of(METHODS, lambda method: method.stands_alone)
+
+#: What a C program must know of a method that has no number of iterations to set.
+DEFINITIONS = {"recursive": (), "recursive-newton": ("-Dpress_set_iterations(sim,number)=PRESS_NOT_FINITE",)}
+
 #: Random calls under sanitizers; 1e6 of them take half a minute.
 RANDOM_CALLS = 50_000
 
@@ -30,17 +37,19 @@ _CALLS = {"memcmp", "memcpy", "memmove", "memset", "strcmp", "sin", "cos", "sinc
 
 
 @cache
-def folder_of(text: str, name: str, scene: str | None = None, integrator: str | None = None) -> Standalone:
+def folder_of(
+    text: str, name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD
+) -> Standalone:
     """The folder of a model that is given as text."""
     model = read_model_text(text, name)
     chosen = find_scene(model, scene)
-    equations, program, source = generate(model, chosen, chosen.outputs)
-    return make_standalone(equations.mechanism, program, source, integrator=integrator)
+    equations, program, source = generate(model, chosen, chosen.outputs, method=method)
+    return make_standalone(equations, program, source, integrator=integrator)
 
 
-def standalone_of(name: str, scene: str | None = None, integrator: str | None = None) -> Standalone:
+def standalone_of(name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD) -> Standalone:
     """The folder of a model of the repository."""
-    return folder_of((MODELS / f"{name}.yaml").read_text(encoding="utf-8"), f"{name}.yaml", scene, integrator)
+    return folder_of((MODELS / f"{name}.yaml").read_text(encoding="utf-8"), f"{name}.yaml", scene, integrator, method)
 
 
 def write(folder: Standalone, place: Path) -> Path:

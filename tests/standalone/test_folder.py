@@ -16,9 +16,14 @@ from cutjoint.standalone import make_standalone
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.reduce.test_guards import TEXT as HAMMER
 
-from .folders import HERE, RANDOM_CALLS, compile_object, folder_of, foreign_symbols, link, run, standalone_of, write
+from .folders import ALONE, DEFINITIONS, HERE, RANDOM_CALLS, compile_object, folder_of, foreign_symbols, link, run, standalone_of, write
 
 pytestmark = needs_cpp
+
+#: Models, their scenes and methods; those of the vehicle take long to compile.
+VEHICLE = [("iltis", "simul1", method) for method in ALONE]
+FOLDERS = with_heavy([*(("press", None, method) for method in ALONE), *VEHICLE], *VEHICLE)
+
 
 @pytest.fixture(scope="module")
 def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -35,23 +40,29 @@ def test_files_include_the_standard_library_alone(press: Path) -> None:
     assert not [name for name in included if "/" in name or "Eigen" in name or (name[0] == '"' and name != '"press.h')]
 
 
-@pytest.mark.parametrize(("name", "scene"), with_heavy([("press", None), ("iltis", "simul1")], ("iltis", "simul1")))
+@pytest.mark.parametrize(("name", "scene", "method"), FOLDERS)
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-def test_the_code_calls_mathematics_and_nothing_else(compiler: str, name: str, scene: str | None, tmp_path: Path) -> None:
-    made = compile_object(write(standalone_of(name, scene), tmp_path), name, compiler=compiler)
+def test_the_code_calls_mathematics_and_nothing_else(
+    compiler: str, name: str, scene: str | None, method: str, tmp_path: Path
+) -> None:
+    made = compile_object(write(standalone_of(name, scene, method=method), tmp_path), name, compiler=compiler)
     assert not foreign_symbols(made, name)
 
 
-def test_calls_right_and_wrong(press: Path) -> None:
-    program = link(press, "calls", ["-I.", HERE / "calls.c", "press.o"])
+@pytest.mark.parametrize("method", ALONE)
+def test_calls_right_and_wrong(method: str, tmp_path: Path) -> None:
+    place = write(standalone_of("press", method=method), tmp_path)
+    compile_object(place, "press")
+    program = link(place, "calls", ["-I.", HERE / "calls.c", "press.o"], flags=DEFINITIONS[method])
     assert run(program) == ""
 
 
-def test_random_calls_under_sanitizers(tmp_path: Path) -> None:
-    place = write(standalone_of("press"), tmp_path)
+@pytest.mark.parametrize("method", ALONE)
+def test_random_calls_under_sanitizers(method: str, tmp_path: Path) -> None:
+    place = write(standalone_of("press", method=method), tmp_path)
     sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     compile_object(place, "press", flags=sanitize)
-    program = link(place, "random", ["-I.", HERE / "random_calls.c", "press.o"], flags=sanitize)
+    program = link(place, "random", ["-I.", HERE / "random_calls.c", "press.o"], flags=(*sanitize, *DEFINITIONS[method]))
     good, _, calls, _ = run(program, str(RANDOM_CALLS)).split()
     assert int(calls) == RANDOM_CALLS
     assert RANDOM_CALLS / 4 < int(good) < RANDOM_CALLS
@@ -69,9 +80,9 @@ def test_two_models_in_one_program(press: Path, tmp_path: Path) -> None:
     run(link(tmp_path, "both", ["-I.", f"-I{press}", "both.c", "four_bar.o", press / "press.o"]))
 
 
-@pytest.mark.parametrize(("name", "scene"), with_heavy([("press", None), ("iltis", "simul1")], ("iltis", "simul1")))
-def test_its_table_is_that_of_the_command_line_bit_by_bit(name: str, scene: str | None, tmp_path: Path) -> None:
-    artifact = compile_model(MODELS / f"{name}.yaml", scene=scene, out=tmp_path)
+@pytest.mark.parametrize(("name", "scene", "method"), [*FOLDERS, *((name, None, "recursive-newton") for name in ("andrews", "flyball"))])
+def test_its_table_is_that_of_the_command_line_bit_by_bit(name: str, scene: str | None, method: str, tmp_path: Path) -> None:
+    artifact = compile_model(MODELS / f"{name}.yaml", scene=scene, method=method, out=tmp_path)
     table = run(tmp_path / f"{name}_simulator", f"{name}.run").splitlines()
     rows = np.array([[float(x) for x in line.split(",")] for line in table[1:]])
     known = simulate(artifact, integrator="trapezoidal", events="crossed", error=False)
@@ -81,11 +92,12 @@ def test_its_table_is_that_of_the_command_line_bit_by_bit(name: str, scene: str 
         assert np.array_equal(rows[:, i], known[column]), column
 
 
-def test_a_force_that_was_left_out_and_would_act_ends_the_motion(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", ALONE)
+def test_a_force_that_was_left_out_and_would_act_ends_the_motion(method: str, tmp_path: Path) -> None:
     model = read_model_text(HAMMER, "hammer.yaml")
     reduced = guard_forces(model, model.scenes["swing"], ("floor",))
-    equations, program, source = generate(reduced.model, reduced.scene, reduced.scene.outputs)
-    write(make_standalone(equations.mechanism, program, source), tmp_path)
+    equations, program, source = generate(reduced.model, reduced.scene, reduced.scene.outputs, method=method)
+    write(make_standalone(equations, program, source), tmp_path)
     compile_object(tmp_path, "hammer")
     (tmp_path / "high.run").write_text("end 0.7\nparameter depth 0.1\n")
     program = link(tmp_path, "hammer_simulator", ["hammer_simulator.c", "hammer.o"])

@@ -11,7 +11,14 @@ import cutjoint
 from tests.conftest import needs_cpp
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders
 
+from .folders import ALONE
+
 pytestmark = needs_cpp
+
+
+@pytest.fixture(params=ALONE)
+def method(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
 
 
 @pytest.fixture
@@ -21,9 +28,10 @@ def driven(tmp_path: Path) -> Path:
     return path
 
 
-def test_inputs_that_nobody_sets_follow_the_scene(driven: Path) -> None:
-    run = cutjoint.simulate(cutjoint.compile_model(driven, scene="lawful"), error=False, integrator="trapezoidal", events="crossed")
-    sim = cutjoint.load(driven, scene="lawful").reset()
+def test_inputs_that_nobody_sets_follow_the_scene(driven: Path, method: str) -> None:
+    artifact = cutjoint.compile_model(driven, scene="lawful", method=method)
+    run = cutjoint.simulate(artifact, error=False, integrator="trapezoidal", events="crossed")
+    sim = cutjoint.load(driven, scene="lawful", method=method).reset()
     for t, x in zip(run.t, run["slider.x"], strict=True):
         sim.advance(t)
         assert sim.outputs["slider.x"] == x
@@ -31,9 +39,9 @@ def test_inputs_that_nobody_sets_follow_the_scene(driven: Path) -> None:
     assert sim.inputs.units == {"lift": "rad", "push": "N"}
 
 
-def test_a_host_that_sets_the_laws_of_the_scene_has_its_motion(driven: Path) -> None:
-    lawful = cutjoint.load(driven, scene="lawful").reset(dt=1e-3)
-    free = cutjoint.load(driven, scene="free")
+def test_a_host_that_sets_the_laws_of_the_scene_has_its_motion(driven: Path, method: str) -> None:
+    lawful = cutjoint.load(driven, scene="lawful", method=method).reset(dt=1e-3)
+    free = cutjoint.load(driven, scene="free", method=method)
 
     def give() -> None:
         for name, course in (("lift", LIFT), ("push", PUSH)):
@@ -50,8 +58,8 @@ def test_a_host_that_sets_the_laws_of_the_scene_has_its_motion(driven: Path) -> 
         assert free.outputs[name] == pytest.approx(lawful.outputs[name], abs=lost), name
 
 
-def test_guides_take_rate_and_acceleration(driven: Path) -> None:
-    sim = cutjoint.load(driven, scene="free").reset(dt=1e-3)
+def test_guides_take_rate_and_acceleration(driven: Path, method: str) -> None:
+    sim = cutjoint.load(driven, scene="free", method=method).reset(dt=1e-3)
     sim.set_input("lift", 0.2, 0.5, -2.0)
     sim.advance(0.1)
     now = (np.float64(0.2 + 0.05 - 0.01), np.float64(0.5 - 0.2), np.float64(-2.0))
@@ -59,8 +67,8 @@ def test_guides_take_rate_and_acceleration(driven: Path) -> None:
         assert sim.outputs[name] == pytest.approx(value, rel=1e-12)
 
 
-def test_a_value_that_is_written_is_held_whatever_was_given_before(driven: Path) -> None:
-    sim = cutjoint.load(driven, scene="free").reset()
+def test_a_value_that_is_written_is_held_whatever_was_given_before(driven: Path, method: str) -> None:
+    sim = cutjoint.load(driven, scene="free", method=method).reset()
     sim.set_input("lift", 0.2, 0.5, -2.0)
     sim.advance(0.1)
     sim.inputs["lift"] = 0.3
@@ -75,8 +83,8 @@ def test_a_value_that_is_written_is_held_whatever_was_given_before(driven: Path)
     assert not np.array_equal(rows[0], rows[1])
 
 
-def test_values_written_into_the_array_are_held(driven: Path) -> None:
-    sim = cutjoint.load(driven, scene="free").reset()
+def test_values_written_into_the_array_are_held(driven: Path, method: str) -> None:
+    sim = cutjoint.load(driven, scene="free", method=method).reset()
     other = sim.copy()
     sim.inputs["push"] = 4.0
     other.set_input("push", 4.0)

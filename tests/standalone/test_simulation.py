@@ -10,18 +10,25 @@ import pytest
 import cutjoint
 from tests.conftest import MODELS, needs_cpp
 
+from .folders import ALONE
+
 pytestmark = needs_cpp
 
 PRESS = MODELS / "press.yaml"
 
 
+@pytest.fixture(params=ALONE)
+def method(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
 @pytest.fixture
-def press() -> cutjoint.Simulation:
-    return cutjoint.load(PRESS)
+def press(method: str) -> cutjoint.Simulation:
+    return cutjoint.load(PRESS, method=method)
 
 
-def test_steps_are_those_of_the_command_line_bit_by_bit(press: cutjoint.Simulation) -> None:
-    run = cutjoint.simulate(cutjoint.compile_model(PRESS), integrator="trapezoidal", events="crossed", error=False, end=0.1)
+def test_steps_are_those_of_the_command_line_bit_by_bit(press: cutjoint.Simulation, method: str) -> None:
+    run = cutjoint.simulate(cutjoint.compile_model(PRESS, method=method), integrator="trapezoidal", events="crossed", error=False, end=0.1)
     press.reset()
     for t, x in zip(run.t, run["slider.x"], strict=True):
         press.advance(t)
@@ -71,10 +78,9 @@ def test_values_are_views_by_name(press: cutjoint.Simulation) -> None:
         press.speeds["pin.angle_rate"] = 3.0
 
 
-def test_parameters_change_between_steps(press: cutjoint.Simulation) -> None:
-    known = cutjoint.simulate(
-        cutjoint.compile_model(PRESS), integrator="trapezoidal", events="crossed", error=False, end=0.1, parameters={"stiffness": 3000.0}
-    )
+def test_parameters_change_between_steps(press: cutjoint.Simulation, method: str) -> None:
+    artifact = cutjoint.compile_model(PRESS, method=method)
+    known = cutjoint.simulate(artifact, integrator="trapezoidal", events="crossed", error=False, end=0.1, parameters={"stiffness": 3000.0})
     press.parameters["stiffness"] = 3000.0
     press.reset().advance(0.1)
     assert press.outputs["slider.x"] == known["slider.x"][-1]
@@ -84,9 +90,9 @@ def test_parameters_change_between_steps(press: cutjoint.Simulation) -> None:
         assert press.outputs["spring.force"] == pytest.approx(stiffness * stretch + 20 * rate, rel=1e-9)
 
 
-def test_a_state_is_set(press: cutjoint.Simulation) -> None:
+def test_a_state_is_set(press: cutjoint.Simulation, method: str) -> None:
     press.reset().advance(0.05)
-    other = cutjoint.load(PRESS).reset()
+    other = cutjoint.load(PRESS, method=method).reset()
     other.set_state(press.time, press.coordinates.array, press.speeds.array)
     assert other.time == press.time
     assert np.array_equal(other.coordinates.array, press.coordinates.array)

@@ -10,6 +10,8 @@ import pytest
 import cutjoint
 from tests.conftest import MODELS, needs_cpp
 
+from .folders import ALONE
+
 pytestmark = needs_cpp
 
 CART_POLE = Path(__file__).parents[2] / "examples" / "cart_pole.yaml"
@@ -20,9 +22,10 @@ def sorted_roots(A: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("model", "at"), [("press", 0.0), ("press", 0.1), ("slider_crank", 0.3)])
-def test_eigenvalues_are_those_of_the_modes(model: str, at: float) -> None:
+@pytest.mark.parametrize("method", ALONE)
+def test_eigenvalues_are_those_of_the_modes(method: str, model: str, at: float) -> None:
     path = MODELS / f"{model}.yaml"
-    sim = cutjoint.load(path).reset(dt=1e-4)
+    sim = cutjoint.load(path, method=method).reset(dt=1e-4)
     sim.advance(at)
     before = sim.snapshot()
     near = cutjoint.linearise(sim)
@@ -33,8 +36,9 @@ def test_eigenvalues_are_those_of_the_modes(model: str, at: float) -> None:
     assert sorted_roots(near.A) == pytest.approx(np.sort_complex(np.array(pairs)), rel=5e-4)
 
 
-def test_a_cart_with_a_pole() -> None:
-    sim = cutjoint.load(CART_POLE).reset(coordinates={"pin.angle": 0.0})
+@pytest.mark.parametrize("method", ALONE)
+def test_a_cart_with_a_pole(method: str) -> None:
+    sim = cutjoint.load(CART_POLE, method=method).reset(coordinates={"pin.angle": 0.0})
     near = cutjoint.linearise(sim)
     M, m, h, inertia, g = 1.0, 0.2, 0.5, 0.2 * 0.5**2 / 3, 9.81  # the pole is a rod of length 2 h
     mass = np.array([[M + m, m * h], [m * h, inertia + m * h**2]])

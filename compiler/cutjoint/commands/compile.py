@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.emit.standalone import STEPS
+from cutjoint.emit.standalone import INTEGRATORS_OF_CORE
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.pipeline import compile_model, generate
 from cutjoint.run.artifact import Artifact
@@ -19,7 +19,7 @@ from cutjoint.topology.reading import read_model
 @options.scene
 @options.method
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the C++ and the simulator.")
-@click.option("--integrator", type=click.Choice(list(STEPS)), help="Rule of the steps instead of the scene's, of method recursive.")
+@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of the steps instead of the scene's.")
 @options.opened
 @options.reports_errors
 def command(model: Path, scene: str | None, method: str, out: Path, integrator: str | None, opened: tuple[str, ...]) -> None:

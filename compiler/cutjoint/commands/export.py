@@ -34,7 +34,7 @@ FMU = "fmu"
 @click.option("--sources", "content", flag_value="sources", help="An FMU of C++ alone.")
 @click.option("--binary", "content", flag_value="binary", help="An FMU with a binary for this machine alone.")
 @click.option("--both", "content", flag_value="both", help="An FMU with both, which is the default.")
-@click.option("--integrator", type=click.Choice(list(STEPS)), help="Rule of an FMU's steps instead of the scene's.")
+@click.option("--integrator", type=click.Choice(list(STEPS["recursive"])), help="Rule of an FMU's steps instead of the scene's.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file.")
 @options.reports_errors
 def command(

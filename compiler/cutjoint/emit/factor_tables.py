@@ -1,4 +1,4 @@
-"""A static factorisation as index data for the loop of `cutjoint/lagrangian/static_factor.hpp`.
+"""A static factorisation as index data for the loop of `cutjoint/core/newton/static_factor.hpp`.
 
 Right-looking: when a tile is finished, sweeps subtract what it changes in all later blocks.
 """

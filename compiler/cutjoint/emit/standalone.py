@@ -12,14 +12,19 @@ from typing import Any
 import sympy
 
 from cutjoint.emit.amalgamate import amalgamate
-from cutjoint.emit.source import Page, members, switches_of
+from cutjoint.emit.factorisation import emit_factorisation
+from cutjoint.emit.source import Page, members, switches_of, system_class
+from cutjoint.emit.system import pattern_view, render_class
 from cutjoint.emit.view import Viewer, on_one_line
 from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.locations import runtime_folder
+from cutjoint.methods import START
 from cutjoint.model.records import Scene
 from cutjoint.model.steps import count_steps
 from cutjoint.program.records import Program
+from cutjoint.sparse.plan import Plan
 
 #: Headers of the runtime: all that a simulation needs but its integrator, and lanes.
 _CORE = "cutjoint/core/simulation.hpp"
@@ -35,13 +40,25 @@ _C_HEADERS = frozenset((
     "time", "uchar", "wchar", "wctype",
 ))  # fmt: skip
 
-#: Functions that a simulation does not call; ``events`` only where its steps end at events.
+#: Functions that a simulation does not call; ``events`` only where its steps end at events, ``guard`` only of what it steps.
 _UNUSED = frozenset({"domains", "energy"})
+
+#: What factorisations are made of: blocks, and loops over tables.
+_FACTORISATIONS = ("cutjoint/core/newton/static_factor_blocks.hpp", "cutjoint/core/newton/static_factor.hpp")
+
+#: Lines before the class of a system and around its functions: these are compiled as for a simulator of the command line, as if each had
+#: a file of its own, and operations that look alike are gathered in registers.
+_BY_GCC = "#if defined(__GNUC__) && !defined(__clang__)"
+_APART = f"{_BY_GCC}\n#define CUTJOINT_APART [[gnu::noipa]]\n#else\n#define CUTJOINT_APART [[gnu::noinline]]\n#endif\n"
+_GATHERED = (
+    f"{_BY_GCC}\n#pragma GCC push_options\n#pragma GCC optimize(\"tree-slp-vectorize\")\n#endif\n",
+    f"{_BY_GCC}\n#pragma GCC pop_options\n#endif\n#undef CUTJOINT_APART\n",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """An integrator of the core: its header and its C++ class for a mechanism.
+    """An integrator of the core: its header and its C++ class for a mechanism, or for that and a system.
 
     ``stages`` is the number of slopes that an explicit one holds, ``finds_events`` whether its steps can end at events, ``is_iterated``
     whether a number of iterations can be set, ``adaptive`` whether tolerances can.
@@ -57,32 +74,75 @@ class Steps:
 
 _EXPLICIT = "cutjoint/core/explicit_steps.hpp"
 
-#: By the names of integrators.
-STEPS: Mapping[str, Steps] = {
-    "trapezoidal": Steps(header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True),
-    "rk4": Steps(
-        header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::ClassicalTable>", stages=5, finds_events=True
-    ),
-    "dormand-prince": Steps(
-        header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::DormandPrinceTable>", stages=7, finds_events=True,
-        adaptive=True,
-    ),
+#: By the names of methods and integrators.
+STEPS: Mapping[str, Mapping[str, Steps]] = {
+    "recursive": {
+        "trapezoidal": Steps(header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True),
+        "rk4": Steps(
+            header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::ClassicalTable>", stages=5, finds_events=True
+        ),
+        "dormand-prince": Steps(
+            header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::DormandPrinceTable>", stages=7, finds_events=True,
+            adaptive=True,
+        ),
+    },
+    "recursive-newton": {
+        "trapezoidal": Steps(header="cutjoint/core/newton_steps.hpp", name="NewtonSteps<Mechanism, System>"),
+    },
 }  # fmt: skip
+
+#: All integrators of the core.
+INTEGRATORS_OF_CORE = tuple(dict.fromkeys(name for steps in STEPS.values() for name in steps))
+
+
+@dataclass(frozen=True, kw_only=True)
+class System:
+    """What Newton's iteration steps: its equations and program, and the plan of its factorisation."""
+
+    equations: ImplicitEquations
+    program: Program
+    plan: Plan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts:
+    """What a simulation is made of: the mechanism, which finds where it starts, its program, and the system that is stepped, None where the
+    mechanism itself is."""
+
+    mechanism: RecursiveEquations
+    program: Program
+    system: System | None
+
+    @property
+    def method(self) -> str:
+        """The name of the method."""
+        return START if self.system is None else self.system.equations.method
+
+    @property
+    def stepped(self) -> RecursiveEquations | ImplicitEquations:
+        """The equations of what is stepped, which have parameters, inputs and outputs."""
+        return self.mechanism if self.system is None else self.system.equations
+
+    def over_events(self) -> Parts:
+        """The same for steps that go over events."""
+        system = self.system and replace(self.system, equations=replace(self.system.equations, switches=()))
+        return replace(self, mechanism=replace(self.mechanism, switches=()), system=system)
+
 
 _CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
 
-def emit_standalone(program: Program, equations: RecursiveEquations, run_file: Mapping[str, Any], digest: str) -> dict[str, str]:
+def emit_standalone(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, str]:
     """The files by name; ``run_file`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
     tells its snapshots from those of other models."""
-    page = Page.of(equations, "recursive")
+    page = Page.of(parts.mechanism, parts.method)
     if not run_file["numerics"]["events"]:
-        equations = replace(equations, switches=())
-    view = _view(program, equations, run_file, digest)
+        parts = parts.over_events()
+    view = _view(parts, run_file, digest)
     p, header = page.stem, str(view["header"])
     return {
         f"{header}.h": page.render("standalone/api.h.jinja", **_in_c(page), **view),
-        f"{header}.cpp": _source(page, program, equations, STEPS[run_file["integrator"]], view),
+        f"{header}.cpp": _source(page, parts, STEPS[parts.method][run_file["integrator"]], view),
         "CMakeLists.txt": page.render("standalone/CMakeLists.txt.jinja", **view),
         "example.c": page.render("standalone/example.c.jinja", **_in_c(page), **view),
         f"{p}_simulator.c": page.render("standalone/simulator.c.jinja", **_in_c(page), **view),
@@ -95,54 +155,86 @@ def _in_c(page: Page) -> dict[str, object]:
     return {"banner": "\n".join(f"/* {line} */" for line in page.banner)}
 
 
-def _source(page: Page, program: Program, equations: RecursiveEquations, steps: Steps, view: Mapping[str, object]) -> str:
+def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) -> str:
     """The one C++ file."""
-    viewer = Viewer(program, equations)
-    unused = _UNUSED if equations.switches else _UNUSED | {"events"}
-    names = [f.name for f in equations.functions if f.name not in unused]
-    core = amalgamate([*([_LANES] if viewer.lane_types() else []), _CORE, steps.header])
-    functions = page.functions(viewer, names, header=page.header, core=True)
-    mechanism = page.render(
-        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", core=True, conditions="bool",
-        operations={name: program.operations(name) for name in names}, charts=equations.charts, cuts=[c.first for c in equations.closures],
-        switches=switches_of(equations), **members(viewer, equations), **_sizes(equations),
-    )  # fmt: skip
+    code = [_mechanism(page, parts)] + ([] if parts.system is None else [_system(page, parts.system)])
+    lanes = [_LANES] if any("Lanes<Real, " in text for text in code) else []
+    core = amalgamate([*lanes, _CORE, steps.header, *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *_OF_INTERFACE})
     p = page.stem
     return "\n".join([
         "\n".join(f"// {line}" for line in page.banner), f'#include "{view["header"]}.h"\n',
         *(f"#include <{name}>" for name in standard), "",
-        *([core.top] if core.top.strip() else []), f"namespace {p}_code {{\n", core.body, "namespace cutjoint::generated {\n", mechanism,
-        *(functions[name] for name in sorted(functions)), "}  // namespace cutjoint::generated\n", "namespace {\n",
-        page.render("standalone/api.cpp.jinja", **view),
+        *([core.top] if core.top.strip() else []), f"namespace {p}_code {{\n", core.body, "namespace cutjoint::generated {\n", *code,
+        "}  // namespace cutjoint::generated\n", "namespace {\n", page.render("standalone/api.cpp.jinja", **view),
     ])  # fmt: skip
 
 
-def _sizes(equations: RecursiveEquations) -> dict[str, dict[str, int]]:
+def _mechanism(page: Page, parts: Parts) -> str:
+    """The class of the mechanism and its functions."""
+    equations, program = parts.mechanism, parts.program
+    viewer = Viewer(program, equations)
+    unused = _UNUSED | (set() if equations.switches else {"events"}) | (set() if parts.system is None else {"guard"})
+    names = [f.name for f in equations.functions if f.name not in unused]
+    mechanism = page.render(
+        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", core=True, conditions="bool",
+        operations={name: program.operations(name) for name in names}, charts=equations.charts, cuts=[c.first for c in equations.closures],
+        switches=switches_of(equations), **members(viewer, equations), **_sizes(equations),
+    )  # fmt: skip
+    return "\n".join([mechanism, *_functions(page, viewer, names)])
+
+
+def _system(page: Page, system: System) -> str:
+    """The class of the system, its functions and its factorisation."""
+    equations, program, plan = system.equations, system.program, system.plan
+    own = replace(page, class_name=system_class(page.class_name))
+    viewer = Viewer(program, equations)
+    names = [f.name for f in equations.functions if f.name not in _UNUSED | {"events"}]
+    factorisation = emit_factorisation(plan, equations.row_names, own, core=True)
+    header = factorisation.pop("factorisation.hpp")
+    described = render_class(
+        own, viewer, program, equations, names, core=True, charts=equations.start.charts,
+        pattern=pattern_view(plan.pattern, equations.row_names), **_sizes(equations),
+    )  # fmt: skip
+    functions = [*_functions(own, viewer, names), *factorisation.values()]
+    return "\n".join([_APART, header, described, _GATHERED[0], *functions, _GATHERED[1]])
+
+
+def _functions(page: Page, viewer: Viewer, names: Sequence[str]) -> list[str]:
+    """The functions of a class."""
+    functions = page.functions(viewer, names, header=page.header, core=True)
+    return [functions[name] for name in sorted(functions)]
+
+
+def _sizes(equations: RecursiveEquations | ImplicitEquations) -> dict[str, dict[str, int]]:
+    start = equations.mechanism
     return {"sizes": {
-        "coordinates": equations.coordinates, "speeds": equations.speeds, "equations": len(equations.equation_names),
-        "cuts": len(equations.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
+        "coordinates": start.coordinates, "speeds": start.speeds, "equations": len(start.equation_names),
+        "cuts": len(start.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_of(equations.topology.model, equations.scene)), "switches": len(equations.switches),
     }}  # fmt: skip
 
 
-def _view(program: Program, equations: RecursiveEquations, run_file: Mapping[str, Any], digest: str) -> dict[str, object]:
+def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, object]:
     """What the templates of the folder are given."""
-    model, steps = equations.topology.model, STEPS[run_file["integrator"]]
+    equations, integrator = parts.stepped, run_file["integrator"]
+    model, steps = equations.topology.model, STEPS[parts.method][integrator]
     tables = _tables(equations)
     names = {table["name"]: list(table["entries"]) for table in tables}
+    programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
         **_sizes(equations), "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
-        "class_name": Page.of(equations, "recursive").class_name, "bytes": simulation_size(program, equations, run_file["integrator"]),
-        "causes": _causes(), "mark": sha256(f"{digest} {run_file['integrator']}".encode()).hexdigest()[:16],
-        "integrator": run_file["integrator"], "steps": steps.name, "kind": steps,
+        "class_name": Page.of(equations, parts.method).class_name, "bytes": simulation_size(parts, steps),
+        "system_name": "" if parts.system is None else system_class(Page.of(equations, parts.method).class_name),
+        "causes": _causes(), "mark": sha256(f"{digest} {integrator}".encode()).hexdigest()[:16],
+        "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
         "settings": _settings(run_file), "by_step": _by_step(equations.scene), "tables": tables, "end": repr(float(run_file["end"])),
         "output_step": repr(float(run_file["output_step"])),
         "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
-        "columns": equations.columns, "has_lanes": any(node.lanes for node in program.graph.nodes),
+        "columns": equations.columns, "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
         "positions": _given(run_file["positions"], names["coordinate_names"]), "rates": _given(run_file["rates"], names["speed_names"]),
         **_roads(equations, run_file),
     }  # fmt: skip
@@ -181,18 +273,18 @@ def _truth(value: object) -> str:
     return "true" if value else "false"
 
 
-def _tables(equations: RecursiveEquations) -> list[dict[str, Any]]:
+def _tables(equations: RecursiveEquations | ImplicitEquations) -> list[dict[str, Any]]:
     """Names, units and places in the model's file."""
-    spans = equations.topology.model.constraint_spans
+    start, spans = equations.mechanism, equations.topology.model.constraint_spans
     guards = [guard.force for guard in guards_of(equations.topology.model, equations.scene)]
     place = {name: on_one_line(span.place).replace('"', "?") for name, span in spans.items()}
     tables = {
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
-        "coordinate_names": equations.coordinate_names, "speed_names": equations.speed_names, "equation_names": equations.equation_names,
-        "speed_places": [place[c.joint] for c in equations.charts for _ in c.speed_names],
-        "coordinate_places": [place[c.joint] for c in equations.charts for _ in c.coordinate_names],
-        "equation_places": [place[c.joint] for c in equations.closures for _ in c.names],
+        "coordinate_names": start.coordinate_names, "speed_names": start.speed_names, "equation_names": start.equation_names,
+        "speed_places": [place[c.joint] for c in start.charts for _ in c.speed_names],
+        "coordinate_places": [place[c.joint] for c in start.charts for _ in c.coordinate_names],
+        "equation_places": [place[c.joint] for c in start.closures for _ in c.names],
         "switch_names": [s.element for s in equations.switches], "switch_places": [str(s["place"]) for s in switches_of(equations)],
         "guard_names": [force.name for force in guards], "guard_places": [on_one_line(f.span.place).replace('"', "?") for f in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
@@ -200,7 +292,7 @@ def _tables(equations: RecursiveEquations) -> list[dict[str, Any]]:
     return [{"name": name, "entries": list(items)} for name, items in tables.items()]
 
 
-def _roads(equations: RecursiveEquations, run_file: Mapping[str, Any]) -> dict[str, object]:
+def _roads(equations: RecursiveEquations | ImplicitEquations, run_file: Mapping[str, Any]) -> dict[str, object]:
     """The tracks that the tyres' roads have, each once, and the road of each tyre."""
     tracks: dict[str, dict[str, object]] = {}
     known: dict[tuple[object, ...], str] = {}
@@ -228,16 +320,33 @@ def _causes() -> list[dict[str, str]]:
     return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
 
 
-def simulation_size(program: Program, equations: RecursiveEquations, integrator: str) -> int:
+def simulation_size(parts: Parts, steps: Steps) -> int:
     """An upper bound of the bytes that a simulation takes with an integrator, which the C++ checks when it is compiled."""
-    slopes = STEPS[integrator].stages
-    n, m, q = equations.speeds, len(equations.equation_names), equations.coordinates
-    stored = sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
+    equations, start = parts.stepped, parts.mechanism
+    n, m, q = start.speeds, len(start.equation_names), start.coordinates
     state = 2 + q + 2 * n + m
-    start = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
+    assembly = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
     masses = 3 * m * m + 6 * m + 3 * n
-    steps = 6 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
-    if slopes:
-        steps += (slopes + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
-    others = 4 * state + 8 * (len(equations.parameters) + 2 * len(equations.inputs) + len(equations.columns) + len(equations.closures))
-    return 8 * (stored + start + masses + steps + others + 512)
+    others = 6 * state + 8 * (len(equations.parameters) + 2 * len(equations.inputs) + len(equations.columns) + len(start.closures))
+    stored = _stored(parts.program)
+    if parts.system is None:
+        stored += 6 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
+    else:
+        stored += _stored(parts.system.program) + _size_of_newton(parts.system)
+    if steps.stages:
+        stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
+    return 8 * (stored + assembly + masses + others + 512)
+
+
+def _stored(program: Program) -> int:
+    """Numbers that a class holds."""
+    return sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
+
+
+def _size_of_newton(system: System) -> int:
+    """Numbers that Newton's iteration and its solvers hold."""
+    start, plan = system.equations.start, system.plan
+    n, m, q = start.speeds, len(start.equation_names), start.coordinates
+    entries, rows = len(plan.pattern.row), plan.pattern.size
+    arrays = 24 * n + 24 * m + 8 * q + 10 * (n + m) + 9 * len(start.charts)
+    return arrays + entries + plan.storage.length + rows * rows + 8 * rows + 64

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
@@ -55,20 +56,27 @@ def _system_files(page: Page, program: Program, equations: SystemEquations, plan
     names = [f.name for f in equations.functions]
     functions = page.functions(viewer, names, header=header)
     files = {f"system_{name}": text for name, text in functions.items()}
-    files[f"{header}.hpp"] = page.render(
+    files[f"{header}.hpp"] = render_class(page, viewer, program, equations, names)
+    lists = [("coordinates", equations.coordinate_names), ("equations", equations.equation_names)]
+    files["system_description.cpp"] = page.render(
+        "system_description.cpp.jinja", header=header, method=equations.method.replace("-", "_"), **_relative(equations),
+        pattern=pattern_view(plan.pattern, equations.row_names), **description(equations, lists),
+    )  # fmt: skip
+    return files
+
+
+def render_class(
+    page: Page, viewer: Viewer, program: Program, equations: SystemEquations, names: Sequence[str], **view: object
+) -> str:
+    """The class of a system with the functions of these names."""
+    return page.render(
         "system.hpp.jinja", summary=f"Model {page.stem}, formulation {equations.method}.",
         functions=[
             {"name": name, "about": _ABOUT[name], "operations": program.operations(name), "arguments": equations.function(name).arguments}
             for name in names
         ],
-        **members(viewer, equations),
+        **members(viewer, equations), **view,
     )  # fmt: skip
-    lists = [("coordinates", equations.coordinate_names), ("equations", equations.equation_names)]
-    files["system_description.cpp"] = page.render(
-        "system_description.cpp.jinja", header=header, method=equations.method.replace("-", "_"), **_relative(equations),
-        pattern=_pattern(plan.pattern, equations.row_names), **description(equations, lists),
-    )  # fmt: skip
-    return files
 
 
 def _relative(equations: SystemEquations) -> dict[str, object]:
@@ -79,7 +87,8 @@ def _relative(equations: SystemEquations) -> dict[str, object]:
     return {"charts": equations.start.charts, "speed_lists": [speeds], "switches": switches_of(equations)}
 
 
-def _pattern(pattern: Pattern, names: tuple[str, ...]) -> dict[str, object]:
+def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:
+    """What the templates are given of a pattern; ``names`` has one for each column."""
     columns = [
         {"name": name, "entries": pattern.row[pattern.first[j] : pattern.first[j + 1]]} for j, name in enumerate(names)
     ]  # fmt: skip

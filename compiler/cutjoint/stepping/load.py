@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from cutjoint.emit.standalone import STEPS
 from cutjoint.locations import AnyPath
+from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.pipeline import generate
+from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.standalone import make_standalone
 from cutjoint.stepping.library import Library
@@ -16,26 +18,30 @@ from cutjoint.topology.reading import read_model
 
 
 def load(
-    path: AnyPath, *, scene: str | None = None, integrator: str | None = None, opened: Sequence[str] = (), flags: Sequence[str] = FLAGS
+    path: AnyPath, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
+    flags: Sequence[str] = FLAGS,
 ) -> Simulation:  # fmt: skip
     """Compile a model file for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
-    Steps are those of the recursive method by ``integrator``, "trapezoidal", "rk4" or "dormand-prince": that of the scene unless one is
-    named, and the trapezoidal rule where the scene names none.  They are as long as the scene says; those of dormand-prince are as long as
-    its tolerances allow, and a step of the simulation takes as many as it needs.  Numbers whose names match one of the patterns ``opened``,
-    such as "*.stiffness", become parameters.
+    Steps are those of ``method``, "recursive" or "recursive-newton", by ``integrator``: "trapezoidal", or of method recursive "rk4" or
+    "dormand-prince"; that of the scene unless one is named, and the trapezoidal rule where the method has not the scene's.  They are as
+    long as the scene says; those of dormand-prince are as long as its tolerances allow, and a step of the simulation takes as many as it
+    needs.  Numbers whose names match one of the patterns ``opened``, such as "*.stiffness", become parameters.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the scene is wrong, or there is no such integrator.
+        ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the scene is wrong, or there is no such method or
+            integrator.
         ToolchainError: a tool is not installed, or the compiler failed.
     """
+    if method not in STEPS:
+        raise RunError(f"method: '{method}' is not one of simulations to step, {', '.join(STEPS)}")
     model = read_model(path, opened=opened)
     chosen = find_scene(model, scene)
-    equations, program, source = generate(model, chosen, chosen.outputs)
-    standalone = make_standalone(equations.mechanism, program, source, integrator=integrator)
+    equations, program, source = generate(model, chosen, chosen.outputs, method=method)
+    standalone = make_standalone(equations, program, source, integrator=integrator)
     mechanism = equations.mechanism
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         balls=[c.v + c.scalars for c in mechanism.charts if c.ball], equations=len(mechanism.equation_names),
-        steps=STEPS[standalone.integrator],
+        steps=standalone.steps,
     ))  # fmt: skip

@@ -3,6 +3,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cutjoint/core/fault.hpp"
@@ -24,15 +25,25 @@ struct Failure : std::runtime_error {
       : std::runtime_error(what), time(time_), step(step_), element(std::move(element_)), residual(residual_), advice(std::move(advice_)) {}
 };
 
-/// A fault of a core, with the name of what failed.
+/// The names of the speeds of a mechanism, or of whatever a system solves for.
 template <class Described>
-Failure failure_of(const Fault& fault, const Described& d) {
-  std::string what = text_of(fault.cause);
-  if (fault.cause == Cause::not_converged) what += " in " + std::to_string(fault.iterations) + " iterations";
+const std::vector<std::string_view>& speeds_of(const Described& d) {
+  if constexpr (requires { d.unknowns(); })
+    return d.unknowns();
+  else
+    return d.speeds;
+}
+
+/// A fault of a core, with the name of what failed, and of the method that did, if that shall be told.
+template <class Described>
+Failure failure_of(const Fault& fault, const Described& d, std::string_view method = "") {
+  std::string what = method.empty() ? "" : std::string(method) + ": ";
+  what += text_of(fault.cause);
+  if (fault.cause == Cause::not_converged || fault.cause == Cause::newton_not_converged) what += " in " + std::to_string(fault.iterations) + " iterations";
   const auto index = static_cast<std::size_t>(fault.index);
   if (fault.list == FaultList::switches)
     what.replace(0, std::string("a force").size(), "'" + std::string(d.switches[index].element) + "' (" + std::string(d.switches[index].place) + ")");
-  const std::string name(fault.list == FaultList::speeds        ? d.speeds[index]
+  const std::string name(fault.list == FaultList::speeds        ? speeds_of(d)[index]
                          : fault.list == FaultList::coordinates ? d.coordinates[index]
                          : fault.list == FaultList::equations   ? d.equations[index]
                          : fault.list == FaultList::switches    ? d.switches[index].element
@@ -42,8 +53,8 @@ Failure failure_of(const Fault& fault, const Described& d) {
 
 /// Throws Failure where there is a fault.
 template <class Described>
-void require_none(const Fault& fault, const Described& d) {
-  if (fault) throw failure_of(fault, d);
+void require_none(const Fault& fault, const Described& d, std::string_view method = "") {
+  if (fault) throw failure_of(fault, d, method);
 }
 
 }  // namespace cutjoint

@@ -12,7 +12,6 @@ from hashlib import sha256
 from pathlib import Path
 
 from cutjoint.emit.source import Page
-from cutjoint.emit.standalone import STEPS
 from cutjoint.export.fmu.description import Subject, write_build_description, write_description
 from cutjoint.export.fmu.functions import MISSING
 from cutjoint.export.fmu.variables import Interface, make_interface
@@ -84,7 +83,7 @@ class Fmu:
 def make_fmu(model: Model, scene: Scene, *, version: int, integrator: str | None = None) -> Fmu:
     """The co-simulation FMU of a model in a scene by FMI ``version``, 2 or 3; errors as of `pipeline.generate` and `make_standalone`."""
     equations, program, source = generate(model, scene, scene.outputs)
-    standalone = make_standalone(equations.mechanism, program, source, integrator=integrator)
+    standalone = make_standalone(equations, program, source, integrator=integrator)
     interface = make_interface(equations.mechanism, standalone.run_file)
     page, view = Page.of(equations, "recursive"), _view(standalone, interface, version)
     token = _token([*standalone.files.values(), repr(interface), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")])
@@ -101,7 +100,7 @@ def make_fmu(model: Model, scene: Scene, *, version: int, integrator: str | None
 def _view(standalone: Standalone, interface: Interface, version: int) -> dict[str, object]:
     """What the templates are given."""
     header = next(name for name in _code_of(standalone) if name.endswith(".h"))
-    name, steps = standalone.name, STEPS[standalone.integrator]
+    name, steps = standalone.name, standalone.steps
     return {
         "p": name, "P": name.upper(), "header": header.removesuffix(".h"), "fmi": version, "missing": MISSING,
         "adaptive": steps.adaptive, "iterated": steps.is_iterated, "starts": interface.starts,

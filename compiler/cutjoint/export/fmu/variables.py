@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.emit.standalone import STEPS
 from cutjoint.export.fmu.dependencies import StartDependencies, find_dependencies
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.methods import INTEGRATORS
 from cutjoint.run.run_file import Evaluator
 
 #: What a joint's attitude, a quaternion, is counted in.
@@ -94,7 +94,7 @@ def make_interface(equations: RecursiveEquations, run_file: Mapping[str, Any]) -
 def _settings(run_file: Mapping[str, Any]) -> Iterator[Variable]:
     numerics = run_file["numerics"]
     settings = [("step", "Length of the integrator's steps", "s", numerics["dt"])]
-    if STEPS[run_file["integrator"]].adaptive:
+    if INTEGRATORS[run_file["integrator"]].adaptive:
         settings = [("step", "Longest step", "s", numerics["dt"])]
         settings.append(("relative_tolerance", "Error of a step as a share of a coordinate or speed", "", numerics["tolerance"]))
         settings.append(("absolute_tolerance", "Error of a step in SI units", "", numerics["absolute_tolerance"] or numerics["tolerance"]))

@@ -29,11 +29,15 @@ constexpr Sizes static_sizes() {
   return {};
 }
 
-/// The sizes of a mechanism.
+/// The sizes of a mechanism or system.
 template <class M>
 Sizes sizes_of(const M& mechanism) {
   if constexpr (Sized<M>) {
     return M::sizes;
+  } else if constexpr (requires { mechanism.description().unknowns(); }) {
+    const auto& d = mechanism.description();
+    return {.coordinates = d.coordinates.size(), .speeds = d.unknowns().size(), .equations = d.equations.size(), .parameters = d.parameters.size(),
+            .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(), .guards = d.guards.size()};
   } else {
     const auto& d = mechanism.description();
     return {.coordinates = d.coordinates.size(), .speeds = d.speeds.size(), .equations = d.equations.size(), .cuts = d.cuts.size(),
@@ -64,6 +68,8 @@ class Fixed {
   T& front() { return x_[0]; }
   const T& front() const { return x_[0]; }
   void fill(T value) { std::fill(begin(), end(), value); }
+
+  bool operator==(const Fixed& other) const { return std::equal(begin(), end(), other.begin()); }
 
   void swap(Fixed& other) { std::swap_ranges(begin(), end(), other.begin()); }
 

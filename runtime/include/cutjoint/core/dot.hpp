@@ -14,16 +14,32 @@ Real dot(std::span<const Real> a, std::span<const Real> b) {
   return result;
 }
 
-/// The same by registers, in an order that does not depend on what the compiler knows of the length: how it joins products and sums would.
+typedef double FourProducts __attribute__((vector_size(32)));
+
+/// Keep products from being joined to the sum that they are added to: whether a compiler does depends on what it knows of the length, and on the
+/// processor that it compiles for.
+[[gnu::always_inline]] inline void seal([[maybe_unused]] FourProducts& products) {
+#if defined(__FMA__)
+  asm("" : "+x"(products));
+#elif !defined(__x86_64__)
+  asm("" : "+m"(products));
+#endif
+}
+
+/// The same by registers, in an order that does not depend on what the compiler knows of the length.
 [[gnu::always_inline]] inline double dot(std::span<const double> a, std::span<const double> b) {
-  typedef double Four __attribute__((vector_size(32)));
   typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
-  Four sum{}, last_a{}, last_b{};
+  FourProducts sum{}, last_a{}, last_b{};
   const std::size_t left = a.size() % 4, whole = a.size() - left;
-  for (std::size_t i = 0; i < whole; i += 4)
-    sum += *reinterpret_cast<const Loose*>(a.data() + i) * *reinterpret_cast<const Loose*>(b.data() + i);
+  for (std::size_t i = 0; i < whole; i += 4) {
+    FourProducts next = *reinterpret_cast<const Loose*>(a.data() + i) * *reinterpret_cast<const Loose*>(b.data() + i);
+    seal(next);
+    sum += next;
+  }
   for (std::size_t j = 0; j < left; ++j) last_a[j] = a[whole + j], last_b[j] = b[whole + j];
-  sum += last_a * last_b;
+  last_a *= last_b;
+  seal(last_a);
+  sum += last_a;
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 

@@ -64,7 +64,8 @@ class EffectiveMasses {
     for (std::size_t k = 0; k < m_; ++k) {
       gap_[k] = is_proximal ? Real(1) : a_[k];
       if (is_proximal) {
-        mechanism_.project(state.q.data(), gap_.data(), dz_.data());
+        if constexpr (requires { mechanism_.project(dz_.data(), dz_.data(), dz_.data()); })
+          mechanism_.project(state.q.data(), gap_.data(), dz_.data());
       } else {
         mechanism_.evaluate(state.q.data(), still_.data(), gap_.data(), dz_.data(), rate_.data());
         for (std::size_t i = 0; i < dz_.size(); ++i) dz_[i] -= without_[i];

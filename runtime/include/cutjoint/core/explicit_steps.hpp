@@ -7,12 +7,12 @@
 
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/mechanism.hpp"
-#include "cutjoint/core/projection.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
 #include "cutjoint/core/runge_kutta/watched.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
+#include "cutjoint/core/start.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 
@@ -23,6 +23,8 @@ template <Sized M, class Table>
 class ExplicitSteps {
  public:
   using Real = typename M::real_type;
+
+  using Subject = M;
 
   static constexpr bool adaptive = Table::adaptive;
   static constexpr bool finds_events = true;
@@ -48,6 +50,19 @@ class ExplicitSteps {
     stepper_.go_to(state.t, y_);
   }
 
+  /// Inputs are others from now on.
+  void heed_inputs(const StateOf<M>& state) { begin(state); }
+
+  /// Accelerations and multipliers of a state as it is, which is taken over.
+  Fault accelerate(StateOf<M>& state, Starter<M>& starter) {
+    starter.accelerate(state, Real(1));
+    begin(state);
+    return starter.require_finite(state);
+  }
+
+  /// Close the loops of a state by moving the masses least.
+  Fault close(StateOf<M>& state) { return dynamics_.projection().close(state); }
+
   /// From the state to a time; without new accelerations.
   Fault step(StateOf<M>& state, const SimulationSettings& settings, Real, Real until, long number) {
     get_ready(settings, until);
@@ -68,8 +83,6 @@ class ExplicitSteps {
 
   /// The state with its accelerations and multipliers, until the next call.
   const StateOf<M>& complete(const StateOf<M>& state) { return dynamics_.complete(state.t, y_); }
-
-  Projection<M>& projection() { return dynamics_.projection(); }
 
   using Memory = typename stepping::Stepper<runge_kutta::Scheme<runge_kutta::Watched<M>, Table>>::Memory;
 

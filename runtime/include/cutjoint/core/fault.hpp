@@ -21,13 +21,24 @@ enum class Cause : int {
   switches_without_end = 13,      ///< a force switches to and fro between its formulas
   too_many_steps = 14,            ///< a call would take more steps than it may
   masses_lost = 15,               ///< the elimination of the equations of motion ends in no number
+  newton_not_converged = 16,      ///< Newton's iteration does not end
+  newton_diverging = 17,          ///< the changes by Newton's iteration grow
+  newton_infinite = 18,           ///< Newton's iteration goes to infinity
+  forces_not_finite = 19,         ///< the equations of motion have no finite value
+  tangent_not_finite = 20,        ///< the tangent has no finite value
+  equations_not_finite = 21,      ///< an equation of the loops has no finite value
+  tangent_singular = 22,          ///< the tangent is singular
+  tangent_not_positive = 23,      ///< the symmetric tangent is not positive definite
+  pose_singular = 24,             ///< equations of the loops depend on each other for a moment
+  start_not_converged = 25,       ///< the iteration for the accelerations at the start does not end
+  start_open = 26,                ///< the start does not satisfy the equations of the loops
 };
 
 /// The list in which what failed most has its place.
 enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5 };
 
 /// A failure: nothing if the cause is none.  `index` is the place of what failed most in its list, `value` what is left of it (SI units), `size` what
-/// is compared with, `iterations` how many were made.
+/// is compared with, `iterations` how many were made, `closer` whether the last of them came closer.
 struct Fault {
   Cause cause = Cause::none;
   FaultList list = FaultList::none;
@@ -37,6 +48,7 @@ struct Fault {
   double value = 0.0;
   double size = 1.0;
   int iterations = 0;
+  bool closer = false;
 
   explicit operator bool() const { return cause != Cause::none; }
 };
@@ -60,8 +72,27 @@ constexpr const char* text_of(Cause cause) {
     case Cause::masses_lost: return "the equations of motion cannot be solved";
     case Cause::too_many_steps: return "a call would take more steps than it may";
     case Cause::no_equilibrium: return "no static equilibrium was found near the given pose";
+    case Cause::newton_not_converged: return "Newton's iteration did not converge";
+    case Cause::newton_diverging: return "Newton's iteration diverges";
+    case Cause::newton_infinite: return "Newton's iteration diverged to infinity";
+    case Cause::forces_not_finite: return "the equations of motion have no finite value";
+    case Cause::tangent_not_finite: return "the tangent has no finite value";
+    case Cause::equations_not_finite: return "an equation has no finite value";
+    case Cause::tangent_singular: return "the tangent is singular";
+    case Cause::tangent_not_positive: return "a pivot of the tangent is not positive";
+    case Cause::pose_singular: return "the pose is singular, or nearly: equations depend on each other for a moment";
+    case Cause::start_not_converged: return "the accelerations at the start do not converge";
+    case Cause::start_open: return "the start does not satisfy an equation";
   }
   return "unknown cause";
+}
+
+/// What may help where Newton's iteration has no end.
+constexpr const char* advice_of_newton(const Fault& fault) {
+  if (!(fault.value - fault.value == 0.0) || fault.cause == Cause::newton_infinite) return "not tried: a smaller dt";
+  if (fault.closer) return "it was still getting closer; not tried: more iterations, or a smaller dt";
+  if (fault.value <= 1e-4 * fault.size) return "what is left may be rounding; not tried: a larger tolerance";
+  return "look at the forces on this coordinate; not tried: a smaller dt";
 }
 
 /// What may help; "not tried" where nobody has tried it.
@@ -83,6 +114,19 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
     case Cause::no_equilibrium: return "check that every free direction has a spring or is held";
+    case Cause::newton_not_converged:
+    case Cause::newton_diverging:
+    case Cause::newton_infinite: return advice_of_newton(fault);
+    case Cause::forces_not_finite:
+    case Cause::tangent_not_finite:
+    case Cause::equations_not_finite: return "values may have grown without bound; not tried: a smaller dt";
+    case Cause::tangent_singular: return "this coordinate has neither mass nor stiffness, and no equation holds it";
+    case Cause::tangent_not_positive:
+      return "a negative stiffness or damping outweighs the mass over a step this long, or this coordinate has neither mass nor stiffness, and no "
+             "equation holds it; not tried: a smaller dt";
+    case Cause::pose_singular: return "not tried: another dt, or the methods augmented and recursive, which can cross such poses";
+    case Cause::start_not_converged: return "look for a force without bound; not tried: a larger penalty";
+    case Cause::start_open: return "coordinates and speeds have to close the loops";
   }
   return "";
 }

@@ -3,9 +3,9 @@
 
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/mechanism.hpp"
-#include "cutjoint/core/projection.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
+#include "cutjoint/core/start.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
 
@@ -16,6 +16,8 @@ template <Sized M>
 class FixedPointSteps {
  public:
   using Real = typename M::real_type;
+
+  using Subject = M;
 
   static constexpr bool adaptive = false;
   static constexpr bool finds_events = false;
@@ -28,8 +30,18 @@ class FixedPointSteps {
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
-  /// Take over a state.
+  /// Take over a state; inputs are others from now on.
   void begin(const StateOf<M>&) {}
+  void heed_inputs(const StateOf<M>&) {}
+
+  /// Accelerations and multipliers of a state as it is.
+  Fault accelerate(StateOf<M>& state, Starter<M>& starter) {
+    starter.accelerate(state, Real(1));
+    return starter.require_finite(state);
+  }
+
+  /// Close the loops of a state by moving the masses least.
+  Fault close(StateOf<M>& state) { return steps_.projection().close(state); }
 
   /// From the state to that at the end of a step of length h; the state stays where it fails.
   Fault step(StateOf<M>& state, const SimulationSettings& settings, Real h, Real, long number) {
@@ -40,8 +52,6 @@ class FixedPointSteps {
 
   /// The state with its accelerations and multipliers.
   const StateOf<M>& complete(const StateOf<M>& state) const { return state; }
-
-  Projection<M>& projection() { return steps_.projection(); }
 
   /// Nothing but the state is remembered.
   struct Memory {};

@@ -50,7 +50,8 @@ class Road;
 /// - `constraint_residual` the residual of the cut joints and its rate,
 /// - `report` the columns; generated code also has `energy`, the kinetic energy and the power of all forces, guides and drives,
 /// - `project` the step of the speeds' integrals (or of the speeds) that closes given gaps of the residual (or its rate) and moves the
-///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves.
+///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves; one that only starts runs may
+///   do without, with the closure `penalty`.
 ///
 /// Where forces were left out, `guard` is the smallest margin of each, which is negative where the force would act.
 template <class M>
@@ -62,7 +63,6 @@ concept Mechanism = requires(M& m, typename M::real_type* out, const typename M:
   m.evaluate(in, in, in, out, out);
   m.constraint_residual(in, in, out, out);
   m.report(in, in, in, in, out);
-  m.project(in, in, out);
 };
 
 /// condition ? yes : no, both evaluated.

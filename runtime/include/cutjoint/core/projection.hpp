@@ -46,6 +46,13 @@ class Projection {
     });
   }
 
+  /// Both, at the time of a state.
+  Fault close(StateOf<M>& state) {
+    mechanism_.begin_step(state.t, Real(1));
+    if (const Fault fault = positions(state)) return fault;
+    return velocities(state);
+  }
+
   /// Iterations of the last positions or speeds.
   int iterations() const { return iterations_; }
 

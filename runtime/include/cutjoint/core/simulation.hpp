@@ -1,10 +1,11 @@
-// One simulation of a mechanism whose class knows its sizes: all its memory is inside, it throws nothing and prints nothing.
+// One simulation of a model whose classes know their sizes: all its memory is inside, it throws nothing and prints nothing.
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
 #include <limits>
 #include <optional>
+#include <type_traits>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
@@ -61,24 +62,28 @@ struct HostInputs {
   Fixed<Real, n> put_, rates_, accelerations_, times_;
 };
 
-/// The recursive method with an integrator such as fixed_point_steps.hpp.
+/// A method with an integrator such as fixed_point_steps.hpp.  The mechanism finds where motions start; it is also what the integrator steps, its
+/// `Subject`, unless that is a system in coordinates of its own or with a tangent.
 ///
 /// Settings, parameters, and coordinates and speeds to start with are those of the scene until others are given.  `start` finds a consistent
 /// state from them; `step` and `advance` go on from there.
 ///
 /// An integrator has
 ///
-/// - `fixed_point_step` and `stabilise`, the settings and penalties that its mechanism is loaded with,
-/// - `begin`, which takes over a state, and `step`, which goes on from one; it `finds_events`, or is `adaptive`: its steps are as long as errors allow,
-/// - `complete`, a state with accelerations and multipliers, and `projection`, which closes loops,
+/// - `fixed_point_step` and `stabilise`, the settings and penalties that the mechanism is loaded with,
+/// - `begin`, which takes over a state as it is, `heed_inputs`, which does where inputs have changed, and `step`, which goes on from one; it
+///   `finds_events`, or is `adaptive`: its steps are as long as errors allow,
+/// - `accelerate`, which finds accelerations and multipliers of a state and takes it over, `complete`, a state that has them, and `close`, which closes
+///   the loops of a state and moves the masses least,
 /// - `memory` and `restore`, what it remembers from step to step.
 template <Sized M, class Integrator>
 class Simulation {
  public:
   using Real = typename M::real_type;
+  using Subject = typename Integrator::Subject;
 
   Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads)
-      : settings_(settings), roads_(roads), start_(blank(mechanism_)), state_(start_), columns_(sizes.columns) {
+      : settings_(settings), roads_(roads), start_(blank(mechanism_)), state_(blank(subject())), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
     if constexpr (sizes.inputs > 0) drive_by(used_);
   }
@@ -120,14 +125,17 @@ class Simulation {
   Fault start() {
     is_started_ = false;
     used_ = inputs_;
-    state_ = start_;
+    StateOf<M> begun = start_;
     Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
-    if (const Fault fault = how.place(state_, given_coordinates_)) return fault;
-    state_.v = start_.v;  // a pose at rest has none
-    if (const Fault fault = how.move(state_, given_speeds_)) return fault;
+    if (const Fault fault = how.place(begun, given_coordinates_)) return fault;
+    begun.v = start_.v;  // a pose at rest has none
+    if (const Fault fault = how.move(begun, given_speeds_)) return fault;
     penalties_ = how.penalties();
+    take_over(begun);
     count_from_here();
     load();
+    if constexpr (has_system)
+      if (const Fault fault = steps_->accelerate(state_, how.starter())) return fault;
     is_started_ = true;
     return {};
   }
@@ -195,11 +203,9 @@ class Simulation {
   /// let them, and accelerations follow.
   Fault displace(const Real* delta) {
     heed_changes();
-    const StateOf<M> from = state_;
-    retract<Real>(charts_of(mechanism_), from.q.data(), delta, state_.q.data());
-    mechanism_.begin_step(state_.t, Real(1));
-    Fault fault = steps_->projection().positions(state_);
-    if (!fault) fault = steps_->projection().velocities(state_);
+    const StateOf<Subject> from = state_;
+    retract<Real>(charts_of(subject()), from.q.data(), delta, state_.q.data());
+    const Fault fault = steps_->close(state_);
     if (!fault) return accelerate();
     state_ = from;
     is_reported_ = false;
@@ -217,16 +223,16 @@ class Simulation {
   const Real* report() {
     heed_parameters();
     if (!is_reported_) {
-      const StateOf<M>& x = steps_->complete(state_);
-      mechanism_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), columns_.data());
+      const StateOf<Subject>& x = steps_->complete(state_);
+      subject().report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), columns_.data());
     }
     is_reported_ = true;
     return columns_.data();
   }
 
   /// The present state; with its accelerations and multipliers only if it is complete.
-  const StateOf<M>& state() const { return state_; }
-  const StateOf<M>& complete_state() {
+  const StateOf<Subject>& state() const { return state_; }
+  const StateOf<Subject>& complete_state() {
     heed_parameters();
     return steps_->complete(state_);
   }
@@ -236,7 +242,7 @@ class Simulation {
     SimulationSettings settings;
     Fixed<Real, M::sizes.parameters> parameters;
     HostInputs<Real, M::sizes.inputs> inputs, used;
-    StateOf<M> state;
+    StateOf<Subject> state;
     Cuts<M> penalties;
     [[no_unique_address]] typename Integrator::Memory integrator;
     Real origin;
@@ -267,7 +273,29 @@ class Simulation {
   }
 
  private:
-  static constexpr Sizes sizes = M::sizes;
+  static constexpr Sizes sizes = Subject::sizes;
+  static constexpr bool has_system = !std::is_same_v<M, Subject>;
+
+  struct None {};
+
+  Subject& subject() {
+    if constexpr (has_system)
+      return system_;
+    else
+      return mechanism_;
+  }
+
+  /// The state begins where the mechanism has started.
+  void take_over(const StateOf<M>& begun) {
+    if constexpr (has_system) {
+      system_.load(parameters_.data(), roads_);
+      system_.begin_step(begun.t, Real(1));
+      system_.initial_coordinates(begun.q.data(), begun.v.data(), state_.q.data(), state_.v.data());
+      state_.t = begun.t;
+    } else {
+      state_ = begun;
+    }
+  }
 
   typename Initialisation<M>::Settings how_to_start() const {
     return {.stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Integrator::fixed_point_step(settings_)};
@@ -294,14 +322,18 @@ class Simulation {
     loaded_ = parameters_;
     const StabilisationSettings stabilisation = Integrator::stabilise(settings_, penalties_);
     load_mechanism(mechanism_, parameters_.data(), roads_, stabilisation, penalties_);
-    mechanism_.begin_step(state_.t, Real(1));
-    steps_.emplace(mechanism_, settings_, roads_);
+    if constexpr (has_system) system_.load(parameters_.data(), roads_);
+    subject().begin_step(state_.t, Real(1));
+    steps_.emplace(subject(), settings_, roads_);
     steps_->begin(state_);
     is_reported_ = false;
   }
 
   void drive_by(HostInputs<Real, M::sizes.inputs>& inputs) {
-    if constexpr (sizes.inputs > 0) mechanism_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs});
+    if constexpr (sizes.inputs > 0) {
+      mechanism_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs});
+      if constexpr (has_system) system_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs});
+    }
   }
 
   /// Parameters that have changed count from now on.
@@ -314,17 +346,14 @@ class Simulation {
     heed_parameters();
     if (inputs_ == used_) return;
     used_ = inputs_;
-    steps_->begin(state_);
+    steps_->heed_inputs(state_);
   }
 
   /// Accelerations that belong to the state.
   Fault accelerate() {
     heed_changes();
-    Starter<M>& starter = initialisation_->starter();
-    starter.accelerate(state_, Real(1));
     is_reported_ = false;
-    steps_->begin(state_);
-    return starter.require_finite(state_);
+    return steps_->accelerate(state_, initialisation_->starter());
   }
 
   Fault integrate(Real h, Real until) {
@@ -338,7 +367,7 @@ class Simulation {
   Fault watch() {
     if constexpr (sizes.guards > 0) {
       Fixed<Real, sizes.guards> margins;
-      mechanism_.guard(state_.q.data(), state_.v.data(), margins.data());
+      subject().guard(state_.q.data(), state_.v.data(), margins.data());
       for (std::size_t i = 0; i < sizes.guards; ++i)
         if (!(margins[i] >= Real(0)))
           return {.cause = Cause::guard_violated, .list = FaultList::guards, .index = static_cast<int>(i), .t = static_cast<double>(state_.t),
@@ -348,15 +377,17 @@ class Simulation {
   }
 
   M mechanism_;
+  [[no_unique_address]] std::conditional_t<has_system, Subject, None> system_;
   SimulationSettings settings_;
   const Road<Real>* roads_;
   Fixed<Real, M::sizes.parameters> parameters_, loaded_;
   HostInputs<Real, M::sizes.inputs> inputs_, used_;
-  StateOf<M> start_, state_;
+  StateOf<M> start_;
+  StateOf<Subject> state_;
   Coordinates<M, unsigned char> given_coordinates_;
   SpeedFlags<M> given_speeds_;
   Cuts<M> penalties_;
-  Fixed<Real, M::sizes.columns> columns_;
+  Fixed<Real, Subject::sizes.columns> columns_;
   std::optional<Initialisation<M>> initialisation_;
   std::optional<Integrator> steps_;
   Real origin_{0};

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <span>
-#include <type_traits>
 #include <vector>
 
 #include "cutjoint/core/arrays.hpp"
@@ -19,12 +18,12 @@ struct Vectors {
   using EquationsArray = std::vector<Real>;
 };
 
-/// Arrays of a mechanism whose class knows its sizes.
-template <class M>
+/// Arrays of what knows its sizes.
+template <class Real, std::size_t coordinates, std::size_t speeds, std::size_t equations>
 struct Insides {
-  using CoordinatesArray = Coordinates<M>;
-  using SpeedsArray = Speeds<M>;
-  using EquationsArray = Equations<M>;
+  using CoordinatesArray = Fixed<Real, coordinates>;
+  using SpeedsArray = Fixed<Real, speeds>;
+  using EquationsArray = Fixed<Real, equations>;
 };
 
 /// The numbers of an array in another type.
@@ -67,10 +66,20 @@ struct State {
   }
 };
 
-/// The state of a mechanism.
+/// The arrays of a state of a mechanism or system.
 template <class M>
-using StateOf =
-    State<typename M::real_type, std::conditional_t<Sized<M>, Insides<M>, Vectors<typename M::real_type>>>;
+struct ArraysOf {
+  using type = Vectors<typename M::real_type>;
+};
+
+template <Sized M>
+struct ArraysOf<M> {
+  using type = Insides<typename M::real_type, M::sizes.coordinates, M::sizes.speeds, M::sizes.equations>;
+};
+
+/// The state of a mechanism or system; that of two with the same sizes is the same type.
+template <class M>
+using StateOf = State<typename M::real_type, typename ArraysOf<M>::type>;
 
 /// The design position at rest: coordinates nought, balls not turned.
 template <class M>

@@ -7,8 +7,9 @@
 #include <string>
 #include <string_view>
 
+#include "cutjoint/core/newton/dense_solver.hpp"
+#include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/lagrangian/eigen_solvers.hpp"
-#include "cutjoint/lagrangian/guarded_solver.hpp"
 #include "cutjoint/lagrangian/solver.hpp"
 
 namespace cutjoint {
@@ -20,13 +21,29 @@ concept Factored = requires(const S& system, const typename S::real_type* in, ty
   system.solve(in, out);
 };
 
+/// Pivoting of sparse matrices, for those of the classical method, which are large and need it often.
+template <class S>
+class SparsePivoting {
+ public:
+  using Real = typename S::real_type;
+
+  explicit SparsePivoting(const S& system) : pattern_(system.description().pattern) {}
+
+  void prepare() { solver_.analyse(pattern_); }
+  Breakdown factor(const Real* values) { return solver_.factor(values); }
+  Breakdown solve(Real* x) { return solver_.solve(x); }
+
+ private:
+  const Pattern& pattern_;
+  EigenLu<Real> solver_;
+};
+
 /// The emitted factorisation; watched where it must do without symmetry, since only a positive definite matrix makes any pivot order safe.
 template <class S>
 std::unique_ptr<LinearSolver<typename S::real_type>> emitted_solver(const S& system) {
-  using Real = typename S::real_type;
-  auto emitted = std::make_unique<EmittedSolver<S>>(system);
-  if (system.description().pattern.symmetric) return emitted;
-  return std::make_unique<GuardedSolver<Real>>(std::move(emitted), std::make_unique<EigenLu<Real>>());
+  if (system.description().pattern.symmetric) return std::make_unique<CoreSolver<StaticSolver<S>>>(system);
+  if (system.description().method == Lagrangian::classical) return std::make_unique<CoreSolver<GuardedSolver<S, SparsePivoting<S>>>>(system);
+  return std::make_unique<CoreSolver<GuardedSolver<S, DenseSolver<S>>>>(system);
 }
 
 /// The names of the solvers that fit a matrix, as a sentence has them.

@@ -1,4 +1,4 @@
-// Which equations depend on others: what makes the tangent of the classical method singular.  Dense, and only for the message of a failure.
+// What makes the tangent of the classical method singular: which equations depend on others.  Dense, and only for the message of a failure.
 #pragma once
 
 #include <Eigen/Dense>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/state.hpp"
 
 namespace cutjoint {
 
@@ -79,6 +80,26 @@ inline std::string listed(const std::vector<int>& indices, const std::vector<std
   for (std::size_t i = 0; i < std::min(indices.size(), most); ++i)
     text.append(i > 0 ? ", " : "").append("'").append(names[static_cast<std::size_t>(indices[i])]).append("'");
   return indices.size() > most ? text + " and " + std::to_string(indices.size() - most) + " more" : text;
+}
+
+/// The failure of a singular tangent names the equations that depend on others, or a coordinate that nothing resists.
+template <class Real>
+Failure explain_singular(const SystemDescription& d, const Real* tangent, Failure failure) {
+  const Dependence found = find_dependence(transposed_jacobian(d, tangent));
+  if (!found.dependent.empty()) {
+    const bool one = found.dependent.size() == 1;
+    const std::string names = listed(found.dependent, d.equations), others = listed(found.on, d.equations);
+    failure.element = d.equations[static_cast<std::size_t>(found.dependent.front())];
+    failure.advice = (one ? "equation " : "the equations ") + names + (one ? " depends" : " depend") +
+                     (others.empty() ? " on no coordinate" : " on ") + others +
+                     " here; not tried: method augmented, which tolerates redundant and momentarily dependent equations";
+  } else if (const int coordinate = unresisted_coordinate(d, tangent); coordinate >= 0) {
+    failure.element = d.coordinates[static_cast<std::size_t>(coordinate)];
+    failure.advice = "this coordinate can move without moving mass or meeting an equation: give it mass or hold it";
+  } else {
+    failure.advice = "not tried: another dt, or method augmented, whose tangent stays regular";
+  }
+  return failure;
 }
 
 }  // namespace cutjoint

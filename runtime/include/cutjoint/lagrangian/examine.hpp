@@ -49,7 +49,7 @@ Json evaluate_system(S& system, LinearSolver<typename S::real_type>& solver, con
   const State<Real> x = read_state<Real>(at);
   const Json& weights = at.at("weights");
   const Real penalty = read_number<Real>(at, "penalty");
-  std::vector<Real> turns = unit_turns<Real>(d.charts);
+  std::vector<Real> turns = unit_turns(system);
   std::vector<Real> f(d.unknowns().size()), phi(d.equations.size()), phid(phi.size()), phidd(phi.size()), tangent(d.pattern.row.size());
   Json result;
   system.begin_step(x.t, at.contains("motion") ? read_number<Real>(at, "motion") : Real(1));

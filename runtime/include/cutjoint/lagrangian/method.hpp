@@ -12,28 +12,13 @@
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
-#include "cutjoint/lagrangian/augmented.hpp"
+#include "cutjoint/lagrangian/any_newton.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
-#include "cutjoint/lagrangian/classical.hpp"
 #include "cutjoint/lagrangian/examine.hpp"
-#include "cutjoint/lagrangian/recursive_newton.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
 
 namespace cutjoint {
-
-/// The integrator of the method that a system was made for.
-template <class S>
-std::unique_ptr<Newton<S>> make_newton(S& system, LinearSolver<typename S::real_type>& solver, const NewtonSettings& settings) {
-  switch (system.description().method) {
-    case Lagrangian::augmented:
-      return std::make_unique<AugmentedNewton<S>>(system, solver, settings);
-    case Lagrangian::classical:
-      return std::make_unique<ClassicalNewton<S>>(system, solver, settings);
-    default:
-      return std::make_unique<RecursiveNewton<S>>(system, solver, settings);
-  }
-}
 
 /// Integrates a system with the solver and the settings of a run.
 template <class S>
@@ -164,11 +149,11 @@ class LagrangianMethod {
   ModelData<Real> data_;
   std::string solver_name_;
   std::unique_ptr<LinearSolver<Real>> solver_;
-  std::unique_ptr<Newton<S>> newton_;
+  std::unique_ptr<AnyNewton<S>> newton_;
   Real dt_, origin_{0};
   std::optional<EnergyBalance<S>> energy_;
   std::unique_ptr<LinearSolver<Real>> single_solver_;  ///< of single states, of a driven system whose energy is balanced
-  std::unique_ptr<Newton<S>> single_;
+  std::unique_ptr<AnyNewton<S>> single_;
   std::optional<State<Real>> completed_;
   bool balances_;
   long iterations_ = 0;

@@ -6,23 +6,10 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/lagrangian/system.hpp"
 
 namespace cutjoint {
-
-/// Why a matrix has no factors, and in which row of the pattern where that is known.
-struct Breakdown {
-  enum class Kind {
-    none,
-    not_positive,  ///< a pivot of L D L^T is not positive
-    singular,      ///< no usable pivot is left
-  };
-
-  Kind kind = Kind::none;
-  int row = -1;
-
-  explicit operator bool() const { return kind != Kind::none; }
-};
 
 /// A direct solver.  `analyse` may take its time and memory; `factor` and `solve` allocate nothing on this side of a library.
 template <class Real>
@@ -61,33 +48,26 @@ std::unique_ptr<LinearSolver<Real>> make_solver() {
 template <class Real>
 std::span<const SolverKind<Real>> library_solvers();
 
-/// The factorisation that was emitted with the system, with its static pivot order.
-template <class S>
-class EmittedSolver final : public LinearSolver<typename S::real_type> {
+/// A solver of the core (newton/static_solver.hpp, newton/guarded_solver.hpp), which knows its system's pattern.
+template <class Core>
+class CoreSolver final : public LinearSolver<typename Core::Real> {
  public:
-  using Real = typename S::real_type;
+  using Real = typename Core::Real;
 
-  explicit EmittedSolver(const S& system) : system_(system) {}
+  template <class S>
+  explicit CoreSolver(const S& system) : core_(system) {}
 
-  void analyse(const Pattern& pattern) override {
-    kind_ = pattern.symmetric ? Breakdown::Kind::not_positive : Breakdown::Kind::singular;
-    factors_.resize(static_cast<std::size_t>(system_.description().factors));
-  }
+  void analyse(const Pattern&) override {}
+  Breakdown factor(const Real* values) override { return core_.factor(values); }
+  Breakdown solve(Real* x) override { return core_.solve(x); }
 
-  Breakdown factor(const Real* values) override {
-    const int row = system_.factor(values, factors_.data());
-    return row < 0 ? Breakdown{} : Breakdown{kind_, row};
-  }
-
-  Breakdown solve(Real* x) override {
-    system_.solve(factors_.data(), x);
-    return {};
+  long fallbacks() const override {
+    if constexpr (requires { core_.fallbacks(); }) return core_.fallbacks();
+    return 0;
   }
 
  private:
-  const S& system_;
-  Breakdown::Kind kind_ = Breakdown::Kind::singular;
-  std::vector<Real> factors_;
+  Core core_;
 };
 
 }  // namespace cutjoint

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/mechanism.hpp"
 
 namespace cutjoint {
@@ -43,29 +44,6 @@ struct SystemDescription {
   /// Names of v, vdot and the force residual.
   const std::vector<std::string_view>& unknowns() const { return charts.empty() ? coordinates : speeds; }
 };
-
-/// Weights of the terms of a tangent, A = M + damping C + stiffness K with K = -dQ/dq, C = -dQ/dqd:
-///
-/// - augmented: A + constraint Phi_q^T Phi_q, the symmetric part of C and K,
-/// - classical: [A, constraint Phi_q^T; constraint Phi_q, 0].
-///
-/// In relative coordinates the tangent is whole, and `turns` has for each ball the 3x3 matrix of `turn_matrices` (retraction.hpp), by rows.
-template <class Real>
-struct Weights {
-  Real damping;
-  Real stiffness;
-  Real constraint;
-  const Real* turns = nullptr;
-};
-
-/// The turns of a pose that is not stepped to, unit matrices.
-template <class Real>
-std::vector<Real> unit_turns(const std::vector<Chart>& charts) {
-  std::vector<Real> turns;
-  for (const Chart& chart : charts)
-    if (chart.ball) turns.insert(turns.end(), {Real(1), Real(0), Real(0), Real(0), Real(1), Real(0), Real(0), Real(0), Real(1)});
-  return turns;
-}
 
 template <class Real>
 class Road;

@@ -4,18 +4,22 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/lagrangian/workspace.hpp"
+#include "cutjoint/core/newton/workspace.hpp"
+#include "cutjoint/lagrangian/solver.hpp"
+#include "cutjoint/state.hpp"
 
 namespace cutjoint::reference {
 
 /// y = (q, v).  Accelerations solve [M, Phi_q^T; Phi_q, 0]; after each step coordinates and rates are brought back to the equations by
 /// the shortest way in the norm of the masses.  The system is one of the classical method, whose equations do not depend on each other.
 template <class S>
-class Natural : public Workspace<S> {
- public:
-  using typename Workspace<S>::Real;
+class Natural : public Workspace<S, LinearSolver<typename S::real_type>> {
+  using Base = Workspace<S, LinearSolver<typename S::real_type>>;
 
-  Natural(S& system, LinearSolver<Real>& solver) : Workspace<S>(system, solver), state_(n_, n_, m_) {}
+ public:
+  using typename Base::Real;
+
+  Natural(S& system, LinearSolver<Real>& solver) : Base(system, solver), d_(system.description()), state_(n_, n_, m_) {}
 
   std::size_t size() const { return 2 * n_; }
   std::string name(std::size_t i) const { return (i < n_ ? "" : "rate of ") + std::string(d_.coordinates[i % n_]); }
@@ -57,18 +61,17 @@ class Natural : public Workspace<S> {
     return state_;
   }
 
- protected:
-  const char* name() const override { return "reference"; }
-
-  [[noreturn]] void report_breakdown(Breakdown broken) override {
-    const auto row = static_cast<std::size_t>(std::max(broken.row, 0));
-    this->fail("masses and equations do not determine the accelerations", row < n_ ? d_.coordinates[row] : d_.equations[row - n_], Real(0),
-               "look for a singular pose");
-  }
-
  private:
-  using Workspace<S>::d_, Workspace<S>::f_, Workspace<S>::lambda_, Workspace<S>::m_, Workspace<S>::n_, Workspace<S>::phi_,
-      Workspace<S>::phid_, Workspace<S>::phidd_, Workspace<S>::system_, Workspace<S>::time_, Workspace<S>::x_;
+  using Base::f_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phid_, Base::phidd_, Base::system_, Base::time_, Base::x_;
+
+  /// Throws the Failure of a fault.
+  void require(const Fault& fault) const {
+    if (!fault) return;
+    const Failure failure = failure_of(fault, d_, "reference");
+    if (fault.cause != Cause::tangent_singular) throw failure;
+    throw Failure("reference: masses and equations do not determine the accelerations", failure.time, failure.step, failure.element, failure.residual,
+                  "look for a singular pose");
+  }
 
   void take(Real t, const std::vector<Real>& y) {
     state_.t = time_ = t;
@@ -81,7 +84,7 @@ class Natural : public Workspace<S> {
 
   void factor_masses() {
     this->linearise(state_, Real(0), {.damping = Real(0), .stiffness = Real(0), .constraint = Real(1)});
-    this->factor();
+    require(this->factor());
   }
 
   void accelerate() {
@@ -89,7 +92,7 @@ class Natural : public Workspace<S> {
     this->constraint_residual(state_);
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i];
     for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -phidd_[i];
-    this->solve();
+    require(this->solve());
     std::copy_n(x_.begin(), n_, state_.vdot.begin());
     std::copy_n(x_.begin() + static_cast<std::ptrdiff_t>(n_), m_, lambda_.begin());
   }
@@ -98,11 +101,12 @@ class Natural : public Workspace<S> {
   void correct(const std::vector<Real>& gap, Real* values) {
     std::fill_n(x_.begin(), n_, Real(0));
     for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -gap[i];
-    this->solve();
+    require(this->solve());
     for (std::size_t i = 0; i < n_; ++i) values[i] += x_[i];
   }
 
-  State<Real> state_;
+  const SystemDescription& d_;
+  StateOf<S> state_;
 };
 
 }  // namespace cutjoint::reference

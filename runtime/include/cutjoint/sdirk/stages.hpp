@@ -10,8 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "cutjoint/lagrangian/closing.hpp"
-#include "cutjoint/lagrangian/recursive_newton.hpp"
+#include "cutjoint/core/newton/closing.hpp"
+#include "cutjoint/core/newton/recursive_newton.hpp"
+#include "cutjoint/lagrangian/solver.hpp"
+#include "cutjoint/state.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/sdirk/table.hpp"
 #include "cutjoint/core/stepping/regime.hpp"
@@ -32,9 +34,12 @@ using stepping::Tolerances;
 ///
 /// keeps its factors over stages and steps while they serve.  What steps leave of Phi and Phid is projected away.
 template <class S>
-class Stages : public Workspace<S> {
+class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
+  using Solver = LinearSolver<typename S::real_type>;
+  using Base = Workspace<S, Solver>;
+
  public:
-  using typename Workspace<S>::Real;
+  using typename Base::Real;
   using Subject = S;
 
   static constexpr int order = Table::order;
@@ -43,10 +48,10 @@ class Stages : public Workspace<S> {
   /// `other` solves for the accelerations of single states; `switches` are those at which steps end, all or none of the system's.
   Stages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other, const std::vector<Switch>& switches,
          const std::vector<Road<Real>>& roads)
-      : Workspace<S>(system, solver),
-        single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(n_, m_),
+      : Base(system, solver), d_(system.description()),
+        single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(system),
         places_(places_of(switches)), regime_(places_, roads.data()),
-        turns_(unit_turns<Real>(d_.charts)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
+        turns_(unit_turns(system)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
         way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
         forces_(Table::stages + 1, push_), middle_(2, delta_), middle_forces_(2, push_) {}
 
@@ -58,7 +63,7 @@ class Stages : public Workspace<S> {
     system_.begin_step(start.t, Real(1));
     system_.initial_coordinates(start.q.data(), start.v.data(), start_.q.data(), start_.v.data());
     start_.t = start.t;
-    single_.begin(start_, Real(1));
+    require(single_.begin(start_, Real(1)));
     alpha_ = single_.step_weights().constraint;
     last_h_ = Real(0);
     keep_start();
@@ -74,7 +79,7 @@ class Stages : public Workspace<S> {
     const auto middle = y.begin() + static_cast<std::ptrdiff_t>(row_.q.size());
     std::copy(y.begin(), middle, row_.q.begin());
     std::copy(middle, y.end(), row_.v.begin());
-    single_.begin(row_, Real(1));
+    require(single_.begin(row_, Real(1)));
     return row_;
   }
 
@@ -86,19 +91,19 @@ class Stages : public Workspace<S> {
     this->number_ = number;
     whole_ = whole;
     regime_.begin(start_.t);
-    try {
-      for (std::size_t stage = 1; stage <= Table::stages; ++stage) {
-        if (!try_stage(stage, h)) {
-          leaves_early(h);
-          return false;
-        }
-        if (leaves()) return false;
-        regime_.pass(time_);
+    for (std::size_t stage = 1; stage <= Table::stages; ++stage) {
+      bool found = false;
+      if (try_stage(stage, h, found)) {  // no factors, or no finite value
+        factored_ = false;
+        leaves_early(h);
+        return false;
       }
-    } catch (const Failure&) {  // no factors, or no finite value
-      factored_ = false;
-      leaves_early(h);
-      return false;
+      if (!found) {
+        leaves_early(h);
+        return false;
+      }
+      if (leaves()) return false;
+      regime_.pass(time_);
     }
     at_.lambda = lambda_;
     return true;
@@ -139,11 +144,7 @@ class Stages : public Workspace<S> {
   void accelerate(State<Real>& state) {
     if (!d_.driven) return;
     row_ = state;
-    try {
-      single_.begin(row_, Real(1));
-      state = row_;
-    } catch (const Failure&) {  // a singular pose has none
-    }
+    if (!single_.begin(row_, Real(1))) state = row_;  // a singular pose has none
   }
 
   /// The displacement by the last step before its end was projected, in the chart of its start.
@@ -159,7 +160,7 @@ class Stages : public Workspace<S> {
   /// Accelerations and multipliers of the present state, which forces that jump change; factors and what stages are guessed by are forgotten.
   void restart() {
     const long evaluations = single_.evaluations(), factorisations = single_.factorisations();
-    single_.begin(start_, Real(1));
+    require(single_.begin(start_, Real(1)));
     evaluations_ += single_.evaluations() - evaluations;
     factorisations_ += single_.factorisations() - factorisations;
     last_h_ = Real(0);
@@ -195,29 +196,25 @@ class Stages : public Workspace<S> {
     if (m_ == 0) return {};
     time_ = state.t;
     system_.begin_step(state.t, Real(1));
-    return this->close_with(state, pose_, alpha_, closing_, way_, moved_);
+    Residuals left;
+    require(this->close_with(state, pose_, alpha_, closing_, way_, moved_, left));
+    return left;
   }
 
   long iterations() const { return iterations_; }
 
   // With what restarts take.
-  long evaluations() const { return Workspace<S>::evaluations() + evaluations_; }
-  long factorisations() const { return Workspace<S>::factorisations() + factorisations_; }
+  long evaluations() const { return Base::evaluations() + evaluations_; }
+  long factorisations() const { return Base::factorisations() + factorisations_; }
 
   /// The coordinate of the last attempt's largest error or change.
   std::string worst() const { return std::string(d_.unknowns()[worst_]); }
 
- protected:
-  const char* name() const override { return "sdirk4"; }
-
-  [[noreturn]] void report_breakdown(Breakdown broken) override {
-    const std::string_view coordinate = broken.row < 0 ? "" : d_.unknowns()[static_cast<std::size_t>(broken.row)];
-    this->fail("the tangent is singular", coordinate, Real(0), "this coordinate has neither mass nor stiffness, and no equation holds it");
-  }
-
  private:
-  using Workspace<S>::d_, Workspace<S>::f_, Workspace<S>::lambda_, Workspace<S>::m_, Workspace<S>::n_, Workspace<S>::phi_, Workspace<S>::phid_,
-      Workspace<S>::phidd_, Workspace<S>::system_, Workspace<S>::time_, Workspace<S>::x_;
+  using Base::f_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phid_, Base::phidd_, Base::system_, Base::time_, Base::x_;
+
+  /// Throws the Failure of a fault.
+  void require(const Fault& fault) const { require_none(fault, d_, "sdirk4"); }
 
   void keep_start() {
     slopes_[0] = start_.vdot;
@@ -268,11 +265,12 @@ class Stages : public Workspace<S> {
     retract<Real>(d_.charts, at_.q.data(), trial_.data(), probe_.q.data());
     this->dynamic_residual(probe_, Real(0));
     for (std::size_t i = 0; i < n_; ++i) x_[i] = w * f_[i];
-    this->solve();
+    require(this->solve());
     for (std::size_t i = 0; i < n_; ++i) way_[i] += w * x_[i];
   }
 
-  bool try_stage(std::size_t stage, Real h) {
+  /// Whether a stage is `found`; a fault where an iteration has no factors.
+  Fault try_stage(std::size_t stage, Real h, bool& found) {
     time_ = at_.t = start_.t + Table::nodes[stage].template as<Real>() * h;
     system_.begin_step(time_, Real(1));
     v_hat_ = start_.v;
@@ -288,11 +286,11 @@ class Stages : public Workspace<S> {
       guess(stage, forces_, lambda_);
     }
     guess_ = at_.vdot;
-    if (!iterate(h)) return false;
+    if (const Fault fault = iterate(h, found); fault || !found) return fault;
     chart_rates<Real>(d_.charts, delta_.data(), at_.v.data(), rates_[stage].data());
     slopes_[stage] = at_.vdot;
     forces_[stage] = lambda_;
-    return true;
+    return {};
   }
 
   static void guess(std::size_t stage, const std::vector<std::vector<Real>>& known, std::vector<Real>& values) {
@@ -307,9 +305,9 @@ class Stages : public Workspace<S> {
       values[i] = s * (s + 1) / 2 * middle[0][i] - s * (s + 2) * middle[1][i] + (s + 1) * (s + 2) / 2 * end[i];
   }
 
-  /// Newton's iteration for a stage; whether it converged.  The first change is judged by the share that a stage before left of one, less and less
+  /// Newton's iteration for a stage; whether it is `found`.  The first change is judged by the share that a stage before left of one, less and less
   /// trusted (Hairer, Wanner, section IV.8).  Where it goes slowly it may have met a stiff force that begins in this step.
-  bool iterate(Real h) {
+  Fault iterate(Real h, bool& found) {
     using std::pow;
     const Real w = Table::gamma.as<Real>() * h;
     const Real infinity = std::numeric_limits<Real>::infinity();
@@ -317,31 +315,34 @@ class Stages : public Workspace<S> {
     bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(1.25) && w > factored_w_ * Real(0.8));
     slow_ = false;
     for (int iteration = 1, idle = 0; iteration <= most_iterations && follow(w); ++iteration) {
-      correct(renew, w);
+      if (const Fault fault = correct(renew, w)) return fault;
       const Real change = size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(share_, Real(0.8));
-      if (!this->finite(change) || change > Real(1e3) * smallest) return false;
+      if (!this->finite(change) || change > Real(1e3) * smallest) return {};
       share_ = std::clamp(share, Real(0.01), Real(0.99));
       idle = change < smallest / 2 ? 0 : idle + 1;
       smallest = std::min(smallest, change);
       const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
       const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
-      if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(0.001))) return follow(w);
+      if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(0.001))) {
+        found = follow(w);
+        return {};
+      }
       renew = iteration > 1 && share > Real(0.3);
-      if (renew && leaves_early(h)) return false;
+      if (renew && leaves_early(h)) return {};
       slow_ = slow_ || renew;
       last = change;
     }
-    return false;
+    return {};
   }
 
   /// An iteration.  What violates the equations is corrected along their directions in the pose of the tangent, Phi_q; and so are the multipliers,
   /// by alpha (Phidd + Phi_q dvdot): the new Phidd is another one where Phi_q has turned, and alpha would make much of that.
-  void correct(bool renew, Real w) {
+  Fault correct(bool renew, Real w) {
     this->constraint_residual(at_);
     if (renew) {
       this->linearise(at_, Real(0), {w, w * w, alpha_, turns_.data()});
       pose_ = at_.q;
-      this->factor();
+      if (const Fault fault = this->factor()) return fault;
       factored_ = true;
       factored_w_ = w;
     } else {
@@ -350,11 +351,12 @@ class Stages : public Workspace<S> {
     for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phidd_[i];
     system_.apply_jacobian_transposed(pose_.data(), push_.data(), x_.data());
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -f_[i] - x_[i];
-    this->solve();
+    if (const Fault fault = this->solve()) return fault;
     system_.apply_jacobian(pose_.data(), x_.data(), push_.data());
     for (std::size_t i = 0; i < m_; ++i) lambda_[i] += alpha_ * (phidd_[i] + push_[i]);
     for (std::size_t i = 0; i < n_; ++i) at_.vdot[i] += x_[i];
     ++iterations_;
+    return {};
   }
 
   /// Speeds and coordinates of the stage's accelerations; false where a ball turns too far for its chart.
@@ -387,8 +389,9 @@ class Stages : public Workspace<S> {
 
   static constexpr int most_iterations = 25;
 
-  RecursiveNewton<S> single_;
-  Closing<Real> closing_;
+  const SystemDescription& d_;
+  RecursiveNewton<S, Solver> single_;
+  Closing<S> closing_;
   std::vector<SwitchPlace> places_;
   stepping::Regime<S> regime_;
   std::vector<Real> turns_;

@@ -9,8 +9,9 @@
 #include <vector>
 
 #include "cutjoint/json.hpp"
+#include "cutjoint/core/newton/recursive_newton.hpp"
+#include "cutjoint/lagrangian/any_newton.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
-#include "cutjoint/lagrangian/recursive_newton.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
@@ -44,7 +45,7 @@ class NewtonRule {
 
   void restart(State<Real>& state) {
     restarted_ = state;  // a state whose accelerations are not found keeps those it has
-    newton_.begin(restarted_, Real(1));
+    require(newton_.begin(restarted_, Real(1)));
     state = restarted_;
     newton_.stay(state);
   }
@@ -56,7 +57,7 @@ class NewtonRule {
       newton_.stay(state);
       newton_.set_step(h_ = h);
     }
-    newton_.step(state, number);
+    require(newton_.step(state, number));
     if (h < dt_ / 100) restart(state);  // the square of a short step, by which penalties are divided, leaves accelerations few digits
   }
 
@@ -72,7 +73,7 @@ class NewtonRule {
     newton_.take_means(means_);
   }
 
-  void project(State<Real>& state) { newton_.close_loops(state); }
+  void project(State<Real>& state) { require(newton_.close_loops(state)); }
 
   void enter(Real t) { system_.begin_step(t, Real(1)); }
 
@@ -99,11 +100,13 @@ class NewtonRule {
   }
 
  private:
+  void require(const Fault& fault) const { require_none(fault, d_, name_of(d_.method)); }
+
   S& system_;
   const SystemDescription& d_;
   std::string solver_name_;
   std::unique_ptr<LinearSolver<Real>> solver_;
-  RecursiveNewton<S> newton_;
+  RecursiveNewton<S, LinearSolver<Real>> newton_;
   Real dt_, h_;
   State<Real> restarted_ = blank();
   std::vector<Real> means_;

@@ -12,8 +12,6 @@
 // generated factorisation is compiled by itself.
 #pragma once
 
-#include "cutjoint/precision.hpp"
-
 namespace cutjoint::static_factor {
 
 /// Four reals side by side: what takes the place of a register where a type has none.

@@ -2,7 +2,7 @@
 // are stored.
 #pragma once
 
-#include "cutjoint/lagrangian/static_factor_blocks.hpp"
+#include "cutjoint/core/newton/static_factor_blocks.hpp"
 
 namespace cutjoint::static_factor {
 

@@ -2,10 +2,13 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <limits>
 #include <span>
-#include <vector>
 
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/dot.hpp"
+#include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/largest.hpp"
 
 namespace cutjoint {
@@ -22,25 +25,29 @@ inline constexpr Real overweight{1e4};
 /// A direction far weaker than others belongs to equations that depend on each other, or nearly do: it is left as it is, since closing
 /// it would take a leap in the rates.  How strong it is, the penalty hides: without it S is S / (1 - c S).  (Those that move no
 /// mass at all are strong without limit, which says nothing of others.)
-template <class Real>
+template <class S>
 class Closing {
  public:
+  using Real = typename S::real_type;
+
   static constexpr std::size_t passes = 10;
 
-  Closing(std::size_t unknowns, std::size_t equations) : n_(unknowns), m_(equations), ways_(passes * n_), closings_(passes * m_) {}
+  explicit Closing(const S& system)
+      : n_(sizes_of(system).speeds), m_(sizes_of(system).equations), ways_(passes * n_), closings_(passes * m_) {}
 
   /// Change `values` until their gap is `negligible`; it is left in `gap`, which is linear in them.  `follow` puts way = A^-1 Phi_q^T w and
-  /// closing = Phi_q way for a w, and `constraint` is c.  Returns the share of the gap that a projection of length c would leave, where most would
-  /// be left.
+  /// closing = Phi_q way for a w, and `constraint` is c.  The fault is that of `follow`.
   template <class Follow>
-  Real close(std::vector<Real>& values, std::vector<Real>& gap, Real constraint, Real negligible, Follow follow) {
-    Real strongest(0), share_left(0);
+  Fault close(Speeds<S>& values, Equations<S>& gap, Real constraint, Real negligible, Follow follow) {
+    Real strongest(0);
+    share_left_ = Real(0);
     closed_ = !(largest(gap) > negligible);
     for (std::size_t pass = 0; pass < passes && !closed_; ++pass) {
       const std::span<Real> way(ways_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
-      follow(gap, way, closing);
-      const Real strength = dot(gap, closing) / dot(gap, gap);
-      share_left = std::max(share_left, 1 - constraint * strength);
+      if (const Fault fault = follow(gap, way, closing)) return fault;
+      Real match = dot(gap, closing);
+      const Real strength = match / dot(gap, gap);
+      share_left_ = std::max(share_left_, 1 - constraint * strength);
       const Real free = strength / std::max(1 - constraint * strength, std::numeric_limits<Real>::epsilon());
       if (!(free > Real(1e-4) * strongest)) break;
       strongest = std::max(strongest, std::min(free, overweight<Real> / constraint));
@@ -50,26 +57,23 @@ class Closing {
         subtract(share, old_way, way);
         subtract(share, old, closing);
       }
-      const Real length = dot(gap, closing) / dot(closing, closing);
+      if (pass > 0) match = dot(gap, closing);
+      const Real length = match / dot(closing, closing);
       subtract(length, way, values);
       subtract(length, closing, gap);
       closed_ = !(largest(gap) > negligible);
     }
-    return share_left;
+    return {};
   }
+
+  /// The share of the last gap that a projection of length c would leave, where most would be left.
+  Real share_left() const { return share_left_; }
 
   /// Whether the last gap has been closed.
   bool closed() const { return closed_; }
 
  private:
-  static Real dot(std::span<const Real> a, std::span<const Real> b) {
-    Real sums[4] = {Real(0), Real(0), Real(0), Real(0)};  // they do not wait for each other
-    std::size_t i = 0;
-    for (; i + 4 <= a.size(); i += 4)
-      for (std::size_t j = 0; j < 4; ++j) sums[j] += a[i + j] * b[i + j];
-    for (; i < a.size(); ++i) sums[0] += a[i] * b[i];
-    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
-  }
+  static Real dot(std::span<const Real> a, std::span<const Real> b) { return cutjoint::dot(a, b); }
 
   static void subtract(Real factor, std::span<const Real> a, std::span<Real> from) {
     for (std::size_t i = 0; i < a.size(); ++i) from[i] -= factor * a[i];
@@ -77,7 +81,9 @@ class Closing {
 
   std::size_t n_, m_;
   bool closed_ = true;
-  std::vector<Real> ways_, closings_;  ///< increments, and what they close
+  Real share_left_{0};
+  Array<S, passes * static_sizes<S>().speeds> ways_;         ///< increments
+  Array<S, passes * static_sizes<S>().equations> closings_;  ///< what they close
 };
 
 }  // namespace cutjoint

@@ -1,0 +1,149 @@
+// Newton's iteration on the recursion: the augmented Lagrangian method in relative coordinates, with tangents that are reused.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "cutjoint/core/newton/augmented.hpp"
+
+namespace cutjoint {
+
+/// The residual is cheap beside its tangent, so that factors are reused, over steps too, while they bring the iteration on; a step that fails
+/// even with a tangent in each iteration is taken in halves.
+///
+/// What violates the equations is then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
+/// would push epsilon dt^2/4 alpha / mass times too far in the free directions.  Multipliers are corrected once the iteration is near its end:
+/// before, Phi has parts that no force of the equations answers to, which redundant equations would keep.
+template <class S, class Solver>
+class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S, Solver> {
+ public:
+  using Base = AugmentedBase<RecursiveNewton, S, Solver>;
+  using typename Base::Real;
+
+  RecursiveNewton(S& system, Solver& solver, const NewtonSettings& settings)
+      : Base(system, solver, settings), push_(m_), penalised_(n_), way_(n_), from_(pose_) {}
+
+  /// Close the loops of another state, positions first, then speeds, with the factors of a step near it.
+  Fault close_loops(StateOf<S>& state) {
+    if (m_ == 0) return {};
+    this->time_ = state.t;
+    system_.begin_step(state.t, Real(1));
+    if (!this->has_factors())
+      if (const Fault fault = renew(state)) return fault;
+    Residuals left;
+    return this->close_with(state, pose_, k_ * alpha_, closing_, way_, from_, left);
+  }
+
+  /// The same for a state away from any step, by moving the masses least.  A fault names what stays open.
+  Fault assemble(StateOf<S>& state) {
+    if (m_ == 0) return {};
+    constexpr int most = 20;
+    Residuals left;
+    this->get_ready(state, Real(1));
+    for (int round = 0; round < most; ++round) {
+      this->linearise(state, Real(0), this->start_weights());
+      pose_ = state.q;
+      if (const Fault fault = this->factor()) return fault;
+      if (const Fault fault = this->close_with(state, pose_, this->start_alpha_, closing_, way_, from_, left)) return fault;
+      if (is_closed(state)) return {};
+    }
+    const bool open = left.position > left.velocity;
+    return this->fault_in_equation(open ? Cause::loops_open : Cause::speeds_open, open ? worst_of(phi_) : worst_of(this->phid_),
+                                   Real(open ? left.position : left.velocity));
+  }
+
+ private:
+  friend Base;
+  friend typename Base::Base;
+  using Base::alpha_, Base::closing_, Base::f_, Base::settings_, Base::iteration_, Base::k_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::pose_,
+      Base::share_left_, Base::system_, Base::x_;
+
+  /// f_q dq = -dt^2/4 (f + alpha Phi_q^T Phi), and twice the penalty where it has become part of the multipliers.
+  void approach(const StateOf<S>& state, int iteration, bool renewed) {
+    iteration_ = iteration;
+    if (iteration == 1) updates_ = 0;
+    if (renewed) {
+      this->linearise(state, Real(0), this->step_weights());
+      pose_ = state.q;
+    } else {
+      this->dynamic_residual(state, Real(0));
+    }
+    const bool updated = this->is_near() && updates_ < settings_.multiplier_updates;
+    for (std::size_t i = 0; i < m_; ++i) {
+      push_[i] = (updated ? 2 : 1) * alpha_ * phi_[i];
+      if (updated) lambda_[i] += alpha_ * phi_[i];
+    }
+    updates_ += updated;
+    system_.apply_jacobian_transposed(pose_.data(), push_.data(), penalised_.data());
+    for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * (f_[i] + penalised_[i]);
+  }
+
+  /// A hundredth of what the iteration leaves of the accelerations.
+  Real negligible(const Speeds<S>& values) const { return Real(1e-2) * Real(settings_.tolerance) * (Real(1) + largest(values)); }
+
+  /// Where the reused factors leave a gap, those of a new tangent close it.
+  Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
+    if (const Fault fault = project_surely(state, values, gap)) return fault;
+    if (closing_.closed() || pose_ == state.q) return {};
+    this->turn();
+    if (const Fault fault = renew(state)) return fault;
+    return project_surely(state, values, gap);
+  }
+
+  /// Where a projection leaves most of a gap, equations nearly depend on each other; what they ask for turns quickly with the pose, their
+  /// multipliers grow without limit, and with them the tangent's share of these.
+  Fault project_surely(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
+    const Fault fault = Base::project_on(state, values, gap);
+    if (!fault && &values == &state.v && share_left_ > Real(0.9)) return this->fault_in_equation(Cause::pose_singular, 0, share_left_);
+    return fault;
+  }
+
+  bool renews_always() const { return false; }
+  bool halves() const { return true; }
+
+  /// The iterate is near enough for its Phi to be the multipliers' alone.
+  bool may_end() const { return m_ == 0 || this->is_near(); }
+
+  /// The last iteration leaves the share of Phi that its tangent's age explains: it is closed along the same Phi_q, by the accelerations.
+  Fault update_multipliers(StateOf<S>& state) {
+    const Real rounding = this->rounding_like(1e-13) * (Real(1) + largest(state.q));
+    for (std::size_t pass = 0; pass < Base::passes && largest(phi_) > rounding; ++pass) {
+      for (std::size_t i = 0; i < m_; ++i) push_[i] = alpha_ * phi_[i];
+      system_.apply_jacobian_transposed(pose_.data(), push_.data(), x_.data());
+      if (const Fault fault = this->solve()) return fault;
+      for (std::size_t i = 0; i < n_; ++i) state.vdot[i] -= x_[i];
+      for (std::size_t i = 0; i < m_; ++i) lambda_[i] += push_[i];
+      this->follow(state);
+      this->constraint_residual(state);
+    }
+    return Base::update_multipliers(state);
+  }
+
+  Fault renew(const StateOf<S>& state) {
+    this->linearise(state, Real(0), this->step_weights());
+    pose_ = state.q;
+    return this->factor();
+  }
+
+  /// Whether what is left in phi_ and phid_ is next to nothing.
+  bool is_closed(const StateOf<S>& state) const {
+    const Real allowed = std::max(Real(1e-10), this->rounding_like(1e-12));
+    return largest(phi_) <= allowed * (Real(1) + largest(state.q)) && largest(this->phid_) <= allowed * (Real(1) + largest(state.v));
+  }
+
+  static std::size_t worst_of(const Equations<S>& gap) {
+    using std::abs;
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < gap.size(); ++i)
+      if (abs(gap[i]) > abs(gap[worst]) || gap[i] != gap[i]) worst = i;
+    return worst;
+  }
+
+  int updates_ = 0;  ///< iterations of a step that corrected the multipliers
+  Equations<S> push_;
+  Speeds<S> penalised_, way_;
+  Coordinates<S> from_;
+};
+
+}  // namespace cutjoint

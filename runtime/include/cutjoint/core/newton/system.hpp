@@ -1,0 +1,105 @@
+// What a system with a tangent is to Newton's iteration: the contract between generated code (or the generic twin) and the steps.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <type_traits>
+#include <utility>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/mechanism.hpp"
+
+namespace cutjoint {
+
+/// Weights of the terms of a tangent, A = M + damping C + stiffness K with K = -dQ/dq, C = -dQ/dqd:
+///
+/// - augmented: A + constraint Phi_q^T Phi_q, the symmetric part of C and K,
+/// - classical: [A, constraint Phi_q^T; constraint Phi_q, 0].
+///
+/// In relative coordinates the tangent is whole, and `turns` has for each ball the 3x3 matrix of `turn_matrices` (retraction.hpp), by rows.
+template <class Real>
+struct Weights {
+  Real damping;
+  Real stiffness;
+  Real constraint;
+  const Real* turns = nullptr;
+};
+
+/// How many rows a tangent has, entries that are not always zero, and numbers in its factors.
+struct TangentSizes {
+  std::size_t rows = 0, entries = 0, factors = 0;
+};
+
+/// Where the entries of a square sparse matrix stand, of a system whose class knows it: compressed columns, rows ascending.  Of a symmetric matrix the
+/// lower triangle.
+struct FixedPattern {
+  int size;
+  bool symmetric;
+  std::span<const int> first;  ///< size + 1 offsets: column j has the entries first[j] .. first[j + 1] - 1
+  std::span<const int> row;    ///< the row of each entry
+};
+
+/// The sizes of the tangent that a class knows; nought for one that does not.
+template <class S>
+constexpr TangentSizes static_tangent() {
+  if constexpr (Sized<S>) return {static_cast<std::size_t>(S::pattern.size), S::pattern.row.size(), static_cast<std::size_t>(S::factors)};
+  return {};
+}
+
+/// Where the entries of a system's tangent stand.
+template <class S>
+const auto& pattern_of(const S& system) {
+  if constexpr (Sized<S>)
+    return S::pattern;
+  else
+    return system.description().pattern;
+}
+
+/// The type of that.
+template <class S>
+using PatternOf = std::remove_cvref_t<decltype(pattern_of(std::declval<const S&>()))>;
+
+/// The sizes of a system's tangent.
+template <class S>
+TangentSizes tangent_of(const S& system) {
+  if constexpr (Sized<S>) {
+    return static_tangent<S>();
+  } else {
+    const auto& d = system.description();
+    return {static_cast<std::size_t>(d.pattern.size), d.pattern.row.size(), static_cast<std::size_t>(d.factors)};
+  }
+}
+
+/// The numbers in the matrices of balls, `Weights::turns`.
+constexpr std::size_t turns_of(std::span<const Chart> charts) {
+  std::size_t numbers = 0;
+  for (const Chart& chart : charts) numbers += chart.ball ? 9 : 0;
+  return numbers;
+}
+
+template <class S>
+constexpr std::size_t static_turns() {
+  if constexpr (Sized<S>) return turns_of(S::charts);
+  return 0;
+}
+
+/// Arrays with an element for each row or entry of the tangent, its factors, and the matrices of balls.
+template <class S>
+using Rows = Array<S, static_tangent<S>().rows>;
+template <class S>
+using Entries = Array<S, static_tangent<S>().entries>;
+template <class S>
+using Factors = Array<S, static_tangent<S>().factors>;
+template <class S>
+using Turns = Array<S, static_turns<S>()>;
+
+/// The turns of a pose that is not stepped to, unit matrices.
+template <class S>
+Turns<S> unit_turns(const S& system) {
+  using Real = typename S::real_type;
+  Turns<S> turns(turns_of(charts_of(system)));
+  for (std::size_t i = 0; i < turns.size(); ++i) turns[i] = Real(i % 9 % 4 == 0 ? 1 : 0);
+  return turns;
+}
+
+}  // namespace cutjoint

@@ -1,0 +1,157 @@
+// A system with its tangent's factors and the arrays of a step: what Newton's iteration, the start and the projections work with.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/newton/closing.hpp"
+#include "cutjoint/core/newton/static_solver.hpp"
+#include "cutjoint/core/newton/system.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/state.hpp"
+
+namespace cutjoint {
+
+/// Evaluates, factors and solves with a linear solver, counts what it does, and tells where a number is not one.  All memory is taken in the constructor.
+///
+/// A system has, besides what mechanism.hpp says of `begin_step`, `report`, `guard` and `events`, the functions of lagrangian/system.hpp; a solver
+/// has `factor`, of the values of a tangent, and `solve`, in place, each of which returns a Breakdown.
+template <class S, class Solver>
+class Workspace {
+ public:
+  using Real = typename S::real_type;
+
+  Workspace(S& system, Solver& solver)
+      : system_(system), solver_(solver), charts_(charts_of(system)), n_(sizes_of(system).speeds), m_(sizes_of(system).equations), f_(n_), phi_(m_), phid_(m_), phidd_(m_),
+        weight_(m_), lambda_(m_), x_(tangent_of(system).rows), tangent_(tangent_of(system).entries) {}
+
+  Workspace(const Workspace&) = delete;
+  Workspace& operator=(const Workspace&) = delete;
+
+  long evaluations() const { return evaluations_; }
+  long factorisations() const { return factorisations_; }
+
+ protected:
+  void linearise(const StateOf<S>& state, Real penalty, const Weights<Real>& weights) {
+    ++evaluations_;
+    system_.linearise(state.q.data(), state.v.data(), state.vdot.data(), lambda_.data(), penalty, weights, f_.data(), phi_.data(),
+                      tangent_.data());
+  }
+
+  void dynamic_residual(const StateOf<S>& state, Real penalty) {
+    ++evaluations_;
+    system_.dynamic_residual(state.q.data(), state.v.data(), state.vdot.data(), lambda_.data(), penalty, f_.data(), phi_.data());
+  }
+
+  void constraint_residual(const StateOf<S>& state) {
+    system_.constraint_residual(state.q.data(), state.v.data(), state.vdot.data(), phi_.data(), phid_.data(), phidd_.data());
+  }
+
+  Fault factor() {
+    if (const Fault fault = require_finite()) return fault;
+    ++factorisations_;
+    return fault_of(solver_.factor(tangent_.data()));
+  }
+
+  Fault solve() { return fault_of(solver_.solve(x_.data())); }
+
+  /// way = A^-1 Phi_q^T w and closing = Phi_q way, the first Phi_q that of a pose, with the factors of A.
+  Fault follow_weight(const Coordinates<S>& pose, const StateOf<S>& state, const Equations<S>& w, std::span<Real> way, std::span<Real> closing) {
+    system_.apply_jacobian_transposed(pose.data(), w.data(), x_.data());
+    if (const Fault fault = solve()) return fault;
+    std::copy_n(x_.begin(), n_, way.begin());
+    system_.apply_jacobian(state.q.data(), way.data(), closing.data());
+    return {};
+  }
+
+  /// Close the loops of a state, positions first, then speeds, with the factors of a tangent that belongs to a pose and has the weight `constraint`
+  /// of the equations; `way` and `from` are room for speeds and coordinates.  `left` is what is left.
+  Fault close_with(StateOf<S>& state, const Coordinates<S>& pose, Real constraint, Closing<S>& closing, Speeds<S>& way, Coordinates<S>& from,
+                   Residuals& left) {
+    const auto bring = [&](Speeds<S>& values, Equations<S>& gap, Real negligible) {
+      return closing.close(values, gap, constraint, negligible,
+                           [&](const auto& weight, auto along, auto closed) { return follow_weight(pose, state, weight, along, closed); });
+    };
+    for (int round = 0;; ++round) {
+      constraint_residual(state);
+      const Real rounding = rounding_like(1e-13) * (Real(1) + largest(state.q));
+      if (!(largest(phi_) > rounding) || round == 4) break;
+      std::fill(way.begin(), way.end(), Real(0));
+      if (const Fault fault = bring(way, phi_, rounding)) return fault;
+      from = state.q;
+      retract<Real>(charts(), from.data(), way.data(), state.q.data());
+    }
+    if (const Fault fault = bring(state.v, phid_, rounding_like(1e-12) * (Real(1) + largest(state.v)))) return fault;
+    constraint_residual(state);
+    left = {static_cast<double>(largest(phi_)), static_cast<double>(largest(phid_)), 0.0};
+    return {};
+  }
+
+  std::span<const Chart> charts() const {
+    if constexpr (Sized<S>)
+      return S::charts;
+    else
+      return charts_;
+  }
+
+  /// A fault of an unknown, or of an equation behind the unknowns; of none where the row is negative.
+  Fault fault_in_row(Cause cause, int row, Real value) const {
+    const bool equation = row >= static_cast<int>(n_);
+    return {.cause = cause, .list = row < 0 ? FaultList::none : equation ? FaultList::equations : FaultList::speeds,
+            .index = equation ? row - static_cast<int>(n_) : row, .t = static_cast<double>(time_), .step = number_,
+            .value = static_cast<double>(value)};
+  }
+
+  /// A fault of an equation.
+  Fault fault_in_equation(Cause cause, std::size_t equation, Real value) const {
+    return fault_in_row(cause, static_cast<int>(n_ + equation), value);
+  }
+
+  /// What a share of a quantity that is rounding in double is in this type.
+  static Real rounding_like(double in_double) {
+    return Real(in_double / std::numeric_limits<double>::epsilon()) * std::numeric_limits<Real>::epsilon();
+  }
+
+  static bool finite(Real value) { return std::isfinite(static_cast<double>(value)); }
+
+  S& system_;
+  Solver& solver_;
+  std::span<const Chart> charts_;
+  std::size_t n_, m_;                               ///< unknowns and equations
+  Speeds<S> f_;                                     ///< force residual
+  Equations<S> phi_, phid_, phidd_, weight_;        ///< equations and their rates, and room for what pulls on the equations
+  Equations<S> lambda_;
+  Rows<S> x_;                                       ///< right-hand side and then solution
+  Entries<S> tangent_;
+  Real time_{0};
+  long number_ = 0;  ///< of the step
+
+ private:
+  /// A fault where the residual or the tangent has an entry that is no number.
+  Fault require_finite() const {
+    for (std::size_t i = 0; i < n_; ++i)
+      if (!finite(f_[i])) return fault_in_row(Cause::forces_not_finite, static_cast<int>(i), f_[i]);
+    bool all = true;
+    for (const Real value : tangent_) all &= value - value == Real(0);  // without branches, since this is asked of every tangent
+    if (all) return {};
+    std::size_t i = 0;
+    while (finite(tangent_[i])) ++i;
+    return fault_in_row(Cause::tangent_not_finite, pattern_of(system_).row[i], tangent_[i]);
+  }
+
+  Fault fault_of(Breakdown broken) const {
+    if (!broken) return {};
+    const bool is_positive = broken.kind != Breakdown::Kind::not_positive;
+    return fault_in_row(is_positive ? Cause::tangent_singular : Cause::tangent_not_positive, broken.row, Real(0));
+  }
+
+  long evaluations_ = 0, factorisations_ = 0;
+};
+
+}  // namespace cutjoint

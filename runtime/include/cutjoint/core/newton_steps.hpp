@@ -1,0 +1,111 @@
+// Steps of a simulation by Newton's iteration.
+#pragma once
+
+#include <cstddef>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/newton/dense_solver.hpp"
+#include "cutjoint/core/newton/guarded_solver.hpp"
+#include "cutjoint/core/newton/recursive_newton.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/simulation_settings.hpp"
+#include "cutjoint/core/start.hpp"
+#include "cutjoint/core/state.hpp"
+
+namespace cutjoint {
+
+/// The integrator of a simulation (simulation.hpp) by the trapezoidal rule of `recursive-newton`, over a system in the coordinates of the mechanism M that
+/// starts.  Steps go over events.
+template <Sized M, Sized S>
+class NewtonSteps {
+ public:
+  using Subject = S;
+  using Real = typename S::real_type;
+
+  static constexpr bool adaptive = false;
+  static constexpr bool finds_events = false;
+
+  /// The length of steps with a fixed point, which the penalties of the start follow: as for a run of the command line.
+  static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
+
+  NewtonSteps(S& system, const SimulationSettings& settings, const Road<Real>*)
+      : system_(system), solver_(system),
+        newton_(system, solver_,
+                {.dt = settings.dt, .penalty = settings.penalty, .tolerance = settings.fixed_point.tolerance, .iterations = settings.fixed_point.iterations,
+                 .multiplier_updates = settings.fixed_point.multiplier_updates}),
+        h_(settings.dt), way_(sizes_of(system).speeds) {}
+
+  static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
+
+  /// Take over a state that has accelerations and multipliers; inputs are others from now on.
+  void begin(const StateOf<S>& state) { newton_.resume(state); }
+  void heed_inputs(const StateOf<S>&) {}
+
+  /// Accelerations and multipliers of a state as it is, which is taken over.
+  Fault accelerate(StateOf<S>& state, Starter<M>&) { return newton_.go_on(state); }
+
+  /// Close the loops of a state by moving the masses least.
+  Fault close(StateOf<S>& state) { return newton_.assemble(state); }
+
+  /// From the state to that at the end of a step of length h; the state stays where it fails.
+  Fault step(StateOf<S>& state, const SimulationSettings& settings, Real h, Real, long number) {
+    if (h < Real(1e-4) * Real(settings.dt)) return pass(state, h);
+    if (h != h_) {
+      newton_.stay(state);
+      newton_.set_step(h_ = h);
+    }
+    const Fault fault = newton_.step(state, number);
+    if (fault || !(h < Real(settings.dt) / 100)) return fault;
+    return newton_.go_on(state);  // the square of a short step, by which penalties are divided, leaves accelerations few digits
+  }
+
+  /// The state with its accelerations and multipliers.
+  const StateOf<S>& complete(const StateOf<S>& state) const { return state; }
+
+  using Solver = GuardedSolver<S, DenseSolver<S>>;
+  using Newton = RecursiveNewton<S, Solver>;
+
+  struct Memory {
+    typename Newton::Memory newton;
+    typename Solver::Memory solver;
+    Real h;
+  };
+
+  Memory memory() const { return {newton_.memory(), solver_.memory(), h_}; }
+
+  void restore(const StateOf<S>&, const Memory& memory) {
+    h_ = memory.h;
+    newton_.restore(memory.newton);
+    if (newton_.has_factors()) solver_.restore(memory.solver, newton_.tangent().data());
+  }
+
+ private:
+  /// So short a time along the parabola of the accelerations, with new ones at its end: the rule, which divides by the square of its step, would
+  /// keep no digits.
+  Fault pass(StateOf<S>& state, Real h) {
+    const StateOf<S> from = state;
+    for (std::size_t i = 0; i < way_.size(); ++i) {
+      way_[i] = h * from.v[i] + h * h / 2 * from.vdot[i];
+      state.v[i] = from.v[i] + h * from.vdot[i];
+    }
+    retract<Real>(charts_of(system_), from.q.data(), way_.data(), state.q.data());
+    state.t = from.t + h;
+    Fault fault = newton_.close_loops(state);
+    if (!fault) fault = newton_.go_on(state);
+    if (!fault) return {};
+    state = from;
+    newton_.resume(state);
+    return fault;
+  }
+
+  S& system_;
+  Solver solver_;
+  Newton newton_;
+  Real h_;
+  Speeds<S> way_;
+};
+
+}  // namespace cutjoint
