@@ -36,12 +36,14 @@ if TYPE_CHECKING:
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.reading import read_model, read_model_text
     from cutjoint.topology.spanning_tree import TopologyError
+    from cutjoint.view.views import write_view
 
 __all__ = [
     "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError", "ModelError",
     "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError", "StateSpace",
     "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_equilibrium", "find_initial_state",
     "find_modes", "linearise", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch",
+    "write_view",
 ]  # fmt: skip
 
 _HOMES = {
@@ -49,7 +51,7 @@ _HOMES = {
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.batch": ("compile_batch", "simulate_batch"),
     "cutjoint.model.errors": ("ModelError",),
-        "cutjoint.pipeline": ("compile_model", "simulate"),
+    "cutjoint.pipeline": ("compile_model", "simulate"),
     "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.errors": ("RunError",),
@@ -66,6 +68,7 @@ _HOMES = {
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.reading": ("read_model", "read_model_text"),
     "cutjoint.topology.spanning_tree": ("TopologyError",),
+    "cutjoint.view.views": ("write_view",),
 }
 
 

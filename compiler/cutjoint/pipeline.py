@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -115,7 +116,7 @@ def simulate(
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
     penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
     integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
-    inputs: Mapping[str, GivenInput] | None = None,
+    inputs: Mapping[str, GivenInput] | None = None, coordinates: bool = False,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model with ``parameters`` (SI units); settings from ``dt`` on are those of `Options`, by default the scene's.
 
@@ -125,6 +126,7 @@ def simulate(
 
     ``out`` receives the table, with its units beside it, ``steps`` a CSV file with iterations and residuals of each step, ``tangents`` a
     line of JSON for each row, the Jacobians of the accelerations.  With ``error`` the run keeps the scene's tolerance and has an ``error``.
+    With ``coordinates`` the trajectory has those of each row, by which `write_view` draws it.
     Without ``check`` a run that fails is returned with its failure; its files are those of `partial_of`.
 
     Raises:
@@ -136,5 +138,6 @@ def simulate(
         dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events
     )  # fmt: skip
     plan = make_simulator_run(artifact, options, parameters, inputs=inputs, tangents=tangents is not None)
+    plan = replace(plan, with_coordinates=coordinates)
     run = run_accurately(plan, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error, advise=check)
     return require_end(run, artifact) if check else run

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import cutjoint
 from cutjoint.analysis.body_poses import find_poses
 from cutjoint.cli import main
 from cutjoint.formulate.recursive.poses import derive_poses
@@ -20,7 +21,7 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model, read_model_text
 from tests.conftest import MODELS, needs_cpp
 from tests.view.conftest import call
-from tests.view.files import Gltf, read_csv
+from tests.view.files import Array, Gltf, read_csv
 
 PRESS = MODELS / "press.yaml"
 
@@ -70,6 +71,83 @@ def test_poses_follow_guides_and_inputs(crane: Path, changes: tuple[str, ...]) -
         for axis in axes:
             assert np.abs(places[:, "xyz".index(axis)] - columns[f"{body}.{axis}"]).max() < 1e-6
     assert gltf.document["nodes"][0]["rotation"] == [0, 0, 0, 1], "y is up in the model and in the file"
+
+
+#: A bob on a rod without mass, which natural coordinates span by two points.
+HUNG = """
+cutjoint: 1
+name: hung
+gravity: [0, 0, -9.81]
+bodies:
+  rod: {massless: true}
+  bob: {mass: 2, centre_of_mass: [1, 0, -0.2], inertia: [0.02, 0.03, 0.04]}
+joints:
+  hook: {kind: universal, bodies: [ground, rod], at: [0, 0, 0], axis: [0, 1, 0], axis_2: [0, 0, 1]}
+  eye: {kind: spherical, bodies: [rod, bob], at: [1, 0, 0]}
+outputs: [bob.x, bob.y, bob.z, bob.yaw]
+scenes: {swing: {end: 1.0, output_step: 0.02, numerics: {dt: 0.002}, rates: {hook.angle_2_rate: 1, eye.wx: 2}}}
+"""
+
+
+def track(gltf: Gltf, body: str, path: str, t: Array) -> Array:
+    """Where a node is at each time, also one that does not move."""
+    try:
+        return gltf.track(body, path)[1]
+    except KeyError:
+        node = next(n for n in gltf.document["nodes"] if n["name"] == body)
+        return np.tile(node[path], (t.size, 1))
+
+
+@needs_cpp
+@pytest.mark.parametrize("text", [CRANE, HUNG, PRESS.read_text(encoding="utf-8")], ids=["crane", "hung", "press"])
+@pytest.mark.parametrize("how", [("augmented",), ("classical",), ("augmented", "--implementation", "generic")], ids=" ".join)
+def test_natural_coordinates_show_the_same(text: str, how: tuple[str, ...], tmp_path: Path) -> None:
+    """Two methods, and two ways from coordinates to poses; a rod that two points span may turn about itself as it likes."""
+    model, shown = tmp_path / "model.yaml", {}
+    model.write_text(text, encoding="utf-8")
+    for method in (("recursive",), how):
+        out = tmp_path / f"{method[0]}.glb"
+        call("simulate", model, "--method", *method, "--out", tmp_path / f"{method[0]}.csv", "--no-error", "--view", out)
+        shown[method[0]] = Gltf.read(out)
+    t = read_csv(tmp_path / f"{how[0]}.csv")["t"]
+    for body in read_model(model).bodies:
+        for path, close in (("translation", 2e-4), ("rotation", 1e-3)):  # the methods' own errors at the scene's steps
+            one, other = (track(shown[method], body.name, path, t) for method in ("recursive", how[0]))
+            if path == "translation":
+                assert np.abs(one - other).max() < close
+            elif not body.is_massless:
+                assert np.abs(np.sum(one * other, axis=1)).min() > 1 - close**2
+    table = read_csv(tmp_path / f"{how[0]}.csv")
+    for body in {name.rpartition(".")[0] for name in table if name.endswith(".z")}:
+        drawn = track(shown[how[0]], body, "translation", t)
+        assert np.abs(drawn[:, 2] - table[f"{body}.z"]).max() < 1e-6
+
+
+@needs_cpp
+def test_what_method_auto_has_run_is_seen(tmp_path: Path) -> None:
+    """The reduced model that it picks: of the press it may be a planar one."""
+    text = PRESS.read_text(encoding="utf-8").replace("outputs: [", "outputs: [crank.x, crank.z, ")
+    model, table, glb = tmp_path / "press.yaml", tmp_path / "run.csv", tmp_path / "run.glb"
+    model.write_text(text, encoding="utf-8")
+    call("simulate", model, "--method", "auto", "--tolerance", "1e-3", "--out", table, "--no-error", "--view", glb)
+    columns, (t, places) = read_csv(table), Gltf.read(glb).track("crank", "translation")
+    assert t == pytest.approx(columns["t"], abs=1e-6)
+    for axis, name in ((0, "crank.x"), (2, "crank.z")):
+        assert np.abs(places[:, axis] - columns[name]).max() < 1e-6
+
+
+@needs_cpp
+def test_a_run_in_python_becomes_a_page(tmp_path: Path) -> None:
+    artifact = cutjoint.compile_model(PRESS)
+    run = cutjoint.simulate(artifact, parameters={"stiffness": 1000.0}, error=False, coordinates=True)
+    glb, page = cutjoint.write_view(tmp_path / "run.glb", artifact, run, parameters={"stiffness": 1000.0}), tmp_path / "run.html"
+    _, places = Gltf.read(glb).track("slider", "translation")
+    assert np.abs(np.ptp(places[:, 0]) - np.ptp(run["slider.x"])) < 1e-5
+    assert cutjoint.write_view(str(page), artifact, run) == page
+    assert "press, turn" in page.read_text(encoding="utf-8")
+    without = cutjoint.simulate(artifact, error=False)
+    with pytest.raises(cutjoint.RunError, match=re.escape("write simulate(artifact, coordinates=True)")):
+        cutjoint.write_view(page, artifact, without)
 
 
 def test_bodies_keep_their_shapes() -> None:
@@ -122,10 +200,6 @@ def test_a_pose_as_designed_is_where_a_run_starts(tmp_path: Path, monkeypatch: p
      "--view run.txt: no such kind of file; write a name that ends in .html or .glb"),
     (("simulate", PRESS, "--out", "x.html", "--view", "x.html"),
      "--view x.html: that is --out x.html too; write the two to different files"),
-    (("simulate", PRESS, "--out", "x.csv", "--view", "x.html", "--method", "augmented"),
-     "--view: rows of the method augmented are natural coordinates, not those of the tree; use --method recursive or recursive-newton"),
-    (("simulate", PRESS, "--out", "x.csv", "--view", "x.html", "--method", "auto", "--tolerance", "1e-3"),
-     "--view: method auto may run a reduced model; name the method with --method"),
 ])  # fmt: skip
 def test_refusals(arguments: tuple[object, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""The poses of all bodies over time, by interpretation of the tree's kinematics."""
+"""The poses of all bodies over time, by interpretation: of the tree's kinematics, or of what natural coordinates span."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.formulate.inputs import INPUTS
+from cutjoint.formulate.natural.poses import Span, SpanEquations
 from cutjoint.formulate.recursive.poses import PoseEquations
 from cutjoint.formulate.scene_inputs import LAW_TIME
+from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import interpret_blocks
 
 Array: TypeAlias = NDArray[np.float64]
@@ -52,3 +54,57 @@ def find_poses(equations: PoseEquations, t: Array, q: Array, parameters: Mapping
         )
         for body, R in equations.rotations.items()
     }
+
+
+def find_spanned_poses(equations: SpanEquations, q: Array, parameters: Mapping[str, float]) -> Mapping[str, BodyPose]:
+    """The poses of all bodies that move, from natural coordinates ``q`` (times, coordinates) and open ``parameters``, SI units.
+
+    A body that two points span, as a massless rod is, has no attitude about the line through them; it does not turn about it here.
+    """
+    inputs = {"parameters": np.array([parameters[p.name] for p in equations.parameters])}
+    first = 0
+    for name, size in equations.coordinates:
+        inputs[name] = q[:, first : first + size]
+        first += size
+    blocks = [block for span in equations.spans.values() for mark in (span.point, *span.arms) for block in (mark.design, mark.now)]
+    found = interpret_blocks(blocks, inputs, {})
+    values = {block: np.broadcast_to(found[block], (len(q), 3, 1))[..., 0] for block in blocks}
+    return {body: _spanned_pose(span, values) for body, span in equations.spans.items()}
+
+
+def _spanned_pose(span: Span, values: Mapping[Block, Array]) -> BodyPose:
+    marks = (span.point, *span.arms)
+    design, now = [values[m.design] for m in marks], [values[m.now] for m in marks]
+    if len(span.arms) > 1:
+        rotation = _nearest(np.stack(now[1:], axis=-1) @ np.stack(design[1:], axis=-1).swapaxes(-1, -2))
+    else:
+        rotation = _carried(design[1][0], now[1]) if span.arms else np.broadcast_to(np.eye(3), (len(now[0]), 3, 3))
+    return BodyPose(rotation=rotation, shift=now[0] - np.einsum("tij,tj->ti", rotation, design[0]))
+
+
+def _nearest(products: Array) -> Array:
+    """The rotations (times, 3, 3) nearest to the sums of now design^T over the arms (Kabsch, Acta Crystallographica A 32, 1976)."""
+    left, _, right = np.linalg.svd(products)
+    left[..., 2] *= np.sign(np.linalg.det(left @ right))[:, np.newaxis]
+    return np.asarray(left @ right)
+
+
+def _carried(design: Array, now: Array) -> Array:
+    """Rotations (times, 3, 3) that take a direction (3,) to those of ``now`` (times, 3), each by the smallest turn from the one before."""
+    rotation, before, rotations = np.eye(3), design / np.linalg.norm(design), []
+    for direction in now / np.linalg.norm(now, axis=1, keepdims=True):
+        rotation = _smallest_turn(before, direction) @ rotation
+        rotations.append(rotation)
+        before = direction
+    return np.array(rotations)
+
+
+def _smallest_turn(start: Array, end: Array) -> Array:
+    """The rotation matrix (3, 3) from a unit vector to another, by Rodrigues' formula."""
+    x, y, z = np.cross(start, end)
+    skew, cosine = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), float(start @ end)
+    if cosine < -1 + 1e-12:  # half a turn about any direction across
+        across = np.cross(start, np.eye(3)[np.abs(start).argmin()])
+        across /= np.linalg.norm(across)
+        return np.asarray(2 * np.outer(across, across) - np.eye(3))
+    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + cosine))

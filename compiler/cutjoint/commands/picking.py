@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from cutjoint.commands import options
-from cutjoint.commands.preparing import Play, compile_request, prepare, require_own
+from cutjoint.commands.preparing import Play, Played, compile_request, prepare, require_own
 from cutjoint.methods import AUTO
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import PreparedRun, Request
@@ -21,7 +21,7 @@ from cutjoint.run.results import Trajectory
 
 def pick_and_play(
     request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], play: Play
-) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
+) -> tuple[PreparedRun, Trajectory, Played]:  # fmt: skip
     """Let method auto pick model, scene and method; nothing is cached, since what it picks was measured."""
     asked = request.options
     scene, parameters = with_held_inputs(model, scene, parameters)
@@ -31,14 +31,19 @@ def pick_and_play(
         iterations=asked.iterations,
     )  # fmt: skip
     variant = _pick(model, scene, asked.tolerance, parameters)
-    prepared = prepare(compile_request(request, variant.model, variant.scene, variant.method), Options(), parameters)
-    run = play(prepared)
+    played = Played(variant.model, variant.scene, variant.method, parameters)
+    prepared, run = _play(request, played, play)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the full model", markup=False)
-        full = replace(scene, numerics=variant.scene.numerics)
-        prepared = prepare(compile_request(request, model, full, variant.method), Options(), parameters)
-        run = play(prepared)
-    return prepared, run
+        played = Played(model, replace(scene, numerics=variant.scene.numerics), variant.method, parameters)
+        prepared, run = _play(request, played, play)
+    return prepared, run, played
+
+
+def _play(request: Request, played: Played, play: Play) -> tuple[PreparedRun, Trajectory]:
+    """Compile what was picked, and play it."""
+    prepared = prepare(compile_request(request, played.model, played.scene, played.method), Options(), played.parameters)
+    return prepared, play(prepared)
 
 
 def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> ReducedModel:

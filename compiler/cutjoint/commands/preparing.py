@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
@@ -23,6 +23,16 @@ from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.topology.reading import read_model
 
 Play = Callable[[PreparedRun], Trajectory]
+
+
+@dataclass(frozen=True)
+class Played:
+    """What a run was of: a model, which may be a reduced one, a scene, the method, and the ``parameters`` (SI units) that it had."""
+
+    model: Model
+    scene: Scene
+    method: str
+    parameters: Mapping[str, float]
 
 
 def read_request(request: Request) -> tuple[Model, Scene, str]:

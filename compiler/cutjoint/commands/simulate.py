@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -29,6 +30,9 @@ from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
+
+if TYPE_CHECKING:
+    from cutjoint.commands.preparing import Played
 
 
 @click.command("simulate")
@@ -91,7 +95,7 @@ def command(
     if view is not None:
         from cutjoint.commands.replaying import require_replay
 
-        require_replay(request, view, batch)
+        require_replay(view, batch)
     if batch is not None or threads is not None:
         from cutjoint.commands.batches import run_batch
 
@@ -105,9 +109,9 @@ def command(
 
     prepared = find_cached_run(request, parameters)
     if prepared is not None:
-        run = play(prepared)
+        run, played = play(prepared), None
     else:
-        prepared, run = _derive_and_play(request, parameters, play)
+        prepared, run, played = _derive_and_play(request, parameters, play)
     console = options.console_beside(out, steps)
     console.print(tables.facts(f"model {prepared.model}", prepared.counts))
     console.print(tables.run_facts(prepared.compilation, run))
@@ -123,7 +127,7 @@ def command(
     if view is not None and run.t.size:
         from cutjoint.commands.replaying import write_replay
 
-        console.print(f"view: {write_replay(request, view, parameters, run)}", markup=False)
+        console.print(f"view: {write_replay(request, played, view, parameters, run)}", markup=False)
     if run.failure is not None:
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
@@ -132,13 +136,13 @@ def command(
 
 def _derive_and_play(
     request: Request, parameters: Mapping[str, float], play: Callable[[PreparedRun], Trajectory]
-) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
+) -> tuple[PreparedRun, Trajectory, Played]:  # fmt: skip
     """Compile the model, or let method auto measure what to compile."""
-    from cutjoint.commands.preparing import prepare_and_play, read_request
+    from cutjoint.commands.preparing import Played, prepare_and_play, read_request
 
     model, scene, method = read_request(request)
     if method != AUTO:
-        return prepare_and_play(request, model, scene, method, parameters, play)
+        return *prepare_and_play(request, model, scene, method, parameters, play), Played(model, scene, method, parameters)
     from cutjoint.commands.picking import pick_and_play
 
     return pick_and_play(request, model, scene, parameters, play)

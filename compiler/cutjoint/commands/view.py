@@ -9,7 +9,7 @@ import click
 from cutjoint.commands import options
 from cutjoint.run.outputs import require_apart
 from cutjoint.topology.reading import read_model
-from cutjoint.view.views import require_view, show_start, write_view
+from cutjoint.view.views import require_view, show_start, write_shown
 
 
 @click.command("view")
@@ -27,5 +27,5 @@ def command(model: Path, scene: str | None, changes: tuple[str, ...], out: Path 
     checked = read_model(model)
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"drawing {model.name}"):
-        write_view(out, show_start(checked, chosen, options.read_parameters(changes)))
+        write_shown(out, show_start(checked, chosen, options.read_parameters(changes)))
     options.console_beside(out).print(f"view: {out}", markup=False)

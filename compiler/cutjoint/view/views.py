@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from cutjoint.analysis.body_poses import BodyPose, find_poses
+from cutjoint.analysis.body_poses import BodyPose, find_poses, find_spanned_poses
 from cutjoint.export.numbers import Numbers
 from cutjoint.export.start import find_start
+from cutjoint.formulate.natural.poses import derive_spans
 from cutjoint.formulate.recursive.poses import derive_poses
-from cutjoint.methods import METHODS, Formulation, either, names_of
+from cutjoint.locations import AnyPath
+from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.records import Model, Scene
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.outputs import OutputError
@@ -59,30 +62,30 @@ def require_view(path: Path, option: str) -> None:
         raise OutputError(f"{option} {path}: no such kind of file; write a name that ends in {PAGE} or {GLTF}")
 
 
-def require_poses(method: str) -> None:
-    """Check that the coordinates of a method's runs say where bodies are.
-
-    Raises:
-        RunError: they are natural ones.
-    """
-    if METHODS[method].formulation is Formulation.NATURAL:
-        able = either(names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL))
-        raise RunError(f"--view: rows of the method {method} are natural coordinates, not those of the tree; use --method {able}")
-
-
-def show_run(model: Model, scene: Scene, parameters: Mapping[str, float], run: Trajectory) -> Shown:
+def show_run(model: Model, scene: Scene, method: str, parameters: Mapping[str, float], run: Trajectory) -> Shown:
     """A run that has coordinates, in as many of its rows as a page takes."""
     assert run.coordinates is not None
     held, others = with_held_inputs(model, scene, parameters)
     kept = _kept(run.t.size, len(model.bodies) + len(model.forces), len(run.columns))
     t, q = run.t[kept], run.coordinates[kept]
-    poses = find_poses(derive_poses(build_topology(model), held), t, q, parameter_values(model, others))
+    poses = _find_poses(model, held, method, t, q, parameter_values(model, others))
     of, elements = bodies_of(model), {o.column: o.element for o in scene.outputs}
     columns = tuple(
         PlotColumn(name=name, unit=run.units[name], bodies=of.get(elements.get(name, ""), ()), values=values[kept])
         for name, values in run.columns.items()
     )
     return Shown(model=model, scene=held, parameters=parameters, t=t, poses=poses, columns=columns)
+
+
+def _find_poses(
+    model: Model, scene: Scene, method: str, t: Array, q: Array, parameters: Mapping[str, float]
+) -> Mapping[str, BodyPose]:  # fmt: skip
+    """The poses of all bodies from the coordinates of a method's rows; what is fixed to the ground has none of its own."""
+    topology = build_topology(model)
+    if METHODS[method].formulation is not Formulation.NATURAL:
+        return find_poses(derive_poses(topology, scene), t, q, parameters)
+    still = BodyPose(rotation=np.broadcast_to(np.eye(3), (t.size, 3, 3)), shift=np.zeros((t.size, 3)))
+    return {**{body.name: still for body in model.bodies}, **find_spanned_poses(derive_spans(topology, scene), q, parameters)}
 
 
 def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Shown:
@@ -105,7 +108,20 @@ def _is_as_designed(model: Model, scene: Scene) -> bool:
     return scene.pose == "design" and not scene.positions and all(joint.guide is None for joint in model.joints)
 
 
-def write_view(path: Path, shown: Shown) -> Path:
+def write_view(path: AnyPath, artifact: Artifact, run: Trajectory, *, parameters: Mapping[str, float] | None = None) -> Path:
+    """Write a run of a compiled model as a page (.html) or as a .glb file; ``parameters`` (SI units) are those that the run had.
+
+    Raises:
+        RunError: `simulate` was not asked for the run's coordinates.
+        OutputError: the file cannot be written, or its ending names no kind.
+    """
+    if run.coordinates is None:
+        raise RunError("the run has no coordinates to draw it by; write simulate(artifact, coordinates=True)")
+    scene = replace(artifact.scene, outputs=artifact.equations.outputs)
+    return write_shown(Path(path), show_run(artifact.topology.model, scene, artifact.method, parameters or {}, run))
+
+
+def write_shown(path: Path, shown: Shown) -> Path:
     """Write what is shown as a page, or as a .glb file.
 
     Raises:
