@@ -10,12 +10,13 @@ from matplotlib.image import imread
 
 from cutjoint.locations import templates_folder
 from cutjoint.view import meshes
+from cutjoint.view.failure import Failure
 from cutjoint.view.gltf import write_gltf
-from cutjoint.view.page import Outlook, PlotColumn, make_page
+from cutjoint.view.page import SCRIPTS, Outlook, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.conftest import ROOT, needs_cpp
 from tests.view.browser import Page
-from tests.view.conftest import Shown
+from tests.view.conftest import Shown, call
 from tests.view.files import Array, read_csv
 
 #: Where a person finds what the tests have seen.
@@ -128,6 +129,52 @@ def test_names_do_not_overlap(iltis: Shown, browser: Page) -> None:
     assert overlaps == []
 
 
+#: A crank and a rod that a guide pulls apart until they are in line, at x = 0.1 + sqrt(0.1).
+LOCKED = """
+cutjoint: 1
+name: locked
+gravity: [0, 0, -9.81]
+bodies:
+  crank: {mass: 2, centre_of_mass: [0, 0, 0.05], inertia: [0.002, 0.002, 0.001]}
+  rod: {mass: 1, centre_of_mass: [0.15, 0, 0.05], inertia: [0.001, 0.008, 0.008]}
+  slider: {mass: 3, centre_of_mass: [0.3, 0, 0]}
+joints:
+  pin: {kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, 1, 0]}
+  elbow: {kind: revolute, bodies: [crank, rod], at: [0, 0, 0.1], axis: [0, 1, 0]}
+  wrist: {kind: revolute, bodies: [rod, slider], at: [0.3, 0, 0], axis: [0, 1, 0]}
+  rail: {kind: prismatic, bodies: [ground, slider], at: [0.3, 0, 0], axis: [1, 0, 0], guide: 0.4*t*t}
+outputs: [pin.angle, rod.x]
+scenes: {pull: {end: 2, output_step: 0.1, numerics: {dt: 0.001}}}
+"""
+
+
+@needs_cpp
+def test_a_run_that_failed_opens_on_its_last_step(browser: Page, tmp_path: Path) -> None:
+    model, page = tmp_path / "locked.yaml", tmp_path / "locked.html"
+    model.write_text(LOCKED, encoding="utf-8")
+    options = ("--method", "recursive-newton", "--no-error", "--view", page)
+    message = call("simulate", model, *options, "--out", tmp_path / "run.csv", status=1)
+    browser.open(page)
+    time = browser.run("cutjoint.shown().time")
+    locked = np.sqrt((0.1 + np.sqrt(0.1) - 0.3) / 0.4)
+    assert locked - 0.003 < time < locked, "each step has a row, though the table has one in a hundred"
+    text, place = browser.run("['stopped', 'place'].map((id) => document.getElementById(id).textContent)")
+    assert text in message
+    assert "worst at 'elbow." in text
+    assert place == "locked.yaml:11"
+    x = 0.3 + 0.4 * time**2  # where two circles meet: the crank's end
+    along = (x**2 + 0.01 - 0.1) / (2 * x)
+    elbow = np.array([along, 0.0, np.sqrt(0.01 - along**2)])
+    seen = browser.run("cutjoint.mark()")
+    assert np.abs(seen - projected(browser, elbow)).max() < 1.0
+    assert browser.run("[...document.querySelectorAll('#labels .failed')].map((e) => e.textContent)") == [text.split("'")[1]]
+    browser.picture(PICTURES / "locked.png")
+    browser.run("document.getElementById('slowly').click()")
+    assert browser.run("cutjoint.shown().playing")
+    assert time - 0.05 < browser.run("cutjoint.shown().time") < time
+    require_silence(browser)
+
+
 #: Names that would run in a page that took them for more than text.
 HOSTILE = (
     "</script><script>window.owned = 1</script>", "<img src=x onerror=window.owned=1>", "\"'`${window.owned=1}", "--><!--<script>",
@@ -139,12 +186,14 @@ def hostile_page(file: Path) -> Path:
     """A page whose names are all hostile."""
     t, part = np.linspace(0.0, 1.0, 3), Part(mesh=meshes.box(1, 1, 1), colour=(0.8, 0.2, 0.2))
     nodes = [
-        Node(name=name, parts=(part,), translation=t[:, np.newaxis] * [i, 1.0, 0.0], about={"body": name}) for i, name in enumerate(HOSTILE)
-    ]
+        Node(name=name, parts=(part,), translation=t[:, np.newaxis] * [i, 1.0, 0.0], about={kind: name})
+        for kind in ("body", "mark") for i, name in enumerate(HOSTILE)
+    ]  # fmt: skip
     columns = [PlotColumn(name=name, unit=name, bodies=[name], values=np.array([0.0, 1.0, np.nan])) for name in HOSTILE]
     outlook = Outlook(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=HOSTILE[0])
     glb = write_gltf(Drawing(name=HOSTILE[0], t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0])))
-    text = make_page(title=HOSTILE[0], scene=HOSTILE[1], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook)
+    failure = Failure(text=HOSTILE[0], advice=HOSTILE[1], row=HOSTILE[2], element=HOSTILE[3], place=HOSTILE[0], bodies=[HOSTILE[1]])
+    text = make_page(title=HOSTILE[0], scene=HOSTILE[1], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook, failure=failure)
     file.write_text(text, encoding="utf-8")
     return file
 
@@ -156,6 +205,7 @@ def test_names_are_text_whatever_they_are(browser: Page, tmp_path: Path) -> None
         browser.run(f"cutjoint.choose(JSON.parse(document.getElementById('about').textContent).bodies[{HOSTILE.index(name)}])")
         assert browser.run("cutjoint.shown().body") == name
     assert browser.run("window.owned ?? 'nobody'") == "nobody"
+    assert browser.run("document.querySelector('#labels .failed').textContent") == HOSTILE[2]
     assert browser.run("[document.title, document.querySelector('h1').textContent]") == [f"{HOSTILE[0]}, {HOSTILE[1]}", HOSTILE[0]]
     assert browser.run("document.querySelectorAll('script').length") == 5
     require_silence(browser)
@@ -172,11 +222,15 @@ def test_no_other_script_runs(browser: Page, tmp_path: Path) -> None:
     browser.complaints.clear()
 
 
-@pytest.mark.parametrize("name", ["page.js", "vendor/libraries.min.js"])
-def test_scripts_end_where_they_end(name: str) -> None:
-    text = (templates_folder() / "view" / name).read_text(encoding="utf-8").lower()
+@pytest.mark.parametrize("file", sorted((templates_folder() / "view").rglob("*.js")), ids=lambda file: file.name)
+def test_scripts_end_where_they_end(file: Path) -> None:
+    text = file.read_text(encoding="utf-8").lower()
     assert "</script" not in text
     assert "<!--" not in text
+
+
+def test_all_parts_of_the_script_are_in_the_page() -> None:
+    assert sorted(SCRIPTS) == sorted(file.stem for file in (templates_folder() / "view" / "page").glob("*.js"))
 
 
 def test_the_libraries_have_their_licences() -> None:

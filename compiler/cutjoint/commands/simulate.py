@@ -127,7 +127,7 @@ def command(
     if view is not None and run.t.size:
         from cutjoint.commands.replaying import write_replay
 
-        console.print(f"view: {write_replay(request, played, view, parameters, run)}", markup=False)
+        console.print(f"view: {write_replay(request, played, view, parameters, prepared.run, run)}", markup=False)
     if run.failure is not None:
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)

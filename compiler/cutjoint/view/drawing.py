@@ -2,36 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from cutjoint.analysis.body_poses import BodyPose
 from cutjoint.export.numbers import Numbers
-from cutjoint.model.records import GROUND, Model, Scene
+from cutjoint.model.records import GROUND, Model
 from cutjoint.view.bodies import BodyParts
+from cutjoint.view.failure import mark
 from cutjoint.view.forces import ForceNodes
+from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
-from cutjoint.view.sizes import Sizes, point_of
+from cutjoint.view.sizes import point_of
 from cutjoint.view.turns import quaternions_of
 
 
-def draw(model: Model, scene: Scene, numbers: Numbers, sizes: Sizes, t: Array, poses: Mapping[str, BodyPose]) -> Drawing:
-    """The drawing of a scene at times ``t`` (times,), s; a body's node is at its centre of mass."""
+def draw(placed: Placed, t: Array, *, failed: str = "") -> Drawing:
+    """The drawing of a mechanism at times ``t`` (times,), s, each body at its centre of mass; the element that ``failed`` is marked."""
+    model, numbers = placed.model, placed.numbers
     up = up_of(numbers, model)
-    parts = BodyParts(model=model, scene=scene, numbers=numbers, sizes=sizes).all()
-    still = BodyPose(rotation=np.broadcast_to(np.eye(3), (t.size, 3, 3)), shift=np.zeros((t.size, 3)))
+    parts = BodyParts(model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes).all()
     nodes = [Node(name=GROUND, parts=parts[GROUND], translation=np.zeros((1, 3)))]
     for body in model.bodies:
-        centre, pose = point_of(numbers, body.centre_of_mass), poses[body.name]
+        centre, pose = point_of(numbers, body.centre_of_mass), placed.poses[body.name]
         nodes.append(
             Node(
                 name=body.name, parts=tuple(_moved(part, -centre) for part in parts[body.name]), translation=pose.place(centre),
                 rotation=quaternions_of(pose.rotation), about={"body": body.name},
             )
         )  # fmt: skip
-    forces = ForceNodes(model=model, scene=scene, numbers=numbers, sizes=sizes, poses={**poses, GROUND: still}, up=up)
-    return Drawing(name=model.name, t=t, nodes=(*nodes, *forces.all()), up=up)
+    forces = ForceNodes(model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, up=up)
+    return Drawing(name=model.name, t=t, nodes=(*nodes, *forces.all(), *mark(placed, failed)), up=up)
 
 
 def up_of(numbers: Numbers, model: Model) -> Array:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.analysis.body_poses import BodyPose
-from cutjoint.export.numbers import Numbers
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.records import AxialForce, Bushing, Model, PointSpring, Scene, Tyre
+from cutjoint.model.records import AxialForce, Bushing, PointSpring, Tyre
 from cutjoint.run.roads import Piece, profile_pieces
 from cutjoint.view import meshes
 from cutjoint.view.colours import JOINT, ROAD, RUBBER, STEEL
+from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array, Mesh, Node, Part
-from cutjoint.view.sizes import Sizes, point_of
+from cutjoint.view.sizes import point_of
 from cutjoint.view.turns import along, one_side, product, quaternions_of, rotation_to
 
 #: A wheel that turns further than this from one row to the next, rad, is drawn without its turning, which nobody could follow.
@@ -23,14 +22,9 @@ _LARGEST_TURN = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForceNodes:
-    """What is drawn of forces, of joints that keep a distance, and of the road."""
+class ForceNodes(Placed):
+    """What is drawn of forces, of joints that keep a distance, and of the road; ``up`` (3,) is against gravity."""
 
-    model: Model
-    scene: Scene
-    numbers: Numbers
-    sizes: Sizes
-    poses: Mapping[str, BodyPose]
     up: Array
 
     def all(self) -> Iterator[Node]:
@@ -41,7 +35,7 @@ class ForceNodes:
                 continue
             match force:
                 case PointSpring():
-                    start, end = self._place(force.base, force.start), self._place(force.follower, force.end)
+                    start, end = self.place(force.base, force.start), self.place(force.follower, force.end)
                     yield self._drawn_out(force.name, meshes.coil(self.sizes.spring), start, end)
                 case AxialForce():
                     yield self._axial(force)
@@ -50,19 +44,16 @@ class ForceNodes:
                     mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
                     turned = mesh.moved(rotation_to(point_of(self.numbers, force.axes[2])), np.zeros(3))
                     rotation = quaternions_of(self.poses[force.base].rotation)
-                    yield self._node(force.name, (Part(mesh=turned, colour=JOINT),), self._place(force.base, force.point), rotation)
+                    yield self._node(force.name, (Part(mesh=turned, colour=JOINT),), self.place(force.base, force.point), rotation)
                 case Tyre():
-                    wheels.append((force, self._place(force.body, force.centre)))
+                    wheels.append((force, self.place(force.body, force.centre)))
                     yield self._wheel(force, wheels[-1][1])
         for joint in self.model.joints:
             if joint.to is not None:
-                start, end = self._place(joint.base, joint.at), self._place(joint.follower, joint.to)
+                start, end = self.place(joint.base, joint.at), self.place(joint.follower, joint.to)
                 yield self._drawn_out(joint.name, meshes.cylinder(self.sizes.bar, 1.0).moved(np.eye(3), np.array([0, 0, 0.5])), start, end)
         if wheels:
             yield self._road(wheels)
-
-    def _place(self, body: str, point: tuple[object, ...]) -> Array:
-        return self.poses[body].place(point_of(self.numbers, point))  # type: ignore[arg-type]
 
     def _node(self, name: str, parts: tuple[Part, ...], translation: Array, rotation: Array, scale: Array | None = None) -> Node:
         still = np.ones((1, 3)) if scale is None else scale
@@ -78,8 +69,8 @@ class ForceNodes:
 
     def _axial(self, force: AxialForce) -> Node:
         """A spring along the force's line, as long as its travel."""
-        point, origin = self._place(force.follower, force.point), self._place(force.base, force.origin)
-        axis = self.poses[force.base].turn(point_of(self.numbers, force.axis))
+        point, origin = self.place(force.follower, force.point), self.place(force.base, force.origin)
+        axis = self.turn(force.base, force.axis)
         travel = np.sum((point - origin) * axis, axis=1, keepdims=True)
         return self._drawn_out(force.name, meshes.coil(self.sizes.spring), point - travel * axis, point)
 

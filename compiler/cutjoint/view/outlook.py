@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from cutjoint.analysis.body_poses import BodyPose
 from cutjoint.export.numbers import Numbers
 from cutjoint.model.records import Model, Tyre
 from cutjoint.view.page import Outlook
+from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array, Drawing, Node
 from cutjoint.view.sizes import Sizes, point_of
 from cutjoint.view.turns import rotation_to, turned
@@ -20,12 +18,13 @@ _FAR = 3.0
 _SAMPLES = 50
 
 
-def find_outlook(model: Model, numbers: Numbers, sizes: Sizes, drawing: Drawing, poses: Mapping[str, BodyPose]) -> Outlook:
+def find_outlook(placed: Placed, drawing: Drawing) -> Outlook:
     """From the side if all axes of turns are one direction, else from ahead, the left and above."""
+    model, numbers, sizes = placed.model, placed.numbers, placed.sizes
     has_road = any(isinstance(force, Tyre) for force in model.forces)
     return Outlook(
         direction=_direction(model, numbers, drawing.up).tolist(), extent=sizes.extent, floor=_floor(sizes, drawing), road=has_road,
-        follow=_followed(model, numbers, sizes, poses),
+        follow=_followed(placed),
     )  # fmt: skip
 
 
@@ -56,10 +55,10 @@ def _lowest(node: Node, up: Array) -> float:
     return float((places @ up + (points @ seen_up.T).min(axis=0)).min())
 
 
-def _followed(model: Model, numbers: Numbers, sizes: Sizes, poses: Mapping[str, BodyPose]) -> str:
+def _followed(placed: Placed) -> str:
     """The heaviest body if it goes far."""
-    if not model.bodies:
+    if not placed.model.bodies:
         return ""
-    body = max(model.bodies, key=lambda b: numbers.number(b.mass))
-    way = poses[body.name].place(point_of(numbers, body.centre_of_mass))
-    return body.name if np.ptp(way, axis=0).max() > _FAR * sizes.extent else ""
+    body = max(placed.model.bodies, key=lambda b: placed.numbers.number(b.mass))
+    way = placed.place(body.name, body.centre_of_mass)
+    return body.name if np.ptp(way, axis=0).max() > _FAR * placed.sizes.extent else ""

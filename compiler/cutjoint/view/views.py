@@ -15,7 +15,7 @@ from cutjoint.formulate.natural.poses import derive_spans
 from cutjoint.formulate.recursive.poses import derive_poses
 from cutjoint.locations import AnyPath
 from cutjoint.methods import METHODS, Formulation
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import GROUND, Model, Scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
@@ -26,9 +26,11 @@ from cutjoint.run.run_file import parameter_values
 from cutjoint.topology.build import build_topology
 from cutjoint.view.columns import bodies_of
 from cutjoint.view.drawing import draw
+from cutjoint.view.failure import Failure, find_failure
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.outlook import find_outlook
-from cutjoint.view.page import PlotColumn, make_page
+from cutjoint.view.page import LAST_ROWS, PlotColumn, make_page
+from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import find_sizes
 
@@ -42,7 +44,7 @@ _ROWS, _BYTES = 2000, 1_800_000
 @dataclass(frozen=True, kw_only=True)
 class Shown:
     """What a file shows: a model in a scene with ``parameters`` (SI units) changed, the ``poses`` of its bodies at times ``t`` (times,), s,
-    and columns of a table at these times."""
+    columns of a table at these times, and why a run stopped."""
 
     model: Model
     scene: Scene
@@ -50,6 +52,7 @@ class Shown:
     t: Array
     poses: Mapping[str, BodyPose]
     columns: tuple[PlotColumn, ...] = ()
+    failure: Failure | None = None
 
 
 def require_view(path: Path, option: str) -> None:
@@ -66,7 +69,7 @@ def show_run(model: Model, scene: Scene, method: str, parameters: Mapping[str, f
     """A run that has coordinates, in as many of its rows as a page takes."""
     assert run.coordinates is not None
     held, others = with_held_inputs(model, scene, parameters)
-    kept = _kept(run.t.size, len(model.bodies) + len(model.forces), len(run.columns))
+    kept = _kept(run, len(model.bodies) + len(model.forces))
     t, q = run.t[kept], run.coordinates[kept]
     poses = _find_poses(model, held, method, t, q, parameter_values(model, others))
     of, elements = bodies_of(model), {o.column: o.element for o in scene.outputs}
@@ -74,7 +77,7 @@ def show_run(model: Model, scene: Scene, method: str, parameters: Mapping[str, f
         PlotColumn(name=name, unit=run.units[name], bodies=of.get(elements.get(name, ""), ()), values=values[kept])
         for name, values in run.columns.items()
     )
-    return Shown(model=model, scene=held, parameters=parameters, t=t, poses=poses, columns=columns)
+    return Shown(model=model, scene=held, parameters=parameters, t=t, poses=poses, columns=columns, failure=find_failure(model, run))
 
 
 def _find_poses(
@@ -129,20 +132,26 @@ def write_shown(path: Path, shown: Shown) -> Path:
     """
     require_view(path, "")
     numbers = Numbers.of(shown.model, shown.scene, shown.parameters)
-    sizes = find_sizes(shown.model, shown.scene, numbers)
-    drawing = draw(shown.model, shown.scene, numbers, sizes, shown.t, shown.poses)
+    still = BodyPose(rotation=np.broadcast_to(np.eye(3), (shown.t.size, 3, 3)), shift=np.zeros((shown.t.size, 3)))
+    placed = Placed(
+        model=shown.model, scene=shown.scene, numbers=numbers, sizes=find_sizes(shown.model, shown.scene, numbers),
+        poses={**shown.poses, GROUND: still},
+    )  # fmt: skip
+    drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "")
     glb = write_gltf(drawing)
     if path.suffix == GLTF:
         return write_whole(path, glb)
     page = make_page(
         title=shown.model.name, scene=shown.scene.name, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
-        columns=shown.columns, outlook=find_outlook(shown.model, numbers, sizes, drawing, shown.poses),
+        columns=shown.columns, outlook=find_outlook(placed, drawing), failure=shown.failure,
     )  # fmt: skip
     return write_whole(path, page)
 
 
-def _kept(rows: int, nodes: int, columns: int) -> Array:
-    """The numbers of the rows that are shown: all, or as many as there is place for, evenly."""
-    place = max(200, _BYTES // (40 * nodes + 4 * columns))
+def _kept(run: Trajectory, nodes: int) -> Array:
+    """The numbers of the rows that are shown: all, or as many as there is place for, evenly; of a run that failed all of the last ones."""
+    rows = run.t.size
+    place = max(200, _BYTES // (40 * nodes + 4 * len(run.columns)))
     most = min(rows, _ROWS, place)
-    return np.unique(np.rint(np.linspace(0, rows - 1, most)).astype(int))
+    last = np.arange(max(0, rows - (0 if run.failure is None else LAST_ROWS)), rows)
+    return np.union1d(np.rint(np.linspace(0, rows - 1, most)).astype(int), last)

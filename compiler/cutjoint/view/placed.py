@@ -1,0 +1,31 @@
+"""A mechanism at the times of a drawing: where points and directions of its bodies are then."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutjoint.analysis.body_poses import BodyPose
+from cutjoint.export.numbers import Numbers
+from cutjoint.model.records import Model, Scene, Vector
+from cutjoint.view.records import Array
+from cutjoint.view.sizes import Sizes, point_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placed:
+    """A model in a scene, its numbers and sizes, and the ``poses`` of all bodies, of the ground too."""
+
+    model: Model
+    scene: Scene
+    numbers: Numbers
+    sizes: Sizes
+    poses: Mapping[str, BodyPose]
+
+    def place(self, body: str, point: Vector) -> Array:
+        """Where a body's point is, (times, 3)."""
+        return self.poses[body].place(point_of(self.numbers, point))
+
+    def turn(self, body: str, direction: Vector) -> Array:
+        """Where a body's direction points, (times, 3)."""
+        return self.poses[body].turn(point_of(self.numbers, direction))

@@ -1,0 +1,41 @@
+// What is pressed, and the start of it all.
+function fill(select, entries, chosen) {
+  select.replaceChildren(...entries.map(([value, text]) => new Option(text, value, false, value === chosen)));
+}
+
+by('title').textContent = about.title;
+by('subtitle').textContent = about.scene;
+fill(by('body'), [['', 'all'], ...about.bodies.map((b) => [b, b])], '');
+fill(by('follow'), [['', 'nothing'], ...about.bodies.map((b) => [b, b])], state.follow);
+fill(by('column'), columns.map((c) => [c.name, c.name]), state.column);
+fill(by('speed'), [0.05, 0.1, 0.25, 0.5, 1, 2, 5].map((s) => [String(s), `${s} x`]), '1');
+document.body.classList.toggle('still', !(last > first));
+document.body.classList.toggle('bare', !columns.length);
+by('choice').hidden = columns.length === 0 || t.length < 2;
+by('body').addEventListener('change', (e) => choose(e.target.value));
+by('follow').addEventListener('change', (e) => { state.follow = e.target.value; });
+by('column').addEventListener('change', (e) => chooseColumn(e.target.value));
+by('names').addEventListener('change', redraw);
+by('home').addEventListener('click', home);
+by('play').addEventListener('click', () => play(!state.playing));
+by('time').addEventListener('input', (e) => { play(false); setTime(first + Number(e.target.value) * (last - first)); });
+addEventListener('keydown', (e) => {
+  if (/^(select|input|button)$/i.test(e.target.tagName)) return;
+  if (e.key === ' ') { e.preventDefault(); play(!state.playing); }
+  if (e.key === 'ArrowRight' || e.key === 'ArrowLeft') setTime(t[Math.min(Math.max(row() + (e.key === 'ArrowRight' ? 1 : -1), 0), t.length - 1)]);
+});
+
+/** For tests and for a console: what the page shows where. */
+window.cutjoint = {
+  setTime, choose, play,
+  /** The pixel in the picture at which a body's centre of mass is at a time, s. */
+  project(body, time) { setTime(time); camera.updateMatrixWorld(); return place(nodes.get(body)).slice(0, 2); },
+  /** The pixel of the ball around what failed. */
+  mark() { camera.updateMatrixWorld(); return place(marks[0]).slice(0, 2); },
+  /** Where the eye is and what it looks at, in the scene's axes (y is up), its angle of view in degrees, and the picture's size in pixels. */
+  eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },
+  shown() { return { ...state, row: row() }; },
+  frames() { return renderer.info.render.frame; },
+};
+
+new GLTFLoader().parse(bytes('glb'), '', (gltf) => { load(gltf); listValues(); drawPlot(); showFailure(); document.body.dataset.ready = 'yes'; }, (error) => { throw error; });

@@ -1,0 +1,20 @@
+// What the page holds: facts, the numbers of the run's table, and what is chosen.
+const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLight, Float32BufferAttribute, Fog, GLTFLoader, HemisphereLight,
+  LineBasicMaterial, LineSegments, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Raycaster,
+  Scene, Vector2, Vector3, WebGLRenderer,
+} = Libraries;
+const by = (id) => document.getElementById(id);
+const bytes = (id) => Uint8Array.from(atob(by(id).textContent), (c) => c.charCodeAt(0)).buffer;
+const about = JSON.parse(by('about').textContent);
+const numbers = new Float32Array(bytes('table'));
+const t = numbers.subarray(0, about.rows);
+const columns = about.columns.map((c, i) => measured({ ...c, values: numbers.subarray((i + 1) * about.rows, (i + 2) * about.rows) }));
+const { outlook } = about;
+const [first, last] = [t[0], t[t.length - 1]];
+const state = { time: first, playing: false, body: '', column: columns[0]?.name ?? '', follow: outlook.follow };
+
+/** A column with as many decimals as five digits of its largest value have. */
+function measured(column) {
+  const largest = column.values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
+  return { ...column, decimals: largest > 0 ? Math.min(Math.max(4 - Math.floor(Math.log10(largest)), 0), 9) : 0 };
+}

@@ -1,0 +1,25 @@
+// A run that failed: what stopped it, where, and its last steps in slow motion.
+const { failure } = about;
+
+/** Seconds that the last steps take when they are played slowly. */
+const SLOWLY = 8;
+
+function showFailure() {
+  if (!failure) return;
+  by('failure').hidden = false;
+  by('stopped').textContent = failure.text;
+  by('place').textContent = failure.place;
+  by('advice').textContent = failure.advice;
+  by('advice').hidden = !failure.advice;
+  by('slowly').hidden = !(last > failure.since);
+  by('slowly').addEventListener('click', () => {
+    const speed = (last - failure.since) / SLOWLY, list = by('speed');
+    if (![...list.options].some((o) => Number(o.value) === speed)) list.prepend(new Option(`${+speed.toPrecision(1)} x`, String(speed)));
+    list.value = String(speed);
+    setTime(failure.since);
+    play(true);
+  });
+  const own = failure.bodies.flatMap(columnsOf);
+  if (own.length) chooseColumn(own[0].name);
+  setTime(last);
+}

@@ -1,0 +1,31 @@
+// Names of bodies in the picture.
+function place(node) {
+  const at = node.getWorldPosition(new Vector3()).project(camera);
+  return [((at.x + 1) / 2) * picture.clientWidth, ((1 - at.y) / 2) * picture.clientHeight, at.z];
+}
+
+/** What may have a name in the picture: text, node and kind, the most important first. */
+function nameable() {
+  const shown = by('names').checked ? [...nodes.keys()] : state.body ? [state.body] : [];
+  const marked = marks.slice(0, 1).map((node) => ({ text: failure.row, node, kind: 'failed' }));
+  const bodies = shown.map((name) => ({ text: name, node: nodes.get(name), kind: name === state.body ? 'chosen' : '' }));
+  const placed = [...marked, ...bodies].map((each) => ({ ...each, at: place(each.node) })).filter(({ at }) => at[2] < 1);
+  const rank = ({ kind }) => ['failed', 'chosen', ''].indexOf(kind);
+  return placed.sort((a, b) => rank(a) - rank(b) || a.at[2] - b.at[2]);
+}
+
+/** The names, but for those that would overlap one before them. */
+function label() {
+  const taken = [], labels = by('labels');
+  labels.replaceChildren();
+  for (const { text, kind, at: [x, y] } of nameable()) {
+    const span = document.createElement('span');
+    span.textContent = text;
+    span.className = kind;
+    labels.append(span);
+    const left = Math.round(x + 10), top = Math.round(y - 26), box = [left, top, left + span.offsetWidth, top + span.offsetHeight];
+    if (taken.some((b) => box[0] < b[2] + 2 && b[0] < box[2] + 2 && box[1] < b[3] + 2 && b[1] < box[3] + 2)) { span.remove(); continue; }
+    taken.push(box);
+    span.style.transform = `translate(${left}px, ${top}px)`;
+  }
+}

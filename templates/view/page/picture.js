@@ -1,0 +1,145 @@
+// The picture: the scene of the .glb file, its light, its ground and the eye.
+const picture = by('picture');
+const renderer = new WebGLRenderer({ antialias: true });
+picture.prepend(renderer.domElement);
+const scene = new Scene();
+const camera = new PerspectiveCamera(35, 1, outlook.extent / 100, outlook.extent * 200);
+const orbit = new OrbitControls(camera, renderer.domElement);
+orbit.addEventListener('change', redraw);
+scene.add(new HemisphereLight(0xffffff, 0x8a8f99, 1.7), new AmbientLight(0xffffff, 0.35));
+const sun = new DirectionalLight(0xffffff, 1.9);
+scene.add(sun);
+const nodes = new Map();  // of bodies, by name
+const marks = [];  // balls around what failed
+const clickable = [], tarmac = new Map();  // of the road's materials the colours by day
+let model, mixer, action, grid, cell = 1, due = false;
+
+function load(gltf) {
+  model = gltf.scene;
+  scene.add(model);
+  const materials = new Map();
+  model.traverse((object) => {
+    if (object.userData.body !== undefined) nodes.set(object.userData.body, object);
+    if (!object.isMesh) return;
+    if (isMark(object)) return dressMark(object);
+    if (!materials.has(object.material)) materials.set(object.material, new MeshLambertMaterial({ color: object.material.color, fog: isRoad(object) }));
+    if (isRoad(object)) tarmac.set(materials.get(object.material), object.material.color.clone());
+    object.material = materials.get(object.material);  // cheaper than what glTF describes, where a processor draws
+    if (bodyOf(object) !== undefined) clickable.push(object);
+  });
+  if (gltf.animations.length) {
+    mixer = new AnimationMixer(model);
+    action = mixer.clipAction(gltf.animations[0]);
+    action.play();
+  }
+  setTime(first);
+  new ResizeObserver(resize).observe(picture);
+  resize();
+  home();
+  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', dress);
+  dress();
+}
+
+const isMark = (object) => object.userData.mark !== undefined;
+
+/** A mark shines through what is before it. */
+function dressMark(object) {
+  marks.push(object);
+  object.material = new MeshBasicMaterial({ color: object.material.color, transparent: true, opacity: 0.45, depthTest: false });
+  object.renderOrder = 1;
+}
+
+/** The name of the body that an object is a part of. */
+function bodyOf(object) {
+  for (let at = object; at; at = at.parent) if (at.userData.body !== undefined) return at.userData.body;
+  return undefined;
+}
+
+/** A vector of the model's axes in those of the scene. */
+const turned = (vector) => new Vector3(...vector).applyQuaternion(model.children[0].quaternion);
+
+/** Looks at the mechanism so that all of it is seen, at all times where nothing is followed. */
+function home() {
+  const box = new Box3(), { time } = state;
+  for (const at of state.follow || !action ? [time] : Array.from({ length: 17 }, (_, i) => first + ((last - first) * i) / 16)) {
+    setTime(at);
+    model.traverse((o) => { if (o.isMesh && !isRoad(o)) box.expandByObject(o); });
+  }
+  setTime(time);
+  const centre = box.getCenter(new Vector3()), half = box.getSize(new Vector3()).multiplyScalar(0.5);
+  const back = turned(outlook.direction).normalize(), right = new Vector3(0, 1, 0).cross(back).normalize(), up = back.clone().cross(right);
+  const slope = Math.tan((camera.fov * Math.PI) / 360);
+  let distance = outlook.extent / 2;
+  for (let k = 0; k < 8; k++) {  // each corner is seen
+    const corner = half.clone().multiply(new Vector3(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1));
+    const across = Math.max(Math.abs(corner.dot(up)), Math.abs(corner.dot(right)) / camera.aspect) / slope;
+    distance = Math.max(distance, corner.dot(back) + 1.12 * across);
+  }
+  camera.position.copy(centre).addScaledVector(back, distance);
+  orbit.target.copy(centre);
+  orbit.update();
+  redraw();
+}
+
+function isRoad(object) {
+  for (let at = object; at; at = at.parent) if (at.userData.road) return true;
+  return false;
+}
+
+function dress() {
+  const style = getComputedStyle(document.documentElement);
+  scene.background = new Color(style.getPropertyValue('--sky'));
+  scene.fog = new Fog(scene.background, 1, 2);
+  const night = matchMedia('(prefers-color-scheme: dark)').matches;
+  for (const [material, colour] of tarmac) material.color.copy(colour).multiplyScalar(night ? 0.3 : 1);
+  if (grid) scene.remove(grid);
+  grid = undefined;
+  if (!outlook.road) {
+    const about10 = 10 ** Math.floor(Math.log10(outlook.extent / 4)), share = outlook.extent / 4 / about10;
+    cell = about10 * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
+    grid = floor(new Color(style.getPropertyValue('--floor')));
+    scene.add(grid);
+  }
+  by('scale').textContent = outlook.road ? 'strips of the road: 1 m' : `grid: ${+cell.toPrecision(3)} m`;
+  if (plot) drawPlot();
+  redraw();
+}
+
+/** Lines a cell apart, in pieces of a cell. */
+function floor(color) {
+  const ends = [], half = 20;
+  for (let i = -half; i <= half; i++)
+    for (let k = -half; k < half; k++) ends.push(i, 0, k, i, 0, k + 1, k, 0, i, k + 1, 0, i);
+  const lines = new BufferGeometry();
+  lines.setAttribute('position', new Float32BufferAttribute(ends.map((end) => end * cell), 3));
+  return new LineSegments(lines, new LineBasicMaterial({ color }));
+}
+
+function resize() {
+  const { clientWidth: width, clientHeight: height } = picture;
+  if (!width || !height) return;
+  renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+  renderer.setSize(width, height);
+  camera.aspect = width / height;
+  camera.updateProjectionMatrix();
+  if (plot) {
+    plot.setSize(plotSize());
+    cursor();
+  }
+  redraw();
+}
+
+function redraw() {
+  if (due) return;
+  due = true;
+  requestAnimationFrame(() => { due = false; render(); });
+}
+
+function render() {
+  sun.position.copy(camera.position).add(new Vector3(0, outlook.extent, 0));
+  if (grid) grid.position.set(cell * Math.round(orbit.target.x / cell), outlook.floor, cell * Math.round(orbit.target.z / cell));
+  const far = camera.position.distanceTo(orbit.target);
+  [scene.fog.near, scene.fog.far] = outlook.road ? [4 * far, 14 * far] : [far, 2.2 * far + 4 * cell];
+  renderer.render(scene, camera);
+  label();
+}

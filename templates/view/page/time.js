@@ -1,0 +1,50 @@
+// Time: what moves, and the row of the table that belongs to it.
+function setTime(time) {
+  const before = state.follow && nodes.get(state.follow)?.getWorldPosition(new Vector3());
+  state.time = Math.min(Math.max(time, first), last);
+  if (action) {
+    action.time = state.time;
+    mixer.update(0);
+  }
+  model.updateMatrixWorld();
+  if (before) {
+    const way = nodes.get(state.follow).getWorldPosition(new Vector3()).sub(before);
+    camera.position.add(way);
+    orbit.target.add(way);
+    orbit.update();
+  }
+  by('time').value = last > first ? (state.time - first) / (last - first) : 0;
+  by('clock').textContent = `${state.time.toFixed(last - first < 1 ? 4 : 2)} s`;
+  showValues();
+  if (plot) cursor();
+  redraw();
+}
+
+let frame = 0;
+function play(on) {
+  state.playing = on && last > first;
+  by('play').textContent = state.playing ? 'Pause' : 'Play';
+  if (!state.playing) return;
+  if (state.time >= last) setTime(first);
+  frame = performance.now();
+  requestAnimationFrame(tick);
+}
+
+function tick(now) {
+  if (!state.playing) return;
+  setTime(state.time + ((now - frame) / 1000) * Number(by('speed').value));
+  frame = now;
+  if (state.time >= last) play(false);
+  else requestAnimationFrame(tick);
+}
+
+/** The number of the last row up to the present time. */
+function row() {
+  let low = 0, high = t.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (t[middle] <= state.time + 1e-6) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
