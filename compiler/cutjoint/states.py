@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from cutjoint.analysis.linearisation import NoMassError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
@@ -14,14 +16,16 @@ from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
 from cutjoint.model.quantities import Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import compile_scene, generate, simulate
+from cutjoint.run.artifact import make_simulator_run, require_end
 from cutjoint.run.errors import RunError
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.options import PLAIN_STEPS
-from cutjoint.run.results import Columns, FailureReport, MechanismState
+from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.run.simulator_run import start
 from cutjoint.toolchain.build import build
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
@@ -58,6 +62,16 @@ def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Map
     if failure is not None:
         raise NoEquilibriumError(failure)
     return MechanismState(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
+
+
+def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
+    """The tree's coordinates at the static equilibrium of a scene, (coordinates,); errors as of `find_equilibrium`."""
+    at_rest = with_closure(replace(scene, pose="equilibrium", rates={}, end=0.0), PLAIN_CLOSURE)
+    artifact = compile_scene(model, at_rest, outputs=[])
+    plan = make_simulator_run(artifact, PLAIN_STEPS, parameters)
+    run = require_end(start(replace(plan, with_coordinates=True)), artifact)
+    assert run.coordinates is not None
+    return np.asarray(run.coordinates[0])
 
 
 def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:

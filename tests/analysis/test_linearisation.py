@@ -113,7 +113,7 @@ def test_vehicle_in_motion() -> None:
 def test_what_moves_no_mass_is_named() -> None:
     of = Linearisation(
         names=("a.angle", "b.angle"), M=np.diag([1.0, 0.0]), C=np.zeros((2, 2)), K=np.eye(2), W=np.zeros((2, 2)),
-        J=np.zeros((0, 2)), G=np.zeros((0, 2)), at_rest=True,
+        J=np.zeros((0, 2)), G=np.zeros((0, 2)), q=np.zeros(2), at_rest=True,
     )  # fmt: skip
     with pytest.raises(NoMassError, match=r"'b\.angle' can move without moving a mass"):
         reduce_system(of)

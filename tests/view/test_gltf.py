@@ -14,8 +14,8 @@ from cutjoint.view import meshes
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.records import Drawing, Mesh, Node, Part
 from cutjoint.view.turns import along, product, quaternions_of, rotation_to, shortest, turned
-from tests.conftest import needs_cpp
-from tests.view.conftest import Shown
+from tests.conftest import MODELS, needs_cpp
+from tests.view.conftest import Shown, call
 from tests.view.files import Gltf, read_csv
 
 #: Numbers of 32 bits have steps of 4e-6 m at the 50 m that the vehicle drives.
@@ -72,6 +72,15 @@ def test_the_attitude_is_the_tables(iltis: Shown) -> None:
 def test_the_validator_has_nothing_to_say(run: str, validator: Path, request: pytest.FixtureRequest) -> None:
     command = ["node", validator, request.getfixturevalue(run).glb]
     found = subprocess.run(command, capture_output=True, text=True, check=True, cwd=validator.parent)
+    issues = json.loads(found.stdout)
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+@needs_cpp
+@pytest.mark.parametrize("command", ["modes", "check"])
+def test_the_validator_takes_motions(command: str, validator: Path, tmp_path: Path) -> None:
+    call(command, MODELS / "press.yaml", "--view", tmp_path / "motions.glb")
+    found = subprocess.run(["node", validator, tmp_path / "motions.glb"], capture_output=True, text=True, check=True, cwd=validator.parent)
     issues = json.loads(found.stdout)
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
 

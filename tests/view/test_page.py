@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,38 +13,14 @@ from cutjoint.locations import templates_folder
 from cutjoint.view import meshes
 from cutjoint.view.failure import Failure
 from cutjoint.view.gltf import write_gltf
+from cutjoint.view.motions import Motion
 from cutjoint.view.page import SCRIPTS, Outlook, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
-from tests.conftest import ROOT, needs_cpp
+from tests.conftest import needs_cpp
 from tests.view.browser import Page
 from tests.view.conftest import Shown, call
-from tests.view.files import Array, read_csv
-
-#: Where a person finds what the tests have seen.
-PICTURES = ROOT / "results" / "view"
-
-
-def projected(page: Page, place: Array) -> Array:
-    """The pixel of a place in a model whose up is z, from where the page's eye is."""
-    eye = page.run("cutjoint.eye()")
-    start, target = np.array(eye["from"]), np.array(eye["to"])
-    width, height = eye["size"]
-    back = (start - target) / np.linalg.norm(start - target)
-    right = np.cross([0.0, 1.0, 0.0], back)
-    right /= np.linalg.norm(right)
-    x, y, z = place
-    way = np.array([x, z, -y]) - start
-    focal = height / 2 / np.tan(np.radians(eye["angle"]) / 2)
-    depth = -way @ back
-    return np.array([width / 2 + focal * (way @ right) / depth, height / 2 - focal * (way @ np.cross(back, right)) / depth])
-
-
-def require_silence(page: Page) -> None:
-    """Nothing complained, and nothing was asked for but the page itself and what it holds."""
-    assert page.complaints == []
-    assert page.requests
-    assert [r for r in page.requests if not r.startswith(("file:", "data:", "blob:"))] == []
-    assert {r for r in page.requests if r.startswith("file:")} <= {r for r in page.requests if r.endswith(".html")}
+from tests.view.files import read_csv
+from tests.view.pages import PICTURES, projected, require_silence
 
 
 @needs_cpp
@@ -182,7 +159,7 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def hostile_page(file: Path) -> Path:
+def hostile_page(file: Path, motions: Sequence[Motion] = ()) -> Path:
     """A page whose names are all hostile."""
     t, part = np.linspace(0.0, 1.0, 3), Part(mesh=meshes.box(1, 1, 1), colour=(0.8, 0.2, 0.2))
     nodes = [
@@ -193,7 +170,9 @@ def hostile_page(file: Path) -> Path:
     outlook = Outlook(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=HOSTILE[0])
     glb = write_gltf(Drawing(name=HOSTILE[0], t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0])))
     failure = Failure(text=HOSTILE[0], advice=HOSTILE[1], row=HOSTILE[2], element=HOSTILE[3], place=HOSTILE[0], bodies=[HOSTILE[1]])
-    text = make_page(title=HOSTILE[0], scene=HOSTILE[1], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook, failure=failure)
+    text = make_page(
+        title=HOSTILE[0], scene=HOSTILE[1], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook, failure=failure, motions=motions
+    )
     file.write_text(text, encoding="utf-8")
     return file
 
@@ -208,6 +187,16 @@ def test_names_are_text_whatever_they_are(browser: Page, tmp_path: Path) -> None
     assert browser.run("document.querySelector('#labels .failed').textContent") == HOSTILE[2]
     assert browser.run("[document.title, document.querySelector('h1').textContent]") == [f"{HOSTILE[0]}, {HOSTILE[1]}", HOSTILE[0]]
     assert browser.run("document.querySelectorAll('script').length") == 5
+    require_silence(browser)
+
+
+def test_names_of_motions_are_text_too(browser: Page, tmp_path: Path) -> None:
+    motions = [Motion(name=name, facts=[(HOSTILE[0], HOSTILE[1])], poses={}) for name in HOSTILE]
+    browser.open(hostile_page(tmp_path / "hostile.html", motions))
+    for i in range(len(HOSTILE)):
+        browser.run(f"cutjoint.motion(JSON.parse(document.getElementById('about').textContent).motions[{i}].name)")
+    assert browser.run("[...document.querySelectorAll('#facts td')].map((cell) => cell.textContent)") == [HOSTILE[0], HOSTILE[1]]
+    assert browser.run("window.owned ?? 'nobody'") == "nobody"
     require_silence(browser)
 
 

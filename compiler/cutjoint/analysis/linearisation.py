@@ -26,7 +26,7 @@ from cutjoint.topology.conditioning import TOLERANCE
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """The matrices above: ``M``, ``C``, ``K``, ``W`` (speeds, speeds), ``J``, ``G`` (equations, speeds), with a name for each speed's
-    coordinate, and whether the state is one ``at_rest``."""
+    coordinate, the state's coordinates ``q``, and whether it is one ``at_rest``."""
 
     names: tuple[str, ...]
     M: Array
@@ -35,6 +35,7 @@ class Linearisation:
     W: Array
     J: Array
     G: Array
+    q: Array
     at_rest: bool
 
 

@@ -34,7 +34,8 @@ def linearise(equations: ImplicitEquations, state: Mapping[str, Any], evaluate: 
     v = np.asarray(state["v"])
     return Linearisation(
         names=coordinate_names(equations), M=M, C=C - M, K=K - M, W=_turning(equations, v), J=J,
-        G=_rate_changes(equations, tangents[0], J, evaluate) if m and v.any() and not at_rest else np.zeros((m, n)), at_rest=at_rest,
+        G=_rate_changes(equations, tangents[0], J, evaluate) if m and v.any() and not at_rest else np.zeros((m, n)),
+        q=np.asarray(state["q"]), at_rest=at_rest,
     )  # fmt: skip
 
 

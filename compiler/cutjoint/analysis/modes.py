@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi
 
 import numpy as np
@@ -67,7 +67,7 @@ class Modes:
     ``indifferent`` are the directions, each named by the coordinate that leads it, that can be displaced for good: rigid-body motions and
     coordinates that no spring holds.  ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a
     damper stops it.  ``undamped`` are the modes of mass and stiffness alone, of a state at rest; with a real eigenvalue, the state is
-    unstable.
+    unstable.  ``q`` are the tree's coordinates of the state.
     """
 
     time: float
@@ -77,6 +77,7 @@ class Modes:
     undamped: tuple[Mode, ...]
     indifferent: Mapping[str, Mapping[str, Participant]]
     zeros: int
+    q: Array = field(repr=False, compare=False)
 
     def __repr__(self) -> str:
         where = "at rest" if self.at_rest else f"at t = {self.time:g} s"
@@ -104,7 +105,7 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
         ]
     return Modes(
         time=time, at_rest=of.at_rest, freedoms=n, modes=_ordered(modes), undamped=_ordered(undamped), zeros=zeros,
-        indifferent=dict(_indifferent(of, system.basis @ null[:n])),
+        indifferent=dict(_indifferent(of, system.basis @ null[:n])), q=of.q,
     )  # fmt: skip
 
 

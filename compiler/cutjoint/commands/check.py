@@ -15,17 +15,24 @@ from cutjoint.analysis.redundancy import find_redundancy
 from cutjoint.commands import options
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.report import tables
+from cutjoint.run.outputs import require_apart
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
 from cutjoint.topology.reading import read_model
+from cutjoint.view.states import show_directions
+from cutjoint.view.views import require_view, write_shown
 
 
 @click.command("check")
 @options.model
 @options.some_scene
+@options.view("that moves in each direction that the loops leave free")
 @options.reports_errors
-def command(model: Path, scene: str | None) -> None:
+def command(model: Path, scene: str | None, view: Path | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
+    require_apart({"the model": model}, documents=[("--view", view)])
+    if view is not None:
+        require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
         checked = read_model(model)
     chosen = options.take_scene(checked, scene)
@@ -51,3 +58,7 @@ def command(model: Path, scene: str | None) -> None:
     if topology.loops:
         options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
+    if view is not None:
+        with options.progress_bar(f"drawing {model.name}"):
+            write_shown(view, show_directions(checked, chosen, equations, poses[0]))
+        options.console_beside(view).print(f"view: {view}", markup=False)

@@ -8,20 +8,31 @@ import click
 
 from cutjoint.commands import options
 from cutjoint.report import tables
+from cutjoint.run.outputs import require_apart
 from cutjoint.states import find_equilibrium
 from cutjoint.topology.reading import read_model
+from cutjoint.view.states import show_equilibrium
+from cutjoint.view.views import require_view, write_shown
 
 
 @click.command("equilibrium")
 @options.model
 @options.some_scene
 @options.changes
+@options.view("that goes from the design position to the equilibrium")
 @options.reports_errors
-def command(model: Path, scene: str | None, changes: tuple[str, ...]) -> None:
+def command(model: Path, scene: str | None, changes: tuple[str, ...], view: Path | None) -> None:
     """Find the static equilibrium of MODEL and print every element's force."""
+    require_apart({"the model": model}, documents=[("--view", view)])
+    if view is not None:
+        require_view(view, "--view")
     parameters = options.read_parameters(changes)
     checked = read_model(model)
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
         found = find_equilibrium(model, scene=chosen.name if checked.scenes else None, parameters=parameters)
     options.out.print(tables.equilibrium_table(found))
+    if view is not None:
+        with options.progress_bar(f"drawing {model.name}"):
+            write_shown(view, show_equilibrium(checked, chosen, parameters, found))
+        options.console_beside(view).print(f"view: {view}", markup=False)

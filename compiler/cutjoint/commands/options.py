@@ -79,6 +79,12 @@ links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
                       help="Make a massless body a slender rod; * in BODY stands for any text.")  # fmt: skip
 
 
+def view(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The option for a file that shows ``what`` on screen."""
+    file, words = click.Path(dir_okay=False, path_type=Path), f"Page (.html) {what}, or its animation as glTF (.glb)."
+    return click.option("--view", type=file, help=words)
+
+
 def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
     """Errors of the user's making end in their message and exit status 1."""
 

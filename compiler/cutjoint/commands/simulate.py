@@ -70,8 +70,7 @@ if TYPE_CHECKING:
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
 @click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is; without, steps have one tolerance.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
-@click.option("--view", type=click.Path(dir_okay=False, path_type=Path),
-              help="Page (.html) that replays the run in a browser, or its animation as glTF (.glb).")
+@options.view("that replays the run in a browser")
 @options.reports_errors
 def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,

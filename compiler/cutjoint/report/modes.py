@@ -35,11 +35,19 @@ def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("moves\n(share of the kinetic energy)")
     for mode in modes:
-        constant = "-" if mode.time_constant is None else f"{mode.time_constant:.4g}"
-        figures = (f"{mode.damping_ratio:.4f}", constant) if damped else ()
-        frequency = f"{mode.frequency:.4f}" if mode.frequency else "-"
-        table.add_row(_eigenvalue(mode.eigenvalue), frequency, *figures, _listed(mode.shape))
+        value, frequency, *figures = (text for _, text in mode_figures(mode))
+        table.add_row(value, frequency, *(figures if damped else ()), _listed(mode.shape))
     return table
+
+
+def mode_figures(mode: Mode) -> tuple[tuple[str, str], ...]:
+    """What is said of a mode, each with its name."""
+    return (
+        ("eigenvalue, 1/s", _eigenvalue(mode.eigenvalue)),
+        ("frequency, Hz", f"{mode.frequency:.4f}" if mode.frequency else "-"),
+        ("damping ratio", f"{mode.damping_ratio:.4f}"),
+        ("time constant, s", "-" if mode.time_constant is None else f"{mode.time_constant:.4g}"),
+    )
 
 
 def _eigenvalue(value: complex) -> str:
@@ -49,10 +57,14 @@ def _eigenvalue(value: complex) -> str:
 
 
 def _listed(shape: Mapping[str, Participant]) -> str:
-    """The coordinates with the largest shares, the first of amplitude one."""
+    return ", ".join(f"{name} {amplitude}" for name, amplitude in participants(shape))
+
+
+def participants(shape: Mapping[str, Participant]) -> tuple[tuple[str, str], ...]:
+    """The coordinates with the largest shares, the first of amplitude one, each with its amplitude and share."""
     order = sorted(shape.items(), key=lambda item: -round(abs(item[1].share), 6))
     shown = [order[0], *(item for item in order[1:_MOST] if abs(item[1].share) >= _LISTED)]
-    return ", ".join(f"{name} {_amplitude(p.amplitude)} ({100 * p.share:.0f} %)" for name, p in shown)
+    return tuple((name, f"{_amplitude(p.amplitude)} ({100 * p.share:.0f} %)") for name, p in shown)
 
 
 def _amplitude(value: complex) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,12 @@ _SIZES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 _STILL = 1e-7
 
 
-def write_gltf(drawing: Drawing) -> bytes:
-    """The content of a .glb file; the model's up is glTF's y."""
-    writer = _Writer(drawing)
+def write_gltf(drawing: Drawing, motions: Mapping[str, Drawing] | None = None) -> bytes:
+    """The content of a .glb file; the model's up is glTF's y.
+
+    Its animation is "run", how the drawing moves, or those of ``motions`` by name: drawings of the same nodes.
+    """
+    writer = _Writer(drawing, {"run": drawing} if motions is None else motions)
     return _packed(writer.document(), bytes(writer.buffer))
 
 
@@ -42,8 +46,8 @@ def _packed(document: dict[str, Any], buffer: bytes) -> bytes:
 class _Writer:
     """Collects a document's arrays in its buffer."""
 
-    def __init__(self, drawing: Drawing) -> None:
-        self._drawing = drawing
+    def __init__(self, drawing: Drawing, motions: Mapping[str, Drawing]) -> None:
+        self._drawing, self._motions = drawing, motions
         self.buffer = bytearray()
         self._views: list[dict[str, Any]] = []
         self._accessors: list[dict[str, Any]] = []
@@ -56,7 +60,7 @@ class _Writer:
         drawing = self._drawing
         nodes = [self._node(node) for node in drawing.nodes]
         root = {"name": drawing.name, "rotation": _numbers(shortest(drawing.up, np.array([0.0, 1.0, 0.0])))}
-        animation = self._animation()
+        animations = [self._animation(name, motion) for name, motion in self._motions.items()]
         document = {
             "asset": {"version": "2.0", "generator": f"cutjoint {__version__}"},
             "scene": 0,
@@ -64,7 +68,7 @@ class _Writer:
             "nodes": [{**root, **({"children": list(range(1, len(nodes) + 1))} if nodes else {})}, *nodes],
             "meshes": self._meshes,
             "materials": [_material(colour, roughness) for colour, roughness in self._materials],
-            "animations": [animation] if animation else [],
+            "animations": [animation for animation in animations if animation],
             "accessors": self._accessors,
             "bufferViews": self._views,
             "buffers": [{"byteLength": len(self.buffer)}] if self.buffer else [],
@@ -92,21 +96,23 @@ class _Writer:
             self._known[id(mesh)] = {"attributes": attributes, "indices": self._add(mesh.faces.reshape(-1, 1), _INDICES)}
         return self._known[id(mesh)]
 
-    def _animation(self) -> dict[str, Any]:
-        """The motions of all nodes, as far as they move."""
-        t = self._drawing.t
+    def _animation(self, name: str, motion: Drawing) -> dict[str, Any]:
+        """The motions of all nodes, as far as they leave the place where they are drawn first."""
         moving = [
             (i, path, track)
-            for i, node in enumerate(self._drawing.nodes, 1)
-            for path, track in (("translation", node.translation), ("rotation", node.rotation), ("scale", node.scale))
-            if len(track) > 1 and np.ptp(track, axis=0).max() > _STILL * np.abs(track).max()
-        ]
-        if t.size < 2 or not moving:
+            for i, (drawn, node) in enumerate(zip(self._drawing.nodes, motion.nodes, strict=True), 1)
+            for path, still, track in (
+                ("translation", drawn.translation, node.translation), ("rotation", drawn.rotation, node.rotation),
+                ("scale", drawn.scale, node.scale),
+            )
+            if len(track) > 1 and np.abs(track - still[0]).max() > _STILL * np.abs(track).max()
+        ]  # fmt: skip
+        if motion.t.size < 2 or not moving:
             return {}
-        times = self._add(t[:, np.newaxis])
+        times = self._add(motion.t[:, np.newaxis])
         samplers = [{"input": times, "output": self._add(track), "interpolation": "LINEAR"} for _, _, track in moving]
         channels = [{"sampler": s, "target": {"node": node, "path": path}} for s, (node, path, _) in enumerate(moving)]
-        return {"name": "run", "samplers": samplers, "channels": channels}
+        return {"name": name, "samplers": samplers, "channels": channels}
 
     def _add(self, values: Array | NDArray[np.int64], target: int | None = None) -> int:
         """An accessor of values (n, width); glTF wants the bounds of what they are as numbers of 32 bits."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from cutjoint.locations import templates_folder
 from cutjoint.view.failure import Failure
+from cutjoint.view.motions import PERIOD, Motion
 from cutjoint.view.records import Array
 
 
@@ -44,7 +45,7 @@ class Outlook:
 
 
 #: The page's own script is these files in this order, in one function.
-SCRIPTS = ("data", "picture", "time", "names", "bodies", "values", "failure", "controls")
+SCRIPTS = ("data", "picture", "time", "names", "bodies", "values", "failure", "motions", "controls")
 
 #: How many of the last rows of a run that failed are played slowly.
 LAST_ROWS = 40
@@ -52,13 +53,14 @@ LAST_ROWS = 40
 
 def make_page(
     *, title: str, scene: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook,
-    failure: Failure | None = None,
+    failure: Failure | None = None, motions: Sequence[Motion] = (),
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are."""
     folder = templates_folder() / "view"
     about = {
         "title": title, "scene": scene, "bodies": list(bodies), "outlook": asdict(outlook), "rows": int(t.size),
         "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
+        "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip
     values = np.concatenate([t, *(c.values for c in columns)]).astype("<f4")

@@ -28,6 +28,7 @@ from cutjoint.view.columns import bodies_of
 from cutjoint.view.drawing import draw
 from cutjoint.view.failure import Failure, find_failure
 from cutjoint.view.gltf import write_gltf
+from cutjoint.view.motions import Motion, motion_times
 from cutjoint.view.outlook import find_outlook
 from cutjoint.view.page import LAST_ROWS, PlotColumn, make_page
 from cutjoint.view.placed import Placed
@@ -44,7 +45,8 @@ _ROWS, _BYTES = 2000, 1_800_000
 @dataclass(frozen=True, kw_only=True)
 class Shown:
     """What a file shows: a model in a scene with ``parameters`` (SI units) changed, the ``poses`` of its bodies at times ``t`` (times,), s,
-    columns of a table at these times, and why a run stopped."""
+    columns of a table at these times, why a run stopped, and motions
+    about the pose of the first time."""
 
     model: Model
     scene: Scene
@@ -53,6 +55,7 @@ class Shown:
     poses: Mapping[str, BodyPose]
     columns: tuple[PlotColumn, ...] = ()
     failure: Failure | None = None
+    motions: tuple[Motion, ...] = ()
 
 
 def require_view(path: Path, option: str) -> None:
@@ -131,21 +134,27 @@ def write_shown(path: Path, shown: Shown) -> Path:
         OutputError: the file cannot be written, or its ending names no kind.
     """
     require_view(path, "")
-    numbers = Numbers.of(shown.model, shown.scene, shown.parameters)
-    still = BodyPose(rotation=np.broadcast_to(np.eye(3), (shown.t.size, 3, 3)), shift=np.zeros((shown.t.size, 3)))
-    placed = Placed(
-        model=shown.model, scene=shown.scene, numbers=numbers, sizes=find_sizes(shown.model, shown.scene, numbers),
-        poses={**shown.poses, GROUND: still},
-    )  # fmt: skip
+    placed = _placed(shown, shown.poses, shown.t)
     drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "")
-    glb = write_gltf(drawing)
+    times = motion_times()
+    moving = {motion.name: draw(_placed(shown, motion.poses, times), times) for motion in shown.motions}
+    glb = write_gltf(drawing, moving or None)
     if path.suffix == GLTF:
         return write_whole(path, glb)
     page = make_page(
         title=shown.model.name, scene=shown.scene.name, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
-        columns=shown.columns, outlook=find_outlook(placed, drawing), failure=shown.failure,
+        columns=shown.columns, outlook=find_outlook(placed, drawing), failure=shown.failure, motions=shown.motions,
     )  # fmt: skip
     return write_whole(path, page)
+
+
+def _placed(shown: Shown, poses: Mapping[str, BodyPose], t: Array) -> Placed:
+    numbers = Numbers.of(shown.model, shown.scene, shown.parameters)
+    still = BodyPose(rotation=np.broadcast_to(np.eye(3), (t.size, 3, 3)), shift=np.zeros((t.size, 3)))
+    return Placed(
+        model=shown.model, scene=shown.scene, numbers=numbers, sizes=find_sizes(shown.model, shown.scene, numbers),
+        poses={**poses, GROUND: still},
+    )  # fmt: skip
 
 
 def _kept(run: Trajectory, nodes: int) -> Array:

@@ -10,7 +10,7 @@ const numbers = new Float32Array(bytes('table'));
 const t = numbers.subarray(0, about.rows);
 const columns = about.columns.map((c, i) => measured({ ...c, values: numbers.subarray((i + 1) * about.rows, (i + 2) * about.rows) }));
 const { outlook } = about;
-const [first, last] = [t[0], t[t.length - 1]];
+const [first, last] = about.motions.length ? [0, about.period] : [t[0], t[t.length - 1]];
 const state = { time: first, playing: false, body: '', column: columns[0]?.name ?? '', follow: outlook.follow };
 
 /** A column with as many decimals as five digits of its largest value have. */

@@ -12,7 +12,7 @@ scene.add(sun);
 const nodes = new Map();  // of bodies, by name
 const marks = [];  // balls around what failed
 const clickable = [], tarmac = new Map();  // of the road's materials the colours by day
-let model, mixer, action, grid, cell = 1, due = false;
+let model, clips, mixer, action, grid, cell = 1, due = false;
 
 function load(gltf) {
   model = gltf.scene;
@@ -27,9 +27,10 @@ function load(gltf) {
     object.material = materials.get(object.material);  // cheaper than what glTF describes, where a processor draws
     if (bodyOf(object) !== undefined) clickable.push(object);
   });
-  if (gltf.animations.length) {
+  clips = gltf.animations;
+  if (clips.length) {
     mixer = new AnimationMixer(model);
-    action = mixer.clipAction(gltf.animations[0]);
+    action = mixer.clipAction(clips[0]);
     action.play();
   }
   setTime(first);

@@ -32,9 +32,10 @@ function play(on) {
 
 function tick(now) {
   if (!state.playing) return;
-  setTime(state.time + ((now - frame) / 1000) * Number(by('speed').value));
+  const next = state.time + ((now - frame) / 1000) * Number(by('speed').value);
+  setTime(motions.length ? next % last : next);
   frame = now;
-  if (state.time >= last) play(false);
+  if (state.time >= last && !motions.length) play(false);
   else requestAnimationFrame(tick);
 }
 

@@ -10,7 +10,7 @@ function listValues() {
     return { column, line, cell: line.insertCell() };
   });
   lines.replaceChildren(...cells.map((c) => c.line));
-  if (!own.length) {
+  if (!own.length && !motions.length) {
     const line = lines.insertRow();
     line.className = 'note';
     line.insertCell().textContent = columns.length ? `The scene has no output of ${state.body}.` : 'The scene has no outputs.';

@@ -1,0 +1,119 @@
+"""What is known of a state, as motions on screen: modes, the way to the equilibrium, and directions that the loops leave free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from cutjoint.analysis.closing import design_coordinates
+from cutjoint.analysis.modes import Complex, Mode, Modes, Participant
+from cutjoint.analysis.poses import Pose
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.model.records import Model, Scene
+from cutjoint.report.modes import mode_figures, participants
+from cutjoint.run.results import MechanismState
+from cutjoint.states import find_resting_coordinates
+from cutjoint.view.columns import bodies_of
+from cutjoint.view.motions import PERIOD, Motion, Mover, motion_times
+from cutjoint.view.page import PlotColumn
+from cutjoint.view.records import Array
+from cutjoint.view.views import Shown
+
+#: A part of a direction below this is rounding.
+_PART = 1e-6
+
+
+def show_modes(model: Model, scene: Scene, parameters: Mapping[str, float], modes: Modes) -> Shown:
+    """The mechanism in each of its modes, then in each indifferent direction; decay and growth are left out."""
+    mover = Mover(model=model, scene=scene, parameters=parameters, time=modes.time)
+    motions = [
+        Motion(name=f"{i}: {_title(mode)}", facts=(*mode_figures(mode), *participants(mode.shape)),
+               poses=mover.swing(modes.q, _amplitudes(mode.shape)))
+        for i, mode in enumerate(modes.modes, 1)
+    ]  # fmt: skip
+    motions += [
+        Motion(name=f"indifferent: {name}", facts=participants(shape), poses=mover.swing(modes.q, _amplitudes(shape)))
+        for name, shape in modes.indifferent.items()
+    ]
+    return _shown(mover, modes.q, motions)
+
+
+def _title(mode: Mode) -> str:
+    if mode.frequency:
+        return f"{mode.frequency:.4g} Hz"
+    constant = mode.time_constant
+    assert constant is not None
+    return f"{'decays' if constant > 0 else 'grows'} in {abs(constant):.3g} s"
+
+
+def _amplitudes(shape: Mapping[str, Participant]) -> Complex:
+    return np.array([p.amplitude for p in shape.values()], dtype=np.complex128)
+
+
+def _shown(mover: Mover, q: Array, motions: list[Motion], columns: tuple[PlotColumn, ...] = ()) -> Shown:
+    return Shown(
+        model=mover.model, scene=mover.scene, parameters=mover.parameters, t=np.zeros(1), poses=mover.poses(q[np.newaxis]),
+        motions=tuple(motions), columns=columns,
+    )  # fmt: skip
+
+
+def show_equilibrium(model: Model, scene: Scene, parameters: Mapping[str, float], found: MechanismState) -> Shown:
+    """The way from the design position to the equilibrium and back, loops closed, and the quantities of the equilibrium.
+
+    Raises:
+        RunError: the scene has no start there.
+        ToolchainError, SimulatorError: as for a run.
+    """
+    mover = Mover(model=model, scene=scene, parameters=parameters)
+    end = find_resting_coordinates(model, scene, parameters)
+    start = design_coordinates(mover.equations)
+    shares = (1 - np.cos(2 * np.pi * motion_times() / PERIOD)) / 2
+    rows = np.array([mover.closed(_between(mover.equations, start, end, share), np.zeros(0)) for share in shares])
+    way = Motion(name="design position to equilibrium", facts=(), poses=mover.poses(rows))
+    of = bodies_of(model)
+    columns = tuple(
+        PlotColumn(name=name, unit=found.units[name], bodies=of[name.rpartition(".")[0]], values=np.array([value]))
+        for name, value in found.values.items()
+    )
+    return _shown(mover, end, [way], columns)
+
+
+def _between(equations: RecursiveEquations, start: Array, end: Array, share: float) -> Array:
+    """Coordinates on the way between two others; quaternions take the shorter way round."""
+    q = start + share * (end - start)
+    for chart in equations.charts:
+        if chart.ball:
+            e = slice(chart.q + chart.scalars, chart.q + chart.scalars + 4)
+            turned = (1 - share) * start[e] + share * end[e] * (-1.0 if start[e] @ end[e] < 0 else 1.0)
+            q[e] = turned / np.linalg.norm(turned)
+    return q
+
+
+def show_directions(model: Model, scene: Scene, equations: RecursiveEquations, pose: Pose) -> Shown:
+    """The directions that the loops leave free at a pose, each named by a coordinate that no other one moves."""
+    mover = Mover(model=model, scene=scene, parameters={})
+    motions = [
+        Motion(
+            name=f"free: {equations.speed_names[leader]}", facts=_facts(equations, column),
+            poses=mover.swing(pose.q, column.astype(np.complex128)),
+        )
+        for leader, column in free_directions(pose.free)
+    ]  # fmt: skip
+    return _shown(mover, pose.q, motions)
+
+
+def free_directions(free: Array) -> Iterator[tuple[int, Array]]:
+    """The directions (speeds,) of a space (speeds, directions), each with the speed that is 1 in it and 0 in all others."""
+    rest, leaders = free.copy(), []
+    for _ in range(free.shape[1]):
+        leader = int(np.linalg.norm(rest, axis=1).round(9).argmax())
+        leaders.append(leader)
+        along = rest[leader] / np.linalg.norm(rest[leader])
+        rest -= np.outer(rest @ along, along)
+    own = free @ np.linalg.inv(free[leaders]) if leaders else free
+    yield from sorted(zip(leaders, np.where(np.abs(own) > _PART, own, 0.0).T, strict=True), key=lambda pair: pair[0])
+
+
+def _facts(equations: RecursiveEquations, direction: Array) -> tuple[tuple[str, str], ...]:
+    return tuple((equations.speed_names[i], f"{direction[i]:.4g}") for i in np.flatnonzero(direction))

@@ -1,0 +1,35 @@
+"""What tests of pages ask of them: where a place is seen, and that nothing complains."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.conftest import ROOT
+from tests.view.browser import Page
+from tests.view.files import Array
+
+#: Where a person finds what the tests have seen.
+PICTURES = ROOT / "results" / "view"
+
+
+def projected(page: Page, place: Array) -> Array:
+    """The pixel of a place in a model whose up is z, from where the page's eye is."""
+    eye = page.run("cutjoint.eye()")
+    start, target = np.array(eye["from"]), np.array(eye["to"])
+    width, height = eye["size"]
+    back = (start - target) / np.linalg.norm(start - target)
+    right = np.cross([0.0, 1.0, 0.0], back)
+    right /= np.linalg.norm(right)
+    x, y, z = place
+    way = np.array([x, z, -y]) - start
+    focal = height / 2 / np.tan(np.radians(eye["angle"]) / 2)
+    depth = -way @ back
+    return np.array([width / 2 + focal * (way @ right) / depth, height / 2 - focal * (way @ np.cross(back, right)) / depth])
+
+
+def require_silence(page: Page) -> None:
+    """Nothing complained, and nothing was asked for but the page itself and what it holds."""
+    assert page.complaints == []
+    assert page.requests
+    assert [r for r in page.requests if not r.startswith(("file:", "data:", "blob:"))] == []
+    assert {r for r in page.requests if r.startswith("file:")} <= {r for r in page.requests if r.endswith(".html")}
