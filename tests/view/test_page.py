@@ -11,6 +11,7 @@ from matplotlib.image import imread
 
 from cutjoint.locations import templates_folder
 from cutjoint.view import meshes
+from cutjoint.view.earlier import Earlier, read_page
 from cutjoint.view.failure import Failure
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.motions import Motion
@@ -159,7 +160,7 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def hostile_page(file: Path, motions: Sequence[Motion] = ()) -> Path:
+def hostile_page(file: Path, motions: Sequence[Motion] = (), over: Earlier | None = None) -> Path:
     """A page whose names are all hostile."""
     t, part = np.linspace(0.0, 1.0, 3), Part(mesh=meshes.box(1, 1, 1), colour=(0.8, 0.2, 0.2))
     nodes = [
@@ -171,8 +172,9 @@ def hostile_page(file: Path, motions: Sequence[Motion] = ()) -> Path:
     glb = write_gltf(Drawing(name=HOSTILE[0], t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0])))
     failure = Failure(text=HOSTILE[0], advice=HOSTILE[1], row=HOSTILE[2], element=HOSTILE[3], place=HOSTILE[0], bodies=[HOSTILE[1]])
     text = make_page(
-        title=HOSTILE[0], scene=HOSTILE[1], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook, failure=failure, motions=motions
-    )
+        title=HOSTILE[0], scene=HOSTILE[1], note=HOSTILE[2], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook,
+        failure=failure, motions=motions, over=over,
+    )  # fmt: skip
     file.write_text(text, encoding="utf-8")
     return file
 
@@ -196,6 +198,15 @@ def test_names_of_motions_are_text_too(browser: Page, tmp_path: Path) -> None:
     for i in range(len(HOSTILE)):
         browser.run(f"cutjoint.motion(JSON.parse(document.getElementById('about').textContent).motions[{i}].name)")
     assert browser.run("[...document.querySelectorAll('#facts td')].map((cell) => cell.textContent)") == [HOSTILE[0], HOSTILE[1]]
+    assert browser.run("window.owned ?? 'nobody'") == "nobody"
+    require_silence(browser)
+
+
+def test_names_of_an_earlier_page_are_text_too(browser: Page, tmp_path: Path) -> None:
+    earlier = read_page(hostile_page(tmp_path / "earlier.html"), "--over")
+    assert earlier.name == f"earlier.html: {HOSTILE[0]}, {HOSTILE[1]}, {HOSTILE[2]}"
+    browser.open(hostile_page(tmp_path / "hostile.html", over=earlier))
+    assert browser.run("document.getElementById('over').textContent") == f"over {earlier.name}"
     assert browser.run("window.owned ?? 'nobody'") == "nobody"
     require_silence(browser)
 

@@ -31,11 +31,11 @@ def pick_and_play(
         iterations=asked.iterations,
     )  # fmt: skip
     variant = _pick(model, scene, asked.tolerance, parameters)
-    played = Played(variant.model, variant.scene, variant.method, parameters)
+    played = Played(variant.model, variant.scene, variant.method, parameters, variant.name)
     prepared, run = _play(request, played, play)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the full model", markup=False)
-        played = Played(model, replace(scene, numerics=variant.scene.numerics), variant.method, parameters)
+        played = Played(model, replace(scene, numerics=variant.scene.numerics), variant.method, parameters, "full")
         prepared, run = _play(request, played, play)
     return prepared, run, played
 

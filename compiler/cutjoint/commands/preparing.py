@@ -27,12 +27,13 @@ Play = Callable[[PreparedRun], Trajectory]
 
 @dataclass(frozen=True)
 class Played:
-    """What a run was of: a model, which may be a reduced one, a scene, the method, and the ``parameters`` (SI units) that it had."""
+    """What a run was of: a model, a scene, the method, and the ``parameters`` (SI units) that it had; of method auto which ``variant``."""
 
     model: Model
     scene: Scene
     method: str
     parameters: Mapping[str, float]
+    variant: str = ""
 
 
 def read_request(request: Request) -> tuple[Model, Scene, str]:

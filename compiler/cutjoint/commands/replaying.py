@@ -12,24 +12,33 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.last_steps import with_each_step
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator_run import SimulatorRun
-from cutjoint.view.views import require_view, show_run, write_shown
+from cutjoint.view.earlier import read_page
+from cutjoint.view.views import PAGE, require_view, show_run, write_shown
 
 
-def require_replay(view: Path, batch: Path | None) -> None:
+def require_replay(view: Path | None, over: Path | None, batch: Path | None) -> None:
     """Check that what is asked for can be shown.
 
     Raises:
-        RunError, OutputError: a batch is asked for, or the file is of no kind.
+        RunError, OutputError: a batch is asked for, the file is of no kind, or there is no page or no run to be over.
     """
-    require_view(view, "--view")
+    if view is not None:
+        require_view(view, "--view")
     if batch is not None:
         raise RunError("--view: a batch has many runs; simulate the one to be seen alone")
+    if over is not None:
+        if view is None or view.suffix != PAGE:
+            raise RunError(f"--over {over}: only a page shows two runs; write --view with a name that ends in {PAGE}")
+        read_page(over, "--over")
 
 
 def write_replay(
-    request: Request, played: Played | None, view: Path, parameters: Mapping[str, float], plan: SimulatorRun, run: Trajectory
+    request: Request, played: Played | None, view: Path, over: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
+    run: Trajectory,
 ) -> Path:  # fmt: skip
-    """Write the run of a plan as a page or a glTF file, one that failed with its last steps; a cached one was of what is asked for.
+    """Write the run of a plan as a page or a glTF file, one that failed with its last steps, ``over`` the run of an earlier page.
+
+    What was not ``played`` now was cached: a run of what is asked for.
 
     Raises:
         ModelError, OutputError: the model has been changed meanwhile, or the file cannot be written.
@@ -39,4 +48,5 @@ def write_replay(
     end = request.options.end
     scene = played.scene if end is None else replace(played.scene, end=end)
     steps = with_each_step(replace(plan, with_coordinates=True), run)
-    return write_shown(view, show_run(played.model, scene, played.method, played.parameters, steps))
+    shown = show_run(played.model, scene, played.method, played.parameters, steps, variant=played.variant)
+    return write_shown(view, shown, over=None if over is None else read_page(over, "--over"))

@@ -71,17 +71,19 @@ if TYPE_CHECKING:
 @click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is; without, steps have one tolerance.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @options.view("that replays the run in a browser")
+@click.option("--over", type=click.Path(exists=True, dir_okay=False, path_type=Path),
+              help="Page of another run, of this or another model, which the page of --view then has as a ghost.")
 @options.reports_errors
 def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
     integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
     iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path,
-    steps: Path | None, error: bool, plots: Path | None, view: Path | None,
+    steps: Path | None, error: bool, plots: Path | None, view: Path | None, over: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
-        {"the model": model, "the table of parameters": batch}, tables={"--out": out, "--steps": steps}, plots=plots,
-        documents=[("--view", view)],
+        {"the model": model, "the table of parameters": batch, "the page of another run": over},
+        tables={"--out": out, "--steps": steps}, plots=plots, documents=[("--view", view)],
     )  # fmt: skip
     parameters = options.read_parameters(changes)
     asked = Options(
@@ -91,10 +93,10 @@ def command(
         model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,
         options=asked,
     )  # fmt: skip
-    if view is not None:
+    if view is not None or over is not None:
         from cutjoint.commands.replaying import require_replay
 
-        require_replay(view, batch)
+        require_replay(view, over, batch)
     if batch is not None or threads is not None:
         from cutjoint.commands.batches import run_batch
 
@@ -126,7 +128,7 @@ def command(
     if view is not None and run.t.size:
         from cutjoint.commands.replaying import write_replay
 
-        console.print(f"view: {write_replay(request, played, view, parameters, prepared.run, run)}", markup=False)
+        console.print(f"view: {write_replay(request, played, view, over, parameters, prepared.run, run)}", markup=False)
     if run.failure is not None:
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)

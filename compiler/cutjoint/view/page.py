@@ -14,6 +14,7 @@ import jinja2
 import numpy as np
 
 from cutjoint.locations import templates_folder
+from cutjoint.view.earlier import Earlier
 from cutjoint.view.failure import Failure
 from cutjoint.view.motions import PERIOD, Motion
 from cutjoint.view.records import Array
@@ -45,29 +46,30 @@ class Outlook:
 
 
 #: The page's own script is these files in this order, in one function.
-SCRIPTS = ("data", "picture", "time", "names", "bodies", "values", "failure", "motions", "controls")
+SCRIPTS = ("data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "controls")
 
 #: How many of the last rows of a run that failed are played slowly.
 LAST_ROWS = 40
 
 
 def make_page(
-    *, title: str, scene: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook,
-    failure: Failure | None = None, motions: Sequence[Motion] = (),
+    *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook,
+    failure: Failure | None = None, motions: Sequence[Motion] = (), over: Earlier | None = None,
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are."""
     folder = templates_folder() / "view"
     about = {
-        "title": title, "scene": scene, "bodies": list(bodies), "outlook": asdict(outlook), "rows": int(t.size),
+        "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(outlook), "rows": int(t.size),
         "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
+        "over": None if over is None else {"name": over.name, "rows": int(over.t.size), "columns": list(over.columns)},
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip
-    values = np.concatenate([t, *(c.values for c in columns)]).astype("<f4")
     scripts = [(folder / "vendor/libraries.min.js").read_text(encoding="utf-8"), own_script()]
     return _environment().get_template("page.html.jinja").render(
-        title=escape(f"{title}, {scene}"), about=_as_data(about), glb=base64.b64encode(glb).decode(),
-        table=base64.b64encode(values.tobytes()).decode(), scripts=scripts, hashes=[_hash(script) for script in scripts],
+        title=escape(f"{title}, {scene}"), about=_as_data(about), glb=_encoded(glb), table=_table(t, [c.values for c in columns]),
+        over=None if over is None else {"glb": _encoded(over.glb), "table": _table(over.t, [*over.columns.values()])},
+        scripts=scripts, hashes=[_hash(script) for script in scripts],
         styles=[(folder / name).read_text(encoding="utf-8") for name in ("vendor/uplot.min.css", "page.css")],
     )  # fmt: skip
 
@@ -76,6 +78,14 @@ def own_script() -> str:
     """The page's own script."""
     parts = [(templates_folder() / "view" / "page" / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
     return "\n".join(["'use strict';", "(() => {", *parts, "})();", ""])
+
+
+def _encoded(content: bytes) -> str:
+    return base64.b64encode(content).decode()
+
+
+def _table(t: Array, columns: Sequence[Array]) -> str:
+    return _encoded(np.concatenate([t, *columns]).astype("<f4").tobytes())
 
 
 def _environment() -> jinja2.Environment:

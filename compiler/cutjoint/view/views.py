@@ -26,6 +26,7 @@ from cutjoint.run.run_file import parameter_values
 from cutjoint.topology.build import build_topology
 from cutjoint.view.columns import bodies_of
 from cutjoint.view.drawing import draw
+from cutjoint.view.earlier import Earlier
 from cutjoint.view.failure import Failure, find_failure
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.motions import Motion, motion_times
@@ -46,7 +47,7 @@ _ROWS, _BYTES = 2000, 1_800_000
 class Shown:
     """What a file shows: a model in a scene with ``parameters`` (SI units) changed, the ``poses`` of its bodies at times ``t`` (times,), s,
     columns of a table at these times, why a run stopped, and motions
-    about the pose of the first time."""
+    about the pose of the first time; ``note`` is said beside the scene."""
 
     model: Model
     scene: Scene
@@ -56,6 +57,7 @@ class Shown:
     columns: tuple[PlotColumn, ...] = ()
     failure: Failure | None = None
     motions: tuple[Motion, ...] = ()
+    note: str = ""
 
 
 def require_view(path: Path, option: str) -> None:
@@ -68,8 +70,10 @@ def require_view(path: Path, option: str) -> None:
         raise OutputError(f"{option} {path}: no such kind of file; write a name that ends in {PAGE} or {GLTF}")
 
 
-def show_run(model: Model, scene: Scene, method: str, parameters: Mapping[str, float], run: Trajectory) -> Shown:
-    """A run that has coordinates, in as many of its rows as a page takes."""
+def show_run(
+    model: Model, scene: Scene, method: str, parameters: Mapping[str, float], run: Trajectory, *, variant: str = ""
+) -> Shown:  # fmt: skip
+    """A run that has coordinates, in as many of its rows as a page takes; of a reduced model the ``variant`` is named."""
     assert run.coordinates is not None
     held, others = with_held_inputs(model, scene, parameters)
     kept = _kept(run, len(model.bodies) + len(model.forces))
@@ -80,7 +84,10 @@ def show_run(model: Model, scene: Scene, method: str, parameters: Mapping[str, f
         PlotColumn(name=name, unit=run.units[name], bodies=of.get(elements.get(name, ""), ()), values=values[kept])
         for name, values in run.columns.items()
     )
-    return Shown(model=model, scene=held, parameters=parameters, t=t, poses=poses, columns=columns, failure=find_failure(model, run))
+    return Shown(
+        model=model, scene=held, parameters=parameters, t=t, poses=poses, columns=columns, failure=find_failure(model, run),
+        note=f"{method}, {variant} model" if variant else method,
+    )  # fmt: skip
 
 
 def _find_poses(
@@ -127,8 +134,8 @@ def write_view(path: AnyPath, artifact: Artifact, run: Trajectory, *, parameters
     return write_shown(Path(path), show_run(artifact.topology.model, scene, artifact.method, parameters or {}, run))
 
 
-def write_shown(path: Path, shown: Shown) -> Path:
-    """Write what is shown as a page, or as a .glb file.
+def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Path:
+    """Write what is shown as a page, ``over`` an earlier run if there is one, or as a .glb file.
 
     Raises:
         OutputError: the file cannot be written, or its ending names no kind.
@@ -142,8 +149,9 @@ def write_shown(path: Path, shown: Shown) -> Path:
     if path.suffix == GLTF:
         return write_whole(path, glb)
     page = make_page(
-        title=shown.model.name, scene=shown.scene.name, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
+        title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
         columns=shown.columns, outlook=find_outlook(placed, drawing), failure=shown.failure, motions=shown.motions,
+        over=over,
     )  # fmt: skip
     return write_whole(path, page)
 

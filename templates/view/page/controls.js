@@ -4,7 +4,7 @@ function fill(select, entries, chosen) {
 }
 
 by('title').textContent = about.title;
-by('subtitle').textContent = about.scene;
+by('subtitle').textContent = [about.scene, about.note].filter(Boolean).join(', ');
 fill(by('body'), [['', 'all'], ...about.bodies.map((b) => [b, b])], '');
 fill(by('follow'), [['', 'nothing'], ...about.bodies.map((b) => [b, b])], state.follow);
 fill(by('column'), columns.map((c) => [c.name, c.name]), state.column);
@@ -32,6 +32,14 @@ window.cutjoint = {
   project(body, time) { setTime(time); camera.updateMatrixWorld(); return place(nodes.get(body)).slice(0, 2); },
   /** The pixel of the ball around what failed. */
   mark() { camera.updateMatrixWorld(); return place(marks[0]).slice(0, 2); },
+  /** The pixel at which the ghost of a body is. */
+  ghost(body, time) {
+    setTime(time);
+    scene.updateMatrixWorld();
+    let found;
+    ghost.scene.traverse((object) => { if (object.userData.body === body) found = object; });
+    return place(found).slice(0, 2);
+  },
   /** Where the eye is and what it looks at, in the scene's axes (y is up), its angle of view in degrees, and the picture's size in pixels. */
   eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },
   motion: chooseMotion,
@@ -39,4 +47,16 @@ window.cutjoint = {
   frames() { return renderer.info.render.frame; },
 };
 
-new GLTFLoader().parse(bytes('glb'), '', (gltf) => { load(gltf); listValues(); drawPlot(); showFailure(); showMotions(); document.body.dataset.ready = 'yes'; }, (error) => { throw error; });
+const read = (id) => new GLTFLoader().parseAsync(bytes(id), '');
+
+async function begin() {
+  load(await read('glb'));
+  if (over) loadGhost(await read('over-glb'));
+  listValues();
+  drawPlot();
+  showFailure();
+  showMotions();
+  document.body.dataset.ready = 'yes';
+}
+
+begin();

@@ -91,6 +91,7 @@ function dress() {
   const style = getComputedStyle(document.documentElement);
   scene.background = new Color(style.getPropertyValue('--sky'));
   scene.fog = new Fog(scene.background, 1, 2);
+  ghost.material?.color.set(style.getPropertyValue('--ghost'));
   const night = matchMedia('(prefers-color-scheme: dark)').matches;
   for (const [material, colour] of tarmac) material.color.copy(colour).multiplyScalar(night ? 0.3 : 1);
   if (grid) scene.remove(grid);

@@ -6,6 +6,7 @@ function setTime(time) {
     action.time = state.time;
     mixer.update(0);
   }
+  moveGhost();
   model.updateMatrixWorld();
   if (before) {
     const way = nodes.get(state.follow).getWorldPosition(new Vector3()).sub(before);
@@ -39,13 +40,15 @@ function tick(now) {
   else requestAnimationFrame(tick);
 }
 
-/** The number of the last row up to the present time. */
-function row() {
-  let low = 0, high = t.length - 1;
+/** The number of the last of some ascending times up to the present one. */
+function rowOf(times) {
+  let low = 0, high = times.length - 1;
   while (low < high) {
     const middle = (low + high + 1) >> 1;
-    if (t[middle] <= state.time + 1e-6) low = middle;
+    if (times[middle] <= state.time + 1e-6) low = middle;
     else high = middle - 1;
   }
   return low;
 }
+
+const row = () => rowOf(t);

@@ -7,7 +7,7 @@ function listValues() {
     line.insertCell().textContent = column.name;
     line.className = column.name === state.column ? 'chosen' : '';
     line.addEventListener('click', () => chooseColumn(column.name));
-    return { column, line, cell: line.insertCell() };
+    return { column, line, cell: line.insertCell(), other: ghost.columns.has(column.name) ? line.insertCell() : undefined };
   });
   lines.replaceChildren(...cells.map((c) => c.line));
   if (!own.length && !motions.length) {
@@ -20,7 +20,10 @@ function listValues() {
 
 function showValues() {
   const now = row();
-  for (const { column, cell } of cells) cell.textContent = `${+column.values[now].toFixed(column.decimals)} ${column.unit}`;
+  for (const { column, cell, other } of cells) {
+    cell.textContent = `${+column.values[now].toFixed(column.decimals)} ${column.unit}`;
+    if (other) other.textContent = +ghostValue(column.name).toFixed(column.decimals);
+  }
 }
 
 function chooseColumn(name) {
@@ -34,7 +37,7 @@ let plot, now;
 const plotSize = () => ({ width: by('plot').clientWidth || 300, height: 220 });
 
 function drawPlot() {
-  const column = columns.find((c) => c.name === state.column);
+  const column = columns.find((c) => c.name === state.column), other = ghost.columns.get(state.column);
   if (plot) plot.destroy();
   plot = undefined;
   if (!column || t.length < 2) return;
@@ -43,9 +46,11 @@ function drawPlot() {
   const options = {
     ...plotSize(), legend: { show: false }, cursor: { drag: { setScale: false, x: false, y: false }, y: false, points: { show: false } },
     scales: { x: { time: false } }, axes: [{ ...axis, label: 't in s', labelSize: 20, size: 34 }, { ...axis, size: 58, label: column.unit, labelSize: 18 }],
-    series: [{}, { stroke: colour('--accent'), width: 1.5, points: { show: false } }],
+    series: [{}, ...(other ? [{ stroke: colour('--ghost'), width: 1.5, dash: [6, 4], points: { show: false } }] : []),
+      { stroke: colour('--accent'), width: 1.5, points: { show: false } }],
   };
-  plot = new Plot(options, [t, column.values], by('plot'));
+  const own = [t, column.values];
+  plot = new Plot(options, other ? Plot.join([[ghost.t, other], own]) : own, by('plot'));
   plot.over.addEventListener('click', (e) => { play(false); setTime(plot.posToVal(e.offsetX, 'x')); });
   now = document.createElement('div');
   now.className = 'now';
