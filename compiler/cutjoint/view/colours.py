@@ -14,6 +14,7 @@ def _colour(text: str) -> Colour:
 
 STEEL = _colour("#8b929b")
 JOINT = _colour("#5d646e")
+FORCE, REACTION = _colour("#d9480f"), _colour("#0b7fab")
 ALARM = _colour("#e5202b")
 RUBBER = _colour("#33373d")
 ROAD = (_colour("#a3a8ae"), _colour("#b6bac0"))

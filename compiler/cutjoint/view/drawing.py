@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from cutjoint.export.numbers import Numbers
 from cutjoint.model.records import GROUND, Model
+from cutjoint.view.arrows import Arrows
 from cutjoint.view.bodies import BodyParts
 from cutjoint.view.failure import mark
 from cutjoint.view.forces import ForceNodes
@@ -15,8 +18,11 @@ from cutjoint.view.sizes import point_of
 from cutjoint.view.turns import quaternions_of
 
 
-def draw(placed: Placed, t: Array, *, failed: str = "") -> Drawing:
-    """The drawing of a mechanism at times ``t`` (times,), s, each body at its centre of mass; the element that ``failed`` is marked."""
+def draw(placed: Placed, t: Array, *, failed: str = "", columns: Mapping[tuple[str, str], Array] | None = None) -> Drawing:
+    """The drawing of a mechanism at times ``t`` (times,), s, each body at its centre of mass; the element that ``failed`` is marked.
+
+    Forces and reactions that ``columns`` (times,) by element and quantity have are arrows.
+    """
     model, numbers = placed.model, placed.numbers
     up = up_of(numbers, model)
     parts = BodyParts(model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes).all()
@@ -30,7 +36,10 @@ def draw(placed: Placed, t: Array, *, failed: str = "") -> Drawing:
             )
         )  # fmt: skip
     forces = ForceNodes(model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, up=up)
-    return Drawing(name=model.name, t=t, nodes=(*nodes, *forces.all(), *mark(placed, failed)), up=up)
+    arrows = Arrows(
+        model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, up=up, columns=columns or {}
+    )
+    return Drawing(name=model.name, t=t, nodes=(*nodes, *forces.all(), *mark(placed, failed), *arrows.all()), up=up)
 
 
 def up_of(numbers: Numbers, model: Model) -> Array:

@@ -79,6 +79,13 @@ def between(start: Array, end: Array, radius: float) -> Mesh:
     return cylinder(radius, float(np.linalg.norm(way)), 14).moved(rotation_to(way), (start + end) / 2)
 
 
+@cache
+def arrow(length: float) -> Mesh:
+    """An arrow from the origin along z."""
+    shaft, head, neck = 0.035 * length, 0.085 * length, 0.74 * length
+    return revolved([(0.0, 0.0), (shaft, 0.0), (shaft, neck), (head, neck), (0.0, length)], 16)
+
+
 #: The length at which the wire of a coil is round, in radii of the coil.
 _DRAWN = 8.0
 

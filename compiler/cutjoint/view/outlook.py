@@ -41,7 +41,7 @@ def _direction(model: Model, numbers: Numbers, up: Array) -> Array:
 
 def _floor(sizes: Sizes, drawing: Drawing) -> float:
     """A little below the lowest point at any time."""
-    lowest = [_lowest(node, drawing.up) for node in drawing.nodes if node.parts]
+    lowest = [_lowest(node, drawing.up) for node in drawing.nodes if node.parts and "arrow" not in node.about]
     return min(lowest, default=0.0) - 0.02 * sizes.extent
 
 

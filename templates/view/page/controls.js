@@ -16,6 +16,7 @@ by('body').addEventListener('change', (e) => choose(e.target.value));
 by('follow').addEventListener('change', (e) => { state.follow = e.target.value; });
 by('column').addEventListener('change', (e) => chooseColumn(e.target.value));
 by('names').addEventListener('change', redraw);
+by('forces').addEventListener('change', (e) => showArrows(e.target.checked));
 by('home').addEventListener('click', home);
 by('play').addEventListener('click', () => play(!state.playing));
 by('time').addEventListener('input', (e) => { play(false); setTime(first + Number(e.target.value) * (last - first)); });
@@ -39,6 +40,12 @@ window.cutjoint = {
     let found;
     ghost.scene.traverse((object) => { if (object.userData.body === body) found = object; });
     return place(found).slice(0, 2);
+  },
+  /** From where to where an arrow goes, in the scene's axes, where y is up. */
+  arrow(name, time) {
+    setTime(time);
+    const node = arrows.find((a) => a.userData.arrow === name), at = node.localToWorld(new Vector3());
+    return { at: at.toArray(), along: node.localToWorld(new Vector3(0, 0, 1)).sub(at).normalize().toArray(), newton: node.scale.x * node.userData.newton };
   },
   /** Where the eye is and what it looks at, in the scene's axes (y is up), its angle of view in degrees, and the picture's size in pixels. */
   eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },

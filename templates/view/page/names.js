@@ -4,13 +4,19 @@ function place(node) {
   return [((at.x + 1) / 2) * picture.clientWidth, ((1 - at.y) / 2) * picture.clientHeight, at.z];
 }
 
+/** An arrow with its name and size. */
+function named(node) {
+  return { text: `${node.userData.arrow} ${+(node.scale.x * node.userData.newton).toPrecision(3)} N`, node, kind: 'force' };
+}
+
 /** What may have a name in the picture: text, node and kind, the most important first. */
 function nameable() {
   const shown = by('names').checked ? [...nodes.keys()] : state.body ? [state.body] : [];
   const marked = marks.slice(0, 1).map((node) => ({ text: failure.row, node, kind: 'failed' }));
   const bodies = shown.map((name) => ({ text: name, node: nodes.get(name), kind: name === state.body ? 'chosen' : '' }));
-  const placed = [...marked, ...bodies].map((each) => ({ ...each, at: place(each.node) })).filter(({ at }) => at[2] < 1);
-  const rank = ({ kind }) => ['failed', 'chosen', ''].indexOf(kind);
+  const forces = by('names').checked ? arrows.filter((arrow) => arrow.visible).map(named) : [];
+  const placed = [...marked, ...bodies, ...forces].map((each) => ({ ...each, at: place(each.node) })).filter(({ at }) => at[2] < 1);
+  const rank = ({ kind }) => ['failed', 'chosen', '', 'force'].indexOf(kind);
   return placed.sort((a, b) => rank(a) - rank(b) || a.at[2] - b.at[2]);
 }
 

@@ -11,6 +11,7 @@ const sun = new DirectionalLight(0xffffff, 1.9);
 scene.add(sun);
 const nodes = new Map();  // of bodies, by name
 const marks = [];  // balls around what failed
+const arrows = [];  // of forces and reactions
 const clickable = [], tarmac = new Map();  // of the road's materials the colours by day
 let model, clips, mixer, action, grid, cell = 1, due = false;
 
@@ -22,6 +23,7 @@ function load(gltf) {
     if (object.userData.body !== undefined) nodes.set(object.userData.body, object);
     if (!object.isMesh) return;
     if (isMark(object)) return dressMark(object);
+    if (object.userData.arrow !== undefined) return dressArrow(object);
     if (!materials.has(object.material)) materials.set(object.material, new MeshLambertMaterial({ color: object.material.color, fog: isRoad(object) }));
     if (isRoad(object)) tarmac.set(materials.get(object.material), object.material.color.clone());
     object.material = materials.get(object.material);  // cheaper than what glTF describes, where a processor draws
@@ -33,12 +35,26 @@ function load(gltf) {
     action = mixer.clipAction(clips[0]);
     action.play();
   }
+  by('forceful').hidden = !arrows.length;
+  showArrows(false);
   setTime(first);
   new ResizeObserver(resize).observe(picture);
   resize();
   home();
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', dress);
   dress();
+}
+
+/** An arrow is seen through bodies too. */
+function dressArrow(object) {
+  arrows.push(object);
+  object.material = new MeshLambertMaterial({ color: object.material.color, transparent: true, opacity: 0.85, depthTest: false });
+  object.renderOrder = 2;
+}
+
+function showArrows(on) {
+  for (const arrow of arrows) arrow.visible = on;
+  redraw();
 }
 
 const isMark = (object) => object.userData.mark !== undefined;
@@ -64,7 +80,7 @@ function home() {
   const box = new Box3(), { time } = state;
   for (const at of state.follow || !action ? [time] : Array.from({ length: 17 }, (_, i) => first + ((last - first) * i) / 16)) {
     setTime(at);
-    model.traverse((o) => { if (o.isMesh && !isRoad(o)) box.expandByObject(o); });
+    model.traverse((o) => { if (o.isMesh && !isRoad(o) && o.userData.arrow === undefined) box.expandByObject(o); });
   }
   setTime(time);
   const centre = box.getCenter(new Vector3()), half = box.getSize(new Vector3()).multiplyScalar(0.5);
