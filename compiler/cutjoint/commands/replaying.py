@@ -7,19 +7,24 @@ from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.commands.preparing import Played, read_request
+from cutjoint.export.numbers import Numbers
 from cutjoint.prepared import Request
 from cutjoint.run.errors import RunError
 from cutjoint.run.last_steps import with_each_step
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator_run import SimulatorRun
 from cutjoint.view.earlier import read_page
+from cutjoint.view.mesh_files import require_meshes
 from cutjoint.view.views import PAGE, require_view, show_run, write_shown
 
 
-def require_replay(view: Path | None, over: Path | None, batch: Path | None) -> None:
+def require_replay(
+    request: Request, parameters: Mapping[str, float], view: Path | None, over: Path | None, batch: Path | None
+) -> None:  # fmt: skip
     """Check that what is asked for can be shown.
 
     Raises:
+        ModelError: the model is wrong, or a mesh of it.
         RunError, OutputError: a batch is asked for, the file is of no kind, or there is no page or no run to be over.
     """
     if view is not None:
@@ -30,6 +35,8 @@ def require_replay(view: Path | None, over: Path | None, batch: Path | None) -> 
         if view is None or view.suffix != PAGE:
             raise RunError(f"--over {over}: only a page shows two runs; write --view with a name that ends in {PAGE}")
         read_page(over, "--over")
+    model, scene, _ = read_request(request)
+    require_meshes(model, Numbers.of(model, scene, parameters))
 
 
 def write_replay(

@@ -96,7 +96,7 @@ def command(
     if view is not None or over is not None:
         from cutjoint.commands.replaying import require_replay
 
-        require_replay(view, over, batch)
+        require_replay(request, parameters, view, over, batch)
     if batch is not None or threads is not None:
         from cutjoint.commands.batches import run_batch
 

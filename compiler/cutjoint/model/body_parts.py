@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, TypeAlias
 
-from pydantic import Field, StrictBool, Tag, model_validator
+from pydantic import Field, StrictBool, StrictFloat, StrictInt, StrictStr, Tag, model_validator
 
+from cutjoint.model.printing import printable
 from cutjoint.model.values import Direction, Inertia, Number, Part, Point, Triple, shape_error, told_by
 
 MAX_SHAPES = 1000
@@ -89,6 +91,40 @@ Shape: TypeAlias = Annotated[
 ]
 
 
+#: The endings of meshes that can be drawn.
+MESHES = (".glb", ".stl", ".obj")
+
+
+class Visual(Part):
+    """What is drawn of a body: a mesh in a file beside the model, ``scale`` times as large, its origin ``at`` a point; a ``colour``."""
+
+    mesh: StrictStr | None = None
+    colour: StrictStr | None = None
+    at: Point | None = None
+    scale: StrictInt | StrictFloat | None = None
+
+    @model_validator(mode="after")
+    def _drawable(self) -> Visual:
+        if self.mesh is None and (self.colour is None or self.at is not None or self.scale is not None):
+            raise shape_error("needs a mesh, or a colour alone")
+        if self.mesh is not None:
+            _require_beside(self.mesh)
+        if self.colour is not None and not re.fullmatch("#[0-9a-fA-F]{6}", self.colour):
+            raise shape_error(f"colour '{printable(self.colour)}' is none", "write red, green and blue as \"#d9480f\", in quotes")
+        if self.scale is not None and not 1e-9 <= self.scale <= 1e9:
+            raise shape_error("scale is not between 1e-9 and 1e9")
+        return self
+
+
+def _require_beside(mesh: str) -> None:
+    """Check that a text names a mesh in the model file's folder or below it."""
+    if not mesh.lower().endswith(MESHES):
+        raise shape_error(f"mesh '{printable(mesh)}' is of no kind that is known", f"name a file that ends in {', '.join(MESHES)}")
+    parts = mesh.split("/")
+    if len(mesh) > 500 or "" in parts or ".." in parts or "\\" in mesh or ":" in mesh or not mesh.isprintable():
+        raise shape_error(f"mesh '{printable(mesh[:80])}' is not below the model file's folder", "put it there, and name it from there")
+
+
 class Body(Part):
     """A rigid body, by its mass and inertia or by its shapes; the inertia is about ``about``, by default its centre of mass."""
 
@@ -98,6 +134,7 @@ class Body(Part):
     about: Point | None = None
     shapes: Annotated[tuple[Shape, ...], Field(min_length=1, max_length=MAX_SHAPES)] | None = None
     massless: StrictBool = False
+    visual: Visual | None = None
 
     @model_validator(mode="after")
     def _one_form(self) -> Body:

@@ -7,15 +7,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import sympy
+
 from cutjoint.elements.joint import PERPENDICULAR, JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model import body_parts, document, joint_parts
 from cutjoint.model.forces import joint_forces, read_force
 from cutjoint.model.gears import read_gear
-from cutjoint.model.geometry import coincide, perpendicular, read_direction, read_point, unit
+from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_direction, read_point, unit
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.mass import read_mass
-from cutjoint.model.records import Body, Force, Gear, Joint, JointKind, Marker, Reaction, Scalar, Vector
+from cutjoint.model.records import Body, Force, Gear, Joint, JointKind, Marker, Reaction, Scalar, Vector, Visual
 from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
 from cutjoint.model.units import ANGLE, LENGTH, TIME
 
@@ -64,7 +66,19 @@ def _read_points(scope: Scope, part: document.Elements) -> Mapping[str, Vector]:
 
 def _read_body(element: Element, body: body_parts.Body) -> Body:
     mass, centre, inertia, shapes = read_mass(element, body)
-    return Body(name=element.name, mass=mass, centre_of_mass=centre, inertia=inertia, span=element.span, shapes=shapes)
+    visuals = () if body.visual is None else (_read_visual(element, body.visual),)
+    return Body(
+        name=element.name, mass=mass, centre_of_mass=centre, inertia=inertia, span=element.span, shapes=shapes, visuals=visuals
+    )  # fmt: skip
+
+
+def _read_visual(element: Element, visual: body_parts.Visual) -> Visual:
+    nowhere = (sympy.Integer(0),) * 3
+    return Visual(
+        mesh=visual.mesh or "", colour=visual.colour or "", axes=GLOBAL_AXES, scale=float(visual.scale or 1),
+        at=nowhere if visual.at is None else read_point(element, visual.at, ("visual", "at")),
+        span=element.scope.source.key_span((*element.path, "visual")),
+    )  # fmt: skip
 
 
 def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:

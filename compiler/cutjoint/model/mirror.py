@@ -13,7 +13,7 @@ from cutjoint.elements.joint import DESIGN_FRAME, Direction, Slide
 from cutjoint.model.elements import Elements
 from cutjoint.model.expressions import variable
 from cutjoint.model.geometry import least_component
-from cutjoint.model.records import Body, Gear, Joint, Marker, Reaction, Scalar, Vector
+from cutjoint.model.records import Body, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
 from cutjoint.model.scope import FAILED
 
 
@@ -65,7 +65,15 @@ def _body(mirror: Mirror, body: Body) -> Body:
     shapes = tuple(
         replace(s, points=tuple(map(mirror.vector, s.points)), axes=tuple(map(mirror.vector, s.axes))) for s in body.shapes
     )  # fmt: skip
-    return replace(body, centre_of_mass=mirror.vector(body.centre_of_mass), inertia=inertia, shapes=shapes)
+    return replace(
+        body, centre_of_mass=mirror.vector(body.centre_of_mass), inertia=inertia, shapes=shapes,
+        visuals=tuple(_visual(mirror, visual) for visual in body.visuals),
+    )  # fmt: skip
+
+
+def _visual(mirror: Mirror, visual: Visual) -> Visual:
+    x, y, z = map(mirror.vector, visual.axes)
+    return replace(visual, at=mirror.vector(visual.at), axes=(x, y, z))
 
 
 def coordinate_signs(mirror: Mirror, joint: Joint) -> Mapping[str, int]:

@@ -89,12 +89,28 @@ class Shape:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Visual:
+    """What is drawn of a body: a ``mesh``, the file as the model file at ``span`` names it, "" for none, and a ``colour``, "" for any.
+
+    A point p of the mesh is at ``at`` + ``scale`` (p1 axes[0] + p2 axes[1] + p3 axes[2]) in the design position; m.
+    """
+
+    mesh: str
+    colour: str
+    at: Vector
+    axes: tuple[Vector, Vector, Vector]
+    scale: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Body:
     """A rigid body; one without mass may have inertia, as a shaft's about its axis, and its centre is the origin unless given.
 
     ``inertia`` is (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) about the body's own centre of mass in global design axes,
     kg m2; the last three are elements of the inertia matrix (products of inertia with their sign reversed).  ``shapes`` are those that
-    mass, centre and inertia come from; none where the file gives these as numbers.
+    mass, centre and inertia come from; none where the file gives these as numbers.  ``visuals`` are what is drawn instead, of welded
+    bodies those of all.
     """
 
     name: str
@@ -103,6 +119,7 @@ class Body:
     inertia: tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
     span: Span
     shapes: tuple[Shape, ...] = ()
+    visuals: tuple[Visual, ...] = ()
 
     @property
     def is_massless(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import sympy
 
@@ -84,11 +85,11 @@ def _at_marker(output: Output, marker: str) -> Output:
 
 def merged(a: Body, b: Body) -> Body:
     """Both masses, the common centre, and the inertia about it (Steiner)."""
-    shapes = (*a.shapes, *b.shapes)
+    drawn: dict[str, Any] = {"shapes": (*a.shapes, *b.shapes), "visuals": (*a.visuals, *b.visuals)}
     if b.is_massless:
-        return replace(a, shapes=shapes)
+        return replace(a, **drawn)
     if a.is_massless:
-        return replace(b, name=a.name, span=a.span, shapes=shapes)
+        return replace(b, name=a.name, span=a.span, **drawn)
     mass = a.mass + b.mass
     centre = a.centre_of_mass
     if b.mass != 0:
@@ -99,4 +100,4 @@ def merged(a: Body, b: Body) -> Body:
         d = sympy.Matrix(body.centre_of_mass) - sympy.Matrix(centre)
         J += sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + body.mass * (d.dot(d) * sympy.eye(3) - d * d.T)
     inertia = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
-    return replace(a, mass=mass, centre_of_mass=centre, inertia=inertia, shapes=shapes)
+    return replace(a, mass=mass, centre_of_mass=centre, inertia=inertia, **drawn)

@@ -1,4 +1,4 @@
-"""Bodies as they are drawn: by their shapes, else as bars between what holds them."""
+"""Bodies as they are drawn: by their meshes, their shapes, else as bars between what holds them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from cutjoint.elements.kinds import JointKind
 from cutjoint.export.numbers import Numbers
 from cutjoint.model.records import GROUND, Body, Joint, Model, Scene, Shape, ShapeKind
 from cutjoint.view import meshes
-from cutjoint.view.colours import JOINT, colours_of
+from cutjoint.view.colours import JOINT, colours_of, read_colour
+from cutjoint.view.mesh_files import load_meshes
 from cutjoint.view.records import Array, Colour, Mesh, Part
 from cutjoint.view.sizes import Sizes, attached_points, point_of
 from cutjoint.view.turns import rotation_to
@@ -51,9 +52,10 @@ class BodyParts:
         return held
 
     def _body(self, body: Body, held: Sequence[Array], colour: Colour) -> Iterator[Part]:
-        solid = [mesh for shape in body.shapes if not shape.hole for mesh in self._shape(shape)]
+        solid = load_meshes(body, self.numbers) or [mesh for shape in body.shapes if not shape.hole for mesh in self._shape(shape)]
         bars = list(self._bars(point_of(self.numbers, body.centre_of_mass), held, is_massless=body.is_massless))
-        yield Part(mesh=meshes.joined(solid or bars), colour=colour)
+        own = [visual.colour for visual in body.visuals if visual.colour]
+        yield Part(mesh=meshes.joined(solid or bars), colour=read_colour(own[0]) if own else colour)
 
     def _bars(self, centre: Array, held: Sequence[Array], *, is_massless: bool) -> Iterator[Mesh]:
         """Bars from the centre of mass to all points, or one between two points where the centre lies in it or there is none."""

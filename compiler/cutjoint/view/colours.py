@@ -7,20 +7,21 @@ from collections.abc import Sequence
 from cutjoint.view.records import Colour
 
 
-def _colour(text: str) -> Colour:
+def read_colour(text: str) -> Colour:
+    """The colour of a text such as "#d9480f"."""
     red, green, blue = (int(text[i : i + 2], 16) / 255 for i in (1, 3, 5))
     return red, green, blue
 
 
-STEEL = _colour("#8b929b")
-JOINT = _colour("#5d646e")
-FORCE, REACTION = _colour("#d9480f"), _colour("#0b7fab")
-ALARM = _colour("#e5202b")
-RUBBER = _colour("#33373d")
-ROAD = (_colour("#a3a8ae"), _colour("#b6bac0"))
+STEEL = read_colour("#8b929b")
+JOINT = read_colour("#5d646e")
+FORCE, REACTION = read_colour("#d9480f"), read_colour("#0b7fab")
+ALARM = read_colour("#e5202b")
+RUBBER = read_colour("#33373d")
+ROAD = (read_colour("#a3a8ae"), read_colour("#b6bac0"))
 
 _OF_BODIES = tuple(
-    _colour(c) for c in ("#3f7fb5", "#e08a33", "#4f9d5a", "#cf5757", "#8a6fc0", "#3fa3a0", "#c9a227", "#c76b9f", "#8d6e5a", "#7f9a3c")
+    read_colour(c) for c in ("#3f7fb5", "#e08a33", "#4f9d5a", "#cf5757", "#8a6fc0", "#3fa3a0", "#c9a227", "#c76b9f", "#8d6e5a", "#7f9a3c")
 )
 
 

@@ -1,0 +1,96 @@
+"""Meshes of bodies from files beside the model.  A mesh is data: nothing that it names is read, and it has a bounded size."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from cutjoint.export.numbers import Numbers
+from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.records import Body, Model, Visual
+from cutjoint.view.records import Array, Mesh
+from cutjoint.view.sizes import point_of
+
+#: Bytes of a file, triangles of a mesh, and the largest coordinate, m.
+_BYTES, _TRIANGLES, _FAR = 50_000_000, 200_000, 1e6
+
+
+def require_meshes(model: Model, numbers: Numbers) -> None:
+    """Check that all meshes of a model can be drawn.
+
+    Raises:
+        ModelError: files are not there or are no meshes; all of them.
+    """
+    problems: list[Problem] = []
+    for body in model.bodies:
+        try:
+            load_meshes(body, numbers)
+        except ModelError as error:
+            problems += error.problems
+    if problems:
+        raise ModelError(problems)
+
+
+def load_meshes(body: Body, numbers: Numbers) -> list[Mesh]:
+    """The meshes of a body in the design position, with an edge between all triangles.
+
+    Raises:
+        ModelError: a file is not there, is not below the model file's folder, or is no mesh.
+    """
+    return [_placed(_triangles(body, visual), visual, numbers) for visual in body.visuals if visual.mesh]
+
+
+def _placed(corners: Array, visual: Visual, numbers: Numbers) -> Mesh:
+    """The mesh of triangles (n, 3, 3) where it stands; the image in a mirror is turned inside out first."""
+    axes = visual.scale * np.array([point_of(numbers, axis) for axis in visual.axes])
+    placed = corners @ axes + point_of(numbers, visual.at)
+    if np.linalg.det(axes) < 0:
+        placed = placed[:, ::-1]
+    normals = np.cross(placed[:, 1] - placed[:, 0], placed[:, 2] - placed[:, 0])
+    sizes = np.linalg.norm(normals, axis=1)
+    kept = sizes > 0
+    normals = normals[kept] / sizes[kept, np.newaxis]
+    points = placed[kept].reshape(-1, 3)
+    return Mesh(points=points, normals=np.repeat(normals, 3, axis=0), faces=np.arange(len(points)).reshape(-1, 3))
+
+
+def _triangles(body: Body, visual: Visual) -> Array:
+    """The corners of the triangles of a file, (n, 3, 3), in its own frame."""
+    content = _content(body, visual)
+    try:
+        import trimesh
+
+        kind = Path(visual.mesh).suffix[1:].lower()
+        loaded = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False, resolver=None, skip_materials=True)
+        corners = np.asarray(loaded.triangles, dtype=np.float64)
+    except Exception:  # whatever a library makes of a file that is none of its own
+        raise _problem(body, visual, "is no mesh that can be read", "write it anew as STL") from None
+    largest = float(np.abs(corners).max(initial=0.0)) * visual.scale
+    if not len(corners) or not largest < _FAR or not np.any(np.ptp(corners.reshape(-1, 3), axis=0)):
+        raise _problem(body, visual, "has no triangles, or some that are not finite or far away", "write it in metres, or give a scale")
+    if len(corners) > _TRIANGLES:
+        raise _problem(body, visual, f"has {len(corners)} triangles, more than {_TRIANGLES}", "make it coarser")
+    return corners
+
+
+def _content(body: Body, visual: Visual) -> bytes:
+    """The bytes of the file, which is below the model file's folder, links followed."""
+    folder = Path(visual.span.file).parent.resolve()
+    try:
+        path = (folder / visual.mesh).resolve(strict=True)
+    except (OSError, RuntimeError):
+        raise _problem(body, visual, "is not there", f"put it into {folder.name or 'the folder'}, beside the model file") from None
+    if not path.is_relative_to(folder):
+        raise _problem(body, visual, "is a link that leaves the model file's folder", "put the file itself there")
+    if not path.is_file() or path.stat().st_size > _BYTES:
+        raise _problem(body, visual, f"is no file of {_BYTES // 1_000_000} MB at most", "name another")
+    try:
+        return path.read_bytes()
+    except OSError:
+        raise _problem(body, visual, "cannot be read", "change its permissions") from None
+
+
+def _problem(body: Body, visual: Visual, message: str, hint: str) -> ModelError:
+    return ModelError([Problem(span=visual.span, element=f"body '{body.name}'", message=f"mesh '{visual.mesh}' {message}", hint=hint)])
