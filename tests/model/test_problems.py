@@ -323,7 +323,7 @@ def test_all_problems_come_at_once_in_the_files_order() -> None:
     text = text.replace("end: {body", "lost: {bdy: arm, at: tip}\n  end: {body").replace("[end.x]", "[lost.x, end.q]")
     assert problems(text) == [
         "m.yaml:11:15: body 'arm': mass: unknown symbol 'arm_mas'; did you mean 'arm_mass'?",
-        "m.yaml:11:24: body 'arm': unknown field 'colour'; fields: about, centre_of_mass, inertia, mass, massless, shapes",
+        "m.yaml:11:24: body 'arm': unknown field 'colour'; fields: about, centre_of_mass, inertia, mass, massless, shapes, visual",
         "m.yaml:13:71: joint 'hinge': axis has no direction: its length is zero",
         "m.yaml:17:3: marker 'lost': the field 'body' is missing",
         "m.yaml:17:10: marker 'lost': unknown field 'bdy'; did you mean 'body'?",

@@ -14,6 +14,7 @@ from cutjoint.view import meshes
 from cutjoint.view.earlier import Earlier, read_page
 from cutjoint.view.failure import Failure
 from cutjoint.view.gltf import write_gltf
+from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion
 from cutjoint.view.page import SCRIPTS, Outlook, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
@@ -160,7 +161,7 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def hostile_page(file: Path, motions: Sequence[Motion] = (), over: Earlier | None = None) -> Path:
+def hostile_page(file: Path, motions: Sequence[Motion] = (), over: Earlier | None = None, graph: Graph | None = None) -> Path:
     """A page whose names are all hostile."""
     t, part = np.linspace(0.0, 1.0, 3), Part(mesh=meshes.box(1, 1, 1), colour=(0.8, 0.2, 0.2))
     nodes = [
@@ -173,7 +174,7 @@ def hostile_page(file: Path, motions: Sequence[Motion] = (), over: Earlier | Non
     failure = Failure(text=HOSTILE[0], advice=HOSTILE[1], row=HOSTILE[2], element=HOSTILE[3], place=HOSTILE[0], bodies=[HOSTILE[1]])
     text = make_page(
         title=HOSTILE[0], scene=HOSTILE[1], note=HOSTILE[2], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook,
-        failure=failure, motions=motions, over=over,
+        failure=failure, motions=motions, over=over, graph=graph,
     )  # fmt: skip
     file.write_text(text, encoding="utf-8")
     return file

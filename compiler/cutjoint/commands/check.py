@@ -19,7 +19,8 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.choice import rank_cuts
 from cutjoint.topology.reading import read_model
-from cutjoint.view.states import show_directions
+from cutjoint.view.graph import draw_graph
+from cutjoint.view.states import find_notes, show_directions
 from cutjoint.view.views import require_view, write_shown
 
 
@@ -44,7 +45,8 @@ def command(model: Path, scene: str | None, view: Path | None) -> None:
     with options.progress_bar(f"degrees of freedom of {model.name}"):
         poses = explore(equations)
         mobility = find_mobility(equations, poses)
-    options.out.print(tables.facts(f"model {checked.name}", tables.topology_facts(topology, mobility)))
+    facts = tables.topology_facts(topology, mobility)
+    options.out.print(tables.facts(f"model {checked.name}", facts))
     if topology.loops:
         options.out.print(tables.loop_table(topology))
     if topology.closing:
@@ -60,5 +62,6 @@ def command(model: Path, scene: str | None, view: Path | None) -> None:
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
-            write_shown(view, show_directions(checked, chosen, equations, poses[0]))
+            notes = find_notes(equations, poses)
+            write_shown(view, show_directions(checked, chosen, equations, poses[0], draw_graph(topology, facts, notes)))
         options.console_beside(view).print(f"view: {view}", markup=False)

@@ -16,6 +16,7 @@ import numpy as np
 from cutjoint.locations import templates_folder
 from cutjoint.view.earlier import Earlier
 from cutjoint.view.failure import Failure
+from cutjoint.view.graph import Graph
 from cutjoint.view.motions import PERIOD, Motion
 from cutjoint.view.records import Array
 
@@ -46,7 +47,7 @@ class Outlook:
 
 
 #: The page's own script is these files in this order, in one function.
-SCRIPTS = ("data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "controls")
+SCRIPTS = ("data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "graph", "controls")
 
 #: How many of the last rows of a run that failed are played slowly.
 LAST_ROWS = 40
@@ -55,6 +56,7 @@ LAST_ROWS = 40
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook,
     failure: Failure | None = None, motions: Sequence[Motion] = (), over: Earlier | None = None,
+    graph: Graph | None = None,
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are."""
     folder = templates_folder() / "view"
@@ -62,6 +64,7 @@ def make_page(
         "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(outlook), "rows": int(t.size),
         "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
+        "graph": None if graph is None else asdict(graph),
         "over": None if over is None else {"name": over.name, "rows": int(over.t.size), "columns": list(over.columns)},
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cutjoint.analysis.closing import design_coordinates
+from cutjoint.analysis.inertia import find_momentary_motions
 from cutjoint.analysis.modes import Complex, Mode, Modes, Participant
 from cutjoint.analysis.poses import Pose
+from cutjoint.analysis.redundancy import find_redundancy
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
 from cutjoint.report.modes import mode_figures, participants
 from cutjoint.run.results import MechanismState
 from cutjoint.states import find_resting_coordinates
 from cutjoint.view.columns import bodies_of
+from cutjoint.view.graph import Graph
 from cutjoint.view.motions import PERIOD, Motion, Mover, motion_times
 from cutjoint.view.page import PlotColumn
 from cutjoint.view.records import Array
@@ -90,8 +94,8 @@ def _between(equations: RecursiveEquations, start: Array, end: Array, share: flo
     return q
 
 
-def show_directions(model: Model, scene: Scene, equations: RecursiveEquations, pose: Pose) -> Shown:
-    """The directions that the loops leave free at a pose, each named by a coordinate that no other one moves."""
+def show_directions(model: Model, scene: Scene, equations: RecursiveEquations, pose: Pose, graph: Graph) -> Shown:
+    """The directions that the loops leave free at a pose, each named by a speed that no other one has, beside the topology's ``graph``."""
     mover = Mover(model=model, scene=scene, parameters={})
     motions = [
         Motion(
@@ -100,7 +104,7 @@ def show_directions(model: Model, scene: Scene, equations: RecursiveEquations, p
         )
         for leader, column in free_directions(pose.free)
     ]  # fmt: skip
-    return _shown(mover, pose.q, motions)
+    return replace(_shown(mover, pose.q, motions), graph=graph)
 
 
 def free_directions(free: Array) -> Iterator[tuple[int, Array]]:
@@ -117,3 +121,18 @@ def free_directions(free: Array) -> Iterator[tuple[int, Array]]:
 
 def _facts(equations: RecursiveEquations, direction: Array) -> tuple[tuple[str, str], ...]:
     return tuple((equations.speed_names[i], f"{direction[i]:.4g}") for i in np.flatnonzero(direction))
+
+
+def find_notes(equations: RecursiveEquations, poses: Sequence[Pose]) -> Mapping[str, Sequence[str]]:
+    """What is wrong with elements: equations of cut joints that follow from others, bodies whose motion no mass resists for a moment."""
+    notes: dict[str, list[str]] = {}
+    redundancy = find_redundancy(equations, poses) if equations.equation_names else None
+    if redundancy is not None:
+        for when, found in (("in every pose", redundancy.structural), ("in the design position", redundancy.momentary)):
+            for joint in dict.fromkeys(r.joint for r in found):
+                names = ", ".join(r.equation for r in found if r.joint == joint)
+                notes.setdefault(joint, []).append(f"redundant {when}: {names}")
+    for motion in find_momentary_motions(equations, poses):
+        for t in motion.joints:
+            notes.setdefault(t.child, []).append(f"no mass resists its motion in the design position: {', '.join(motion.speeds)}")
+    return notes

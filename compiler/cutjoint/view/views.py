@@ -29,6 +29,7 @@ from cutjoint.view.drawing import draw
 from cutjoint.view.earlier import Earlier
 from cutjoint.view.failure import Failure, find_failure
 from cutjoint.view.gltf import write_gltf
+from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion, motion_times
 from cutjoint.view.outlook import find_outlook
 from cutjoint.view.page import LAST_ROWS, PlotColumn, make_page
@@ -47,7 +48,7 @@ _ROWS, _BYTES = 2000, 1_800_000
 class Shown:
     """What a file shows: a model in a scene with ``parameters`` (SI units) changed, the ``poses`` of its bodies at times ``t`` (times,), s,
     columns of a table at these times, why a run stopped, and motions
-    about the pose of the first time; ``note`` is said beside the scene."""
+    about the pose of the first time; ``note`` is said beside the scene, ``graph`` is the topology."""
 
     model: Model
     scene: Scene
@@ -58,6 +59,7 @@ class Shown:
     failure: Failure | None = None
     motions: tuple[Motion, ...] = ()
     note: str = ""
+    graph: Graph | None = None
 
 
 def require_view(path: Path, option: str) -> None:
@@ -155,7 +157,7 @@ def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Pat
     page = make_page(
         title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
         columns=shown.columns, outlook=find_outlook(placed, drawing), failure=shown.failure, motions=shown.motions,
-        over=over,
+        over=over, graph=shown.graph,
     )  # fmt: skip
     return write_whole(path, page)
 

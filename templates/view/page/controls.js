@@ -49,7 +49,7 @@ window.cutjoint = {
   },
   /** Where the eye is and what it looks at, in the scene's axes (y is up), its angle of view in degrees, and the picture's size in pixels. */
   eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },
-  motion: chooseMotion,
+  motion: chooseMotion, tab: showTab, tell,
   shown() { return { ...state, row: row() }; },
   frames() { return renderer.info.render.frame; },
 };
@@ -63,6 +63,7 @@ async function begin() {
   drawPlot();
   showFailure();
   showMotions();
+  showGraph();
   document.body.dataset.ready = 'yes';
 }
 

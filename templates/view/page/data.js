@@ -18,3 +18,10 @@ function measured(column) {
   const largest = column.values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
   return { ...column, decimals: largest > 0 ? Math.min(Math.max(4 - Math.floor(Math.log10(largest)), 0), 9) : 0 };
 }
+
+/** A line of a table: texts, each in its cell. */
+function tableLine(texts) {
+  const line = document.createElement('tr');
+  for (const text of texts) line.insertCell().textContent = text;
+  return line;
+}

@@ -7,12 +7,7 @@ function chooseMotion(name) {
   mixer?.stopAllAction();
   action = clip && mixer.clipAction(clip);
   action?.play();
-  by('facts').replaceChildren(...motion.facts.map(([what, value]) => {
-    const line = document.createElement('tr');
-    line.insertCell().textContent = what;
-    line.insertCell().textContent = value;
-    return line;
-  }));
+  by('facts').replaceChildren(...motion.facts.map(tableLine));
   setTime(state.time);
 }
 

@@ -140,6 +140,7 @@ function resize() {
   renderer.setSize(width, height);
   camera.aspect = width / height;
   camera.updateProjectionMatrix();
+  if (document.body.classList.contains('graphing')) lookAtGraph();
   if (plot) {
     plot.setSize(plotSize());
     cursor();

@@ -1,0 +1,135 @@
+// The topology: bodies and joints as a graph that can be shifted and zoomed; a click tells of an element.
+const { graph } = about;
+const SVG = 'http://www.w3.org/2000/svg';
+const parts = new Map();  // of the graph, by the element's name
+const eyeOfGraph = { x: 0, y: 0, scale: 1 };
+let told = '';
+
+function shape(parent, kind, attributes, text) {
+  const made = document.createElementNS(SVG, kind);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  if (text !== undefined) made.textContent = text;
+  parent.append(made);
+  return made;
+}
+
+/** The part of an element: all that a click on it chooses. */
+function part(parent, name, kind) {
+  const made = shape(parent, 'g', { class: kind, tabindex: 0, role: 'button', 'aria-label': name });
+  made.addEventListener('click', () => tell(name));
+  made.addEventListener('keydown', (e) => { if (e.key === 'Enter') tell(name); });
+  parts.set(name, made);
+  return made;
+}
+
+function drawGraph() {
+  const bodies = new Map(graph.bodies.map((b) => [b.name, b])), svg = by('graph');
+  const ways = shape(svg, 'g', {}), boxes = shape(svg, 'g', {});
+  for (const link of graph.links.filter((l) => !l.cut)) drawTreeJoint(ways, link, bodies);
+  for (const [i, link] of graph.links.filter((l) => l.cut).entries()) drawCut(ways, link, i, bodies);
+  for (const body of graph.bodies) {
+    const g = part(boxes, body.name, `body kin${body.kin < 0 ? '' : body.kin % 6}`);
+    shape(g, 'rect', { x: body.x, y: body.y - 13, width: body.width, height: 26, rx: 6 });
+    shape(g, 'text', { x: body.x + body.width / 2, y: body.y + 4, 'text-anchor': 'middle' }, body.short);
+  }
+}
+
+function drawTreeJoint(parent, link, bodies) {
+  const [a, b] = [bodies.get(link.base), bodies.get(link.follower)].sort((one, other) => one.x - other.x);
+  const turn = a.x + a.width + 12, g = part(parent, link.name, link.is_wrong ? 'joint wrong' : 'joint');
+  const d = `M ${a.x + a.width} ${a.y} H ${turn} V ${b.y} H ${b.x}`;
+  shape(g, 'path', { d, class: 'reach' });
+  shape(g, 'path', { d });
+  shape(g, 'text', { x: b.x - 8, y: b.y - 5, 'text-anchor': 'end' }, link.short);
+}
+
+/** A way out of a side of a body: straight to the right, or first up or down to where nothing stands. */
+const leave = (body, height) => Math.abs(height - body.y) < 12 ? `M ${body.x + body.width} ${height}`
+  : `M ${body.x + body.width - 8} ${body.y + (height < body.y ? -13 : 13)} V ${height}`;
+
+function drawCut(parent, link, number, bodies) {
+  const a = bodies.get(link.base), b = bodies.get(link.follower), g = part(parent, link.name, `cut loop${number % 6}${link.is_wrong ? ' wrong' : ''}`);
+  const [from, to] = link.heights, d = `${leave(a, from)} H ${link.lane} V ${to} ${leave(b, to)} H ${link.lane}`;
+  shape(g, 'path', { d, class: 'reach' });
+  shape(g, 'path', { d });
+  const last = Math.max(...graph.links.filter((l) => l.cut).map((l) => l.lane));
+  const label = shape(g, 'text', { x: last + 12, y: placeOf((from + to) / 2) + 4 }, link.short);
+  if (link.is_wrong) shape(label, 'tspan', { class: 'alarm' }, ' !');
+}
+
+const taken = [];
+/** A height near the wanted one at which no other name stands. */
+function placeOf(wanted) {
+  let y = wanted;
+  for (let step = 1; taken.some((other) => Math.abs(other - y) < 15); step++) y = wanted + (step % 2 ? 1 : -1) * Math.ceil(step / 2) * 15;
+  taken.push(y);
+  return y;
+}
+
+/** Tells of an element, and lights it up with its loop. */
+function tell(name) {
+  told = told === name ? '' : name;
+  const link = graph.links.find((l) => l.name === told), body = graph.bodies.find((b) => b.name === told);
+  const lit = new Set([told, ...(link?.members ?? []), ...(link ? [link.base, link.follower] : [])]);
+  by('graph').classList.toggle('choosing', told !== '');
+  for (const [other, g] of parts) g.classList.toggle('lit', lit.has(other));
+  const [place, line, ...notes] = (link ?? body)?.about ?? [];
+  by('detail').hidden = !told;
+  by('element').textContent = told;
+  by('kind').textContent = link ? `${link.cut && link.kind !== 'gear' ? 'cut, ' : ''}${link.kind}, ${link.base} to ${link.follower}` : 'body';
+  by('line').textContent = place === undefined ? 'the fixed world' : `${place}\n${line}`;
+  by('notes').replaceChildren(...notes.map((note) => Object.assign(document.createElement('li'), { textContent: note })));
+  if (body && nodes.has(told)) choose(told);
+}
+
+function lookAtGraph() {
+  const { clientWidth: width, clientHeight: height } = picture, { x, y, scale } = eyeOfGraph;
+  by('graph').setAttribute('viewBox', `${x} ${y} ${width / scale} ${height / scale}`);
+}
+
+/** All of it is seen, no larger than it is. */
+function fitGraph() {
+  const { clientWidth: width, clientHeight: height } = picture;
+  const scale = Math.min(width / graph.width, height / graph.height, 1.25);
+  Object.assign(eyeOfGraph, { scale, x: (graph.width - width / scale) / 2, y: (graph.height - height / scale) / 2 });
+  lookAtGraph();
+}
+
+function showTab(name) {
+  document.body.classList.toggle('graphing', name === 'graph');
+  for (const tab of ['picture', 'graph']) by(`tab-${tab}`).setAttribute('aria-selected', String(tab === name));
+  if (name === 'graph') {
+    play(false);
+    fitGraph();
+  }
+}
+
+function showGraph() {
+  if (!graph) return;
+  by('tabs').hidden = false;
+  by('said').replaceChildren(...graph.facts.map(tableLine));
+  by('kins').replaceChildren(...graph.kins.map((text, i) => {
+    const item = document.createElement('li');
+    item.className = `kin${i % 6}`;
+    item.textContent = text;
+    return item;
+  }));
+  drawGraph();
+  by('tab-picture').addEventListener('click', () => showTab('picture'));
+  by('tab-graph').addEventListener('click', () => showTab('graph'));
+  const svg = by('graph');
+  svg.addEventListener('wheel', (e) => {
+    e.preventDefault();
+    const scale = Math.min(Math.max(eyeOfGraph.scale * Math.exp(-e.deltaY / 500), 0.1), 5);
+    eyeOfGraph.x += e.offsetX * (1 / eyeOfGraph.scale - 1 / scale);
+    eyeOfGraph.y += e.offsetY * (1 / eyeOfGraph.scale - 1 / scale);
+    eyeOfGraph.scale = scale;
+    lookAtGraph();
+  }, { passive: false });
+  svg.addEventListener('pointermove', (e) => {
+    if (!(e.buttons & 1)) return;
+    eyeOfGraph.x -= e.movementX / eyeOfGraph.scale;
+    eyeOfGraph.y -= e.movementY / eyeOfGraph.scale;
+    lookAtGraph();
+  });
+}
