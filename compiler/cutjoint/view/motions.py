@@ -13,11 +13,12 @@ from cutjoint.analysis.closing import close_loops, retract
 from cutjoint.analysis.modes import Complex
 from cutjoint.export.numbers import Numbers
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.poses import derive_poses
 from cutjoint.model.records import GROUND, Model, Scene
-from cutjoint.pipeline import derive
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.run_file import parameter_values
+from cutjoint.topology.build import build_topology
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import attached_points, find_sizes, point_of
 
@@ -55,7 +56,7 @@ class Mover:
     @cached_property
     def equations(self) -> RecursiveEquations:
         """The recursive equations with the values of the parameters as their defaults."""
-        equations = derive(self.model, self._held[0], ())
+        equations = formulate_recursive(build_topology(self.model), self.held_scene, ())
         values = parameter_values(self.model, self._held[1])
         return replace(equations, parameters=tuple(replace(p, value=values[p.name]) for p in equations.parameters))
 
@@ -63,11 +64,15 @@ class Mover:
     def _held(self) -> tuple[Scene, dict[str, float]]:
         return with_held_inputs(self.model, self.scene, self.parameters)
 
+    @property
+    def held_scene(self) -> Scene:
+        """The scene with inputs that are given as constants."""
+        return self._held[0]
+
     def poses(self, q: Array) -> Mapping[str, BodyPose]:
         """The poses of all bodies at coordinates (rows, coordinates)."""
-        scene, others = self._held
-        equations = derive_poses(self.equations.topology, scene)
-        return find_poses(equations, np.full(len(q), self.time), q, parameter_values(self.model, others))
+        equations = derive_poses(self.equations.topology, self.held_scene)
+        return find_poses(equations, np.full(len(q), self.time), q, parameter_values(self.model, self._held[1]))
 
     def swing(self, q: Array, shape: Complex) -> Mapping[str, BodyPose]:
         """The poses over a period of a small motion about coordinates ``q``: ``shape`` (speeds,) has amplitudes and phases."""

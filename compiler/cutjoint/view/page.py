@@ -19,6 +19,7 @@ from cutjoint.view.failure import Failure
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import PERIOD, Motion
 from cutjoint.view.records import Array
+from cutjoint.view.sliders import Sliders
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,7 @@ class Outlook:
 
 
 #: The page's own script is these files in this order, in one function.
-SCRIPTS = ("data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "graph", "controls")
+SCRIPTS = ("data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "graph", "sliders", "controls")
 
 #: How many of the last rows of a run that failed are played slowly.
 LAST_ROWS = 40
@@ -56,7 +57,7 @@ LAST_ROWS = 40
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook,
     failure: Failure | None = None, motions: Sequence[Motion] = (), over: Earlier | None = None,
-    graph: Graph | None = None,
+    graph: Graph | None = None, sliders: Sliders | None = None,
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are."""
     folder = templates_folder() / "view"
@@ -64,11 +65,13 @@ def make_page(
         "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(outlook), "rows": int(t.size),
         "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
+        "sliders": None if sliders is None else sliders.facts,
         "graph": None if graph is None else asdict(graph),
         "over": None if over is None else {"name": over.name, "rows": int(over.t.size), "columns": list(over.columns)},
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip
-    scripts = [(folder / "vendor/libraries.min.js").read_text(encoding="utf-8"), own_script()]
+    moving = [] if sliders is None else [sliders.script]
+    scripts = [(folder / "vendor/libraries.min.js").read_text(encoding="utf-8"), *moving, own_script()]
     return _environment().get_template("page.html.jinja").render(
         title=escape(f"{title}, {scene}"), about=_as_data(about), glb=_encoded(glb), table=_table(t, [c.values for c in columns]),
         over=None if over is None else {"glb": _encoded(over.glb), "table": _table(over.t, [*over.columns.values()])},

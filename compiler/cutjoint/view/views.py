@@ -15,7 +15,7 @@ from cutjoint.formulate.natural.poses import derive_spans
 from cutjoint.formulate.recursive.poses import derive_poses
 from cutjoint.locations import AnyPath
 from cutjoint.methods import METHODS, Formulation
-from cutjoint.model.records import GROUND, Model, Scene
+from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
@@ -30,12 +30,13 @@ from cutjoint.view.earlier import Earlier
 from cutjoint.view.failure import Failure, find_failure
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
-from cutjoint.view.motions import Motion, motion_times
+from cutjoint.view.motions import Motion, Mover, motion_times
 from cutjoint.view.outlook import find_outlook
 from cutjoint.view.page import LAST_ROWS, PlotColumn, make_page
 from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import find_sizes
+from cutjoint.view.sliders import Sliders, coordinates_of, make_sliders
 
 #: The endings of files that show something.
 PAGE, GLTF = ".html", ".glb"
@@ -48,7 +49,8 @@ _ROWS, _BYTES = 2000, 1_800_000
 class Shown:
     """What a file shows: a model in a scene with ``parameters`` (SI units) changed, the ``poses`` of its bodies at times ``t`` (times,), s,
     columns of a table at these times, why a run stopped, and motions
-    about the pose of the first time; ``note`` is said beside the scene, ``graph`` is the topology."""
+    about the pose of the first time; ``note`` is said beside the scene, ``graph`` is the topology,
+    ``sliders`` change the pose."""
 
     model: Model
     scene: Scene
@@ -60,6 +62,7 @@ class Shown:
     motions: tuple[Motion, ...] = ()
     note: str = ""
     graph: Graph | None = None
+    sliders: Sliders | None = None
 
 
 def require_view(path: Path, option: str) -> None:
@@ -111,11 +114,14 @@ def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> S
         SimulatorError, ToolchainError: as for a run.
     """
     if _is_as_designed(model, scene):
-        poses = {body.name: BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3))) for body in model.bodies}
+        poses, q = {body.name: BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3))) for body in model.bodies}, None
     else:
-        starts, _ = find_start(build_topology(model), scene, parameters)
+        starts, values = find_start(build_topology(model), scene, parameters)
         poses = {name: BodyPose(rotation=s.rotation[np.newaxis], shift=s.shift[np.newaxis]) for name, s in starts.items()}
-    return Shown(model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses=poses)
+        scalars = {joint.name: dict(zip(COORDINATES[joint.kind], values.get(joint.name, ()), strict=False)) for joint in model.joints}
+        q = coordinates_of(Mover(model=model, scene=scene, parameters=parameters).equations, poses, scalars)
+    sliders = make_sliders(model, scene, parameters, q)
+    return Shown(model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses=poses, sliders=sliders)
 
 
 def _is_as_designed(model: Model, scene: Scene) -> bool:
@@ -157,7 +163,7 @@ def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Pat
     page = make_page(
         title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
         columns=shown.columns, outlook=find_outlook(placed, drawing), failure=shown.failure, motions=shown.motions,
-        over=over, graph=shown.graph,
+        over=over, graph=shown.graph, sliders=shown.sliders,
     )  # fmt: skip
     return write_whole(path, page)
 

@@ -10,7 +10,7 @@ fill(by('follow'), [['', 'nothing'], ...about.bodies.map((b) => [b, b])], state.
 fill(by('column'), columns.map((c) => [c.name, c.name]), state.column);
 fill(by('speed'), [0.05, 0.1, 0.25, 0.5, 1, 2, 5].map((s) => [String(s), `${s} x`]), '1');
 document.body.classList.toggle('still', !(last > first));
-document.body.classList.toggle('bare', !columns.length && !motions.length);
+document.body.classList.toggle('bare', !columns.length && !motions.length && !sliders);
 by('choice').hidden = columns.length === 0 || t.length < 2;
 by('body').addEventListener('change', (e) => choose(e.target.value));
 by('follow').addEventListener('change', (e) => { state.follow = e.target.value; });
@@ -50,6 +50,8 @@ window.cutjoint = {
   /** Where the eye is and what it looks at, in the scene's axes (y is up), its angle of view in degrees, and the picture's size in pixels. */
   eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },
   motion: chooseMotion, tab: showTab, tell,
+  /** Takes a coordinate to a value as its slider does; all coordinates afterwards. */
+  slide(name, value) { slide(sliders.sliders.find((s) => s.name === name), value); return [...pose]; },
   shown() { return { ...state, row: row() }; },
   frames() { return renderer.info.render.frame; },
 };
@@ -64,6 +66,7 @@ async function begin() {
   showFailure();
   showMotions();
   showGraph();
+  showSliders();
   document.body.dataset.ready = 'yes';
 }
 

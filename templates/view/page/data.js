@@ -1,6 +1,6 @@
 // What the page holds: facts, the numbers of the run's table, and what is chosen.
 const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLight, Float32BufferAttribute, Fog, GLTFLoader, HemisphereLight,
-  LineBasicMaterial, LineSegments, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Raycaster,
+  LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Quaternion, Raycaster,
   Scene, Vector2, Vector3, WebGLRenderer,
 } = Libraries;
 const by = (id) => document.getElementById(id);

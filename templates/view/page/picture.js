@@ -11,6 +11,7 @@ const sun = new DirectionalLight(0xffffff, 1.9);
 scene.add(sun);
 const nodes = new Map();  // of bodies, by name
 const marks = [];  // balls around what failed
+const elements = new Map();  // nodes of springs, rods and wheels, by name
 const arrows = [];  // of forces and reactions
 const clickable = [], tarmac = new Map();  // of the road's materials the colours by day
 let model, clips, mixer, action, grid, cell = 1, due = false;
@@ -21,6 +22,7 @@ function load(gltf) {
   const materials = new Map();
   model.traverse((object) => {
     if (object.userData.body !== undefined) nodes.set(object.userData.body, object);
+    if (object.userData.element !== undefined) elements.set(object.userData.element, object);
     if (!object.isMesh) return;
     if (isMark(object)) return dressMark(object);
     if (object.userData.arrow !== undefined) return dressArrow(object);

@@ -1,0 +1,128 @@
+"""A pose that can be changed in its page: the kinematics of the tree and the equations of the loops as a program of the page's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from cutjoint.analysis.body_poses import BodyPose
+from cutjoint.analysis.closing import design_coordinates, make_inputs
+from cutjoint.export.numbers import Numbers
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.poses import derive_poses
+from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.records import GROUND, AxialForce, Bushing, Model, PointSpring, Scene, Tyre, Vector
+from cutjoint.view.javascript import print_function
+from cutjoint.view.motions import Mover
+from cutjoint.view.records import Array
+from cutjoint.view.sizes import find_sizes, point_of
+from cutjoint.view.turns import quaternions_of
+
+#: How far an angle (rad) goes either way, and a displacement as a share of the mechanism's extent.
+_TURN, _SLIDE = pi, 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sliders:
+    """What a page needs to move a mechanism: its ``script``, and facts for it.
+
+    ``q`` are the coordinates of the pose, ``charts`` say which of them are quaternions, ``sliders`` have their ends.  ``bodies`` have their
+    centres of mass, ``others`` what is drawn between bodies or on one.
+    """
+
+    script: str
+    q: Sequence[float]
+    charts: Sequence[Mapping[str, Any]]
+    sliders: Sequence[Mapping[str, Any]]
+    bodies: Sequence[Mapping[str, Any]]
+    others: Sequence[Mapping[str, Any]]
+
+    @property
+    def facts(self) -> Mapping[str, Any]:
+        """All but the script."""
+        names = ("q", "charts", "sliders", "bodies", "others")
+        return {name: list(getattr(self, name)) for name in names}
+
+
+def make_sliders(model: Model, scene: Scene, parameters: Mapping[str, float], q: Array | None) -> Sliders | None:
+    """The sliders of a pose with coordinates ``q``, by default the design position; None where no coordinate has one."""
+    mover = Mover(model=model, scene=scene, parameters=parameters)
+    equations = mover.equations
+    q = design_coordinates(equations) if q is None else q
+    numbers = Numbers.of(model, scene, parameters)
+    sliders = list(_sliders(model, equations, q, find_sizes(model, scene, numbers).extent))
+    if not sliders:
+        return None
+    return Sliders(
+        script=_script(mover, q), q=q.tolist(), sliders=sliders, others=list(_others(model, scene, numbers)),
+        charts=[{"q": c.q, "v": c.v, "scalars": c.scalars, "ball": c.ball} for c in equations.charts],
+        bodies=[{"name": body.name, "centre": point_of(numbers, body.centre_of_mass).tolist()} for body in model.bodies],
+    )  # fmt: skip
+
+
+def _script(mover: Mover, q: Array) -> str:
+    """Functions ``poses``, of each body the rotation by rows and the shift, and ``residual`` of the loops."""
+    equations, scene = mover.equations, mover.held_scene
+    poses = derive_poses(equations.topology, scene)
+    values, places = make_inputs(equations, q, np.zeros(equations.speeds)), {f"q:{c.joint}": c.q for c in equations.charts}
+    blocks = [block for body in mover.model.bodies for block in (poses.rotations[body.name], poses.shifts[body.name])]
+    close = equations.function("constraint_residual").results
+    residuals = [close[f"residual:{c.joint}"] for c in equations.closures]
+    functions = [print_function("poses", blocks, values, places), print_function("residual", residuals, values, places)]
+    return "\n".join(["'use strict';", "const Mechanism = (() => {", *functions, "return { poses, residual };", "})();", ""])
+
+
+def _sliders(model: Model, equations: RecursiveEquations, q: Array, extent: float) -> Iterator[dict[str, Any]]:
+    """One for each coordinate of the tree's joints; a quaternion has none."""
+    kinds = {joint.name: joint.kind for joint in model.joints}
+    for chart in equations.charts:
+        for i, name in enumerate(chart.coordinate_names[: chart.scalars]):
+            unit, value = JOINT_QUANTITIES[kinds[chart.joint]][name], float(q[chart.q + i])
+            reach = _TURN if unit == "rad" else _SLIDE * extent
+            place = {"q": chart.q + i, "v": chart.v + i}
+            yield {"name": f"{chart.joint}.{name}", "unit": unit, **place, "low": value - reach, "high": value + reach}
+
+
+def _others(model: Model, scene: Scene, numbers: Numbers) -> Iterator[dict[str, Any]]:
+    """Springs and rods between two points, springs along an axis, and what stands on a body."""
+
+    def at(body: str, point: Vector) -> dict[str, Any]:
+        return {"body": "" if body == GROUND else body, "point": point_of(numbers, point).tolist()}
+
+    for force in model.forces:
+        if not is_active(force, scene):
+            continue
+        match force:
+            case PointSpring():
+                yield {"name": force.name, "from": at(force.base, force.start), "to": at(force.follower, force.end)}
+            case AxialForce():
+                axis = point_of(numbers, force.axis).tolist()
+                yield {"name": force.name, "from": at(force.base, force.origin), "to": at(force.follower, force.point), "axis": axis}
+            case Bushing():
+                yield {"name": force.name, "on": at(force.base, force.point)}
+            case Tyre():
+                yield {"name": force.name, "on": at(force.body, force.centre)}
+    for joint in model.joints:
+        if joint.to is not None:
+            yield {"name": joint.name, "from": at(joint.base, joint.at), "to": at(joint.follower, joint.to)}
+
+
+def coordinates_of(
+    equations: RecursiveEquations, poses: Mapping[str, BodyPose], scalars: Mapping[str, Mapping[str, float]]
+) -> Array:  # fmt: skip
+    """The tree's coordinates of a pose: ``scalars`` by joint and name, quaternions from the bodies' rotations (1, 3, 3)."""
+    q = design_coordinates(equations)
+    tree = {t.joint.name: t for t in equations.topology.tree}
+    for chart in equations.charts:
+        q[chart.q : chart.q + chart.scalars] = [scalars[chart.joint][name] for name in chart.coordinate_names[: chart.scalars]]
+        if chart.ball:
+            t = tree[chart.joint]
+            inner = np.eye(3) if t.parent == GROUND else poses[t.parent].rotation[0]
+            x, y, z, w = quaternions_of((inner.T @ poses[t.child].rotation[0])[np.newaxis])[0]
+            q[chart.q + chart.scalars : chart.q + chart.scalars + 4] = [w, x, y, z]
+    return q
