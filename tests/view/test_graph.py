@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 from cutjoint.view.graph import Graph, GraphBody, GraphLink, draw_graph
+from cutjoint.view.reduction import show_reduction
+from cutjoint.view.views import write_shown
 from tests.conftest import MODELS
 from tests.view.browser import Page
 from tests.view.conftest import call
@@ -85,13 +88,31 @@ def test_a_click_tells_the_line(dark: bool, name: str, browser: Page, tmp_path: 
     require_silence(browser)
 
 
+def test_what_a_reduction_does_is_on_the_picture(browser: Page, tmp_path: Path) -> None:
+    """Of the governor the balls become parts of their rods."""
+    model = read_model(MODELS / "flyball.yaml")
+    scene = next(iter(model.scenes.values()))
+    shown = show_reduction(model, scene, {}, reduction_sequence(model, scene))
+    assert shown.graph is not None
+    gone = {part.name for part in (*shown.graph.bodies, *shown.graph.links) if part.is_gone}
+    assert {"right.ball", "right.weld", "left.ball", "left.weld"} <= gone
+    weld = next(link for link in shown.graph.links if link.name == "left.weld")
+    assert "becomes a part of" in weld.about[2]
+    browser.open(write_shown(tmp_path / "reduced.html", shown))
+    browser.run("cutjoint.tab('graph'); cutjoint.tell('left.weld')")
+    assert browser.run("document.getElementById('notes').textContent") == "".join(weld.about[2:])
+    assert browser.run("document.querySelectorAll('#graph .gone').length") == len(gone)
+    browser.picture(PICTURES / "graph-reduced.png")
+    require_silence(browser)
+
+
 def test_names_in_the_graph_are_text(browser: Page, tmp_path: Path) -> None:
     about = [HOSTILE[0], HOSTILE[1], HOSTILE[2]]
     bodies = [GraphBody(name=name, short=name, x=40.0, y=40.0 * i, width=90.0, kin=0, about=about) for i, name in enumerate(HOSTILE)]
     links = [
         GraphLink(
             name=f"link {name}", short=name, kind=name, base=HOSTILE[0], follower=HOSTILE[i], cut=i > 2, lane=200.0, heights=(0, i),
-            members=HOSTILE, about=about, is_wrong=True,
+            members=HOSTILE, about=about, is_noted=True,
         )
         for i, name in enumerate(HOSTILE) if i
     ]  # fmt: skip

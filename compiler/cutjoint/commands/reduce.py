@@ -11,8 +11,11 @@ from cutjoint.reduce.measure import measure_reduced
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.reductions import note_lines, reduction_table
 from cutjoint.run.inputs import with_held_inputs
+from cutjoint.run.outputs import require_apart
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.reading import read_model
+from cutjoint.view.reduction import show_reduction
+from cutjoint.view.views import require_view, write_shown
 
 
 @click.command("reduce")
@@ -22,9 +25,15 @@ from cutjoint.topology.reading import read_model
 @click.option("--approximate", is_flag=True, help="Try passes too that change the motion a little.")
 @options.dt
 @options.changes
+@options.view("that shows in the topology what was changed")
 @options.reports_errors
-def command(model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...]) -> None:
+def command(
+    model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...], view: Path | None
+) -> None:  # fmt: skip
     """Cut MODEL down to what a scene needs: what each pass did and why, operations, and error and speed of every reduced model."""
+    require_apart({"the model": model}, documents=[("--view", view)])
+    if view is not None:
+        require_view(view, "--view")
     checked = read_model(model)
     with options.progress_bar(f"reducing {model.name}"):
         driven, parameters = with_held_inputs(checked, find_scene(checked, scene), options.read_parameters(changes))
@@ -33,3 +42,6 @@ def command(model: Path, scene: str | None, method: str, approximate: bool, dt: 
     options.out.print(reduction_table(variants, costs))
     for line in note_lines(variants[-1]):
         options.out.print(line, markup=False)
+    if view is not None:
+        write_shown(view, show_reduction(checked, driven, parameters, variants))
+        options.console_beside(view).print(f"view: {view}", markup=False)

@@ -49,7 +49,6 @@ def write_replay(
 
     Raises:
         ModelError, OutputError: the model has been changed meanwhile, or the file cannot be written.
-        SimulatorError: the run that failed could not be taken again.
     """
     played = Played(*read_request(request), parameters) if played is None else played
     end = request.options.end

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from cutjoint.methods import INTEGRATORS
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
 #: Runs of more steps are not repeated for their last ones; an adaptive integrator gets so many rows.
@@ -15,15 +16,18 @@ _MOST_STEPS, _ROWS = 20_000, 400
 def with_each_step(plan: SimulatorRun, run: Trajectory) -> Trajectory:
     """A run of a plan that failed, with a row for each step, of an adaptive integrator 400 rows or more, at which its steps end.
 
-    As it is where the second run does not fail, or has fewer rows.
+    As it is where the second run does not fail, has fewer rows, or cannot be had.
 
     Raises:
-        SimulatorError, Interrupted, Terminated: as of a run.
+        Interrupted, Terminated: a signal has ended the run.
     """
     failure, numerics = run.failure, plan.run_file["numerics"]
     if failure is None or not (0 < failure.step <= _MOST_STEPS and failure.time > 0):
         return run
     adaptive = INTEGRATORS[plan.run_file["integrator"]].adaptive
     dt = min(numerics["dt"], failure.time / _ROWS) if adaptive else failure.time / failure.step
-    again = start(replace(plan, run_file={**plan.run_file, "numerics": {**numerics, "dt": dt}, "output_step": dt}))
+    try:
+        again = start(replace(plan, run_file={**plan.run_file, "numerics": {**numerics, "dt": dt}, "output_step": dt}))
+    except SimulatorError:
+        return run
     return replace(again, failure=failure) if again.failure is not None and again.t.size > run.t.size else run

@@ -42,7 +42,7 @@ class Arrows(Placed):
         part = Part(mesh=meshes.arrow(length), colour=REACTION if is_reaction else FORCE)
         return Node(
             name=f"{'reaction' if is_reaction else 'force'} {name}", parts=(part,), translation=place, rotation=along(seen),
-            scale=np.repeat(size[:, np.newaxis], 3, axis=1), about={"arrow": name, "newton": largest},
+            scale=np.repeat(size[:, np.newaxis], 3, axis=1), about={"arrow": name, "newton": largest, "length": length},
         )  # fmt: skip
 
     def _forces(self) -> Iterator[tuple[str, bool, Array, Array]]:

@@ -23,7 +23,7 @@ _STEP, _CLEAR = 4.0, 18.0
 class GraphBody:
     """A body with the middle of its left side and its width; ``kin`` is the number of its class of isomorphic parts, -1 for none.
 
-    ``short`` is its name without the instance if the body that carries it has that too.
+    ``short`` is its name without the instance if the body that carries it has that too; ``is_gone`` is whether a reduction left it out.
     """
 
     name: str
@@ -33,6 +33,7 @@ class GraphBody:
     width: float
     kin: int
     about: Sequence[str]
+    is_gone: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,8 @@ class GraphLink:
     heights: tuple[float, float]
     members: Sequence[str]
     about: Sequence[str]
-    is_wrong: bool
+    is_noted: bool
+    is_gone: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,9 +70,11 @@ class Graph:
     facts: Sequence[tuple[str, str]]
 
 
-def draw_graph(topology: Topology, facts: Sequence[tuple[str, str]], notes: Mapping[str, Sequence[str]]) -> Graph:
-    """The graph of a topology; ``notes`` are what is wrong, by element."""
-    return _Layout(topology=topology, facts=facts, notes=notes).graph()
+def draw_graph(
+    topology: Topology, facts: Sequence[tuple[str, str]], notes: Mapping[str, Sequence[str]], gone: frozenset[str] = frozenset()
+) -> Graph:  # fmt: skip
+    """The graph of a topology; ``notes`` are what is to be said of elements, by name, ``gone`` those that a reduction left out."""
+    return _Layout(topology=topology, facts=facts, notes=notes, gone=gone).graph()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +82,7 @@ class _Layout:
     topology: Topology
     facts: Sequence[tuple[str, str]]
     notes: Mapping[str, Sequence[str]]
+    gone: frozenset[str]
 
     def graph(self) -> Graph:
         """The whole."""
@@ -148,7 +153,7 @@ class _Layout:
         about = [] if name == GROUND else self._about(next(b.span for b in self.topology.model.bodies if b.name == name))
         return GraphBody(
             name=name, short=self._short_body(name), x=left, y=self._height(name), width=width, kin=self._kin(name),
-            about=[*about, *self.notes.get(name, ())],
+            about=[*about, *self.notes.get(name, ())], is_gone=name in self.gone,
         )  # fmt: skip
 
     def _kin(self, body: str) -> int:
@@ -168,7 +173,8 @@ class _Layout:
         return GraphLink(
             name=joint.name, short=short, kind=kind, base=joint.base, follower=joint.follower, cut=cut is not None, members=members,
             lane=self._lane(cut or 0), heights=self._heights(joint.base, joint.follower, cut or 0),
-            about=[*self._about(joint.span), *self.notes.get(joint.name, ())], is_wrong=joint.name in self.notes,
+            about=[*self._about(joint.span), *self.notes.get(joint.name, ())], is_noted=joint.name in self.notes,
+            is_gone=joint.name in self.gone,
         )  # fmt: skip
 
     def _tree_link(self, t: TreeJoint) -> GraphLink:
@@ -191,7 +197,7 @@ class _Layout:
                 name=gear.name, short=gear.name, kind="gear", base=first.follower, follower=second.follower, cut=True, lane=self._lane(i),
                 heights=self._heights(first.follower, second.follower, i), members=[first.name, second.name],
                 about=[*self._about(gear.span), *self.notes.get(gear.name, ())],
-                is_wrong=gear.name in self.notes,
+                is_noted=gear.name in self.notes, is_gone=gear.name in self.gone,
             )  # fmt: skip
 
     def _height(self, body: str) -> float:

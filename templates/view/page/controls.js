@@ -10,7 +10,7 @@ fill(by('follow'), [['', 'nothing'], ...about.bodies.map((b) => [b, b])], state.
 fill(by('column'), columns.map((c) => [c.name, c.name]), state.column);
 fill(by('speed'), [0.05, 0.1, 0.25, 0.5, 1, 2, 5].map((s) => [String(s), `${s} x`]), '1');
 document.body.classList.toggle('still', !(last > first));
-document.body.classList.toggle('bare', !columns.length && !motions.length && !sliders);
+document.body.classList.toggle('bare', !columns.length && !motions.length && !sliders && !graph);
 by('choice').hidden = columns.length === 0 || t.length < 2;
 by('body').addEventListener('change', (e) => choose(e.target.value));
 by('follow').addEventListener('change', (e) => { state.follow = e.target.value; });

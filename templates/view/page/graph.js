@@ -22,13 +22,15 @@ function part(parent, name, kind) {
   return made;
 }
 
+const marksOf = (link) => (link.is_noted ? ' noted' : '') + (link.is_gone ? ' gone' : '');
+
 function drawGraph() {
   const bodies = new Map(graph.bodies.map((b) => [b.name, b])), svg = by('graph');
   const ways = shape(svg, 'g', {}), boxes = shape(svg, 'g', {});
   for (const link of graph.links.filter((l) => !l.cut)) drawTreeJoint(ways, link, bodies);
   for (const [i, link] of graph.links.filter((l) => l.cut).entries()) drawCut(ways, link, i, bodies);
   for (const body of graph.bodies) {
-    const g = part(boxes, body.name, `body kin${body.kin < 0 ? '' : body.kin % 6}`);
+    const g = part(boxes, body.name, `body kin${body.kin < 0 ? '' : body.kin % 6}${body.is_gone ? ' gone' : ''}`);
     shape(g, 'rect', { x: body.x, y: body.y - 13, width: body.width, height: 26, rx: 6 });
     shape(g, 'text', { x: body.x + body.width / 2, y: body.y + 4, 'text-anchor': 'middle' }, body.short);
   }
@@ -36,11 +38,12 @@ function drawGraph() {
 
 function drawTreeJoint(parent, link, bodies) {
   const [a, b] = [bodies.get(link.base), bodies.get(link.follower)].sort((one, other) => one.x - other.x);
-  const turn = a.x + a.width + 12, g = part(parent, link.name, link.is_wrong ? 'joint wrong' : 'joint');
+  const turn = a.x + a.width + 12, g = part(parent, link.name, `joint${marksOf(link)}`);
   const d = `M ${a.x + a.width} ${a.y} H ${turn} V ${b.y} H ${b.x}`;
   shape(g, 'path', { d, class: 'reach' });
   shape(g, 'path', { d });
-  shape(g, 'text', { x: b.x - 8, y: b.y - 5, 'text-anchor': 'end' }, link.short);
+  const label = shape(g, 'text', { x: b.x - 8, y: b.y - 5, 'text-anchor': 'end' }, link.short);
+  if (link.is_noted) shape(label, 'tspan', { class: 'alarm' }, ' !');
 }
 
 /** A way out of a side of a body: straight to the right, or first up or down to where nothing stands. */
@@ -48,13 +51,13 @@ const leave = (body, height) => Math.abs(height - body.y) < 12 ? `M ${body.x + b
   : `M ${body.x + body.width - 8} ${body.y + (height < body.y ? -13 : 13)} V ${height}`;
 
 function drawCut(parent, link, number, bodies) {
-  const a = bodies.get(link.base), b = bodies.get(link.follower), g = part(parent, link.name, `cut loop${number % 6}${link.is_wrong ? ' wrong' : ''}`);
+  const a = bodies.get(link.base), b = bodies.get(link.follower), g = part(parent, link.name, `cut loop${number % 6}${marksOf(link)}`);
   const [from, to] = link.heights, d = `${leave(a, from)} H ${link.lane} V ${to} ${leave(b, to)} H ${link.lane}`;
   shape(g, 'path', { d, class: 'reach' });
   shape(g, 'path', { d });
   const last = Math.max(...graph.links.filter((l) => l.cut).map((l) => l.lane));
   const label = shape(g, 'text', { x: last + 12, y: placeOf((from + to) / 2) + 4 }, link.short);
-  if (link.is_wrong) shape(label, 'tspan', { class: 'alarm' }, ' !');
+  if (link.is_noted) shape(label, 'tspan', { class: 'alarm' }, ' !');
 }
 
 const taken = [];

@@ -1,6 +1,6 @@
 // Names of bodies in the picture.
-function place(node) {
-  const at = node.getWorldPosition(new Vector3()).project(camera);
+function place(node, ahead = 0) {
+  const at = node.localToWorld(new Vector3(0, 0, ahead)).project(camera);
   return [((at.x + 1) / 2) * picture.clientWidth, ((1 - at.y) / 2) * picture.clientHeight, at.z];
 }
 
@@ -15,7 +15,7 @@ function nameable() {
   const marked = marks.slice(0, 1).map((node) => ({ text: failure.row, node, kind: 'failed' }));
   const bodies = shown.map((name) => ({ text: name, node: nodes.get(name), kind: name === state.body ? 'chosen' : '' }));
   const forces = by('names').checked ? arrows.filter((arrow) => arrow.visible).map(named) : [];
-  const placed = [...marked, ...bodies, ...forces].map((each) => ({ ...each, at: place(each.node) })).filter(({ at }) => at[2] < 1);
+  const placed = [...marked, ...bodies, ...forces].map((each) => ({ ...each, at: place(each.node, each.node.userData.length) })).filter(({ at }) => at[2] < 1);
   const rank = ({ kind }) => ['failed', 'chosen', '', 'force'].indexOf(kind);
   return placed.sort((a, b) => rank(a) - rank(b) || a.at[2] - b.at[2]);
 }
