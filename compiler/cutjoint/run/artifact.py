@@ -111,9 +111,10 @@ def start_of(equations: RecursiveEquations) -> Start:
 
 def make_simulator_run(
     artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *,
-    inputs: Mapping[str, GivenInput] | None = None, tangents: bool = False,
+    inputs: Mapping[str, GivenInput] | None = None, tangents: bool = False, coordinates: bool = False,
 ) -> SimulatorRun:  # fmt: skip
-    """The run of a compiled model with options, ``parameters`` and ``inputs`` (SI units); one with ``tangents`` reports Jacobians.
+    """The run of a compiled model with options, ``parameters`` and ``inputs`` (SI units); one with ``tangents`` reports Jacobians, one with
+    ``coordinates`` those of the tree at each row.
 
     Raises:
         RunError: a parameter or an input that cannot be set, options that do not go together, or that no run has.
@@ -130,7 +131,7 @@ def make_simulator_run(
         description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
         indeterminate=artifact.indeterminate,
         others=tuple(_other_settings(artifact, options, run_file["integrator"])),
-        is_free=goal is not None and _leaves_choice(artifact, options),
+        is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
     )  # fmt: skip
 
 

@@ -25,6 +25,9 @@ INTERPOLATIONS = ("cubic", "linear")
 def input_entries(model: Model, scene: Scene, given: Mapping[str, GivenInput]) -> dict[str, Any]:
     """The entry "inputs" of a run file, by name; inputs that are not given follow the scene.  Values are in SI units.
 
+    An input is a number, or a table with times "t" and as many of "value", between which it is "interpolation" "cubic" (the default;
+    through the given "rate" if there is one) or "linear".
+
     Raises:
         RunError: a name is no input, a value is not finite, or a table does not hold together or is shorter than the scene.
     """
