@@ -16,6 +16,10 @@ _CHOICES = {"peer": "exudyn"}
 LONG = ("bench",)
 #: What keeps a call short, where a command has the option.
 _SHORT = {"--end": "0.01", "--method": "recursive"}
+#: What an option goes with, without which it is refused for that alone.
+_BESIDE = {"over": ["--view=out_view.html"]}
+#: Options that read a file of which users have none here.
+_UNREADY = ("over",)
 
 
 def commands() -> dict[str, click.Command]:
@@ -29,7 +33,7 @@ def good_calls() -> Iterator[list[str]]:
     for name, command in commands().items():
         if name not in LONG:
             yield call_with(name, [])
-            optional = [o for o in command.params if is_path(o, written=False) and not o.required]
+            optional = [o for o in command.params if is_path(o, written=False) and not o.required and o.name not in _UNREADY]
             yield from (call_with(name, [(option, _good(option))]) for option in optional)
 
 
@@ -62,7 +66,7 @@ def call_with(name: str, given: Sequence[tuple[click.Parameter, str]]) -> list[s
         elif switch in _SHORT:
             words += [switch, _SHORT[switch]]
     for option, value in given:
-        words += _spelled(option, value)
+        words += [*_spelled(option, value), *(word for word in _BESIDE.get(option.name or "", []) if "view" not in named)]
     return words
 
 
