@@ -73,9 +73,9 @@ def make_page(
     moving = [] if sliders is None else [sliders.script]
     scripts = [(folder / "vendor/libraries.min.js").read_text(encoding="utf-8"), *moving, own_script()]
     return _environment().get_template("page.html.jinja").render(
-        title=escape(f"{title}, {scene}"), about=_as_data(about), glb=_encoded(glb), table=_table(t, [c.values for c in columns]),
+        title=escape(f"{title}, {scene}"), about=as_data(about), glb=_encoded(glb), table=_table(t, [c.values for c in columns]),
         over=None if over is None else {"glb": _encoded(over.glb), "table": _table(over.t, [*over.columns.values()])},
-        scripts=scripts, hashes=[_hash(script) for script in scripts],
+        scripts=scripts, hashes=[script_hash(script) for script in scripts],
         styles=[(folder / name).read_text(encoding="utf-8") for name in ("vendor/uplot.min.css", "page.css")],
     )  # fmt: skip
 
@@ -101,11 +101,11 @@ def _environment() -> jinja2.Environment:
     )  # fmt: skip
 
 
-def _as_data(content: Mapping[str, object]) -> str:
+def as_data(content: Mapping[str, object]) -> str:
     """JSON that ends no element of the page, whatever its texts are."""
     return re.sub("[<>&\u2028\u2029]", lambda found: f"\\u{ord(found[0]):04x}", json.dumps(content, allow_nan=False))
 
 
-def _hash(script: str) -> str:
+def script_hash(script: str) -> str:
     """What the page's policy names a script by: no other one runs (W3C, Content Security Policy Level 3, section 2.3.1)."""
     return f"'sha256-{base64.b64encode(sha256(script.encode()).digest()).decode()}'"

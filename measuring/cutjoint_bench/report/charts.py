@@ -107,38 +107,3 @@ def draw_drift(drift: Mapping[str, Any]) -> str:
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize="small", frameon=False)
     return svg_of(figure)
-
-
-def draw_convergence(case: Mapping[str, Any]) -> str:
-    """Error over step, with the slope of the second order."""
-    figure = new_figure(11, 4.2)
-    panels = figure.subplots(1, 2)
-    for panel, (name, label) in zip(panels, _ERRORS.items(), strict=True):
-        steps, errors = [], []
-        for colour, line in zip(_colours(case["lines"]), case["lines"], strict=True):
-            points = [p for p in timed(line) if p["errors"][name]]
-            if line["group"] in ("generated", "precision", "peer") and points:
-                mark = STYLES[line["group"]][1]
-                panel.plot([p["dt"] for p in points], [p["errors"][name] for p in points], marker=mark, markersize=3.5, linewidth=1.2,
-                           color=colour, label=line["label"])  # fmt: skip
-                steps += [p["dt"] for p in points]
-                errors += [p["errors"][name] for p in points]
-        _draw_slope(panel, steps, errors)
-        panel.set_xscale("log")
-        panel.set_yscale("log")
-        panel.set_xlabel("step [s]")
-        panel.set_ylabel(label)
-        style(panel)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize="small", frameon=False)
-    return svg_of(figure)
-
-
-def _draw_slope(panel: Axes, steps: Sequence[float], errors: Sequence[float]) -> None:
-    """A line of slope two through the middle."""
-    if not steps:
-        return
-    low, high = min(steps), max(steps)
-    at = errors[min(range(len(steps)), key=lambda i: abs(steps[i] - (low * high) ** 0.5))]
-    middle = (low * high) ** 0.5
-    panel.plot([low, high], [at * (low / middle) ** 2, at * (high / middle) ** 2], color="#888888", linewidth=0.8, label="slope 2")

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 from math import isnan
 from typing import Any
 
 import jinja2
 
 from cutjoint.methods import INTEGRATORS, names_of
+from cutjoint.view.page import as_data, script_hash
 from cutjoint_bench.findings import fastest_ours, fastest_peer, order
 from cutjoint_bench.report.atlas_charts import draw_atlas
-from cutjoint_bench.report.charts import draw_convergence, draw_drift, draw_work_precision
+from cutjoint_bench.report.charts import draw_drift
+from cutjoint_bench.report.explorer import explore
 from cutjoint_bench.report.precisions import describe_precisions
 from cutjoint_bench.report.tables import (
     milliseconds,
@@ -41,32 +44,32 @@ Draw = Callable[[Data], str]
 class Charts:
     """How a page shows its charts: functions from a case, a drift or an atlas to HTML, empty for a chart that it leaves out.
 
-    ``note`` is what the page says of charts that it leaves out.
+    ``explores`` is whether one chart of all cases comes first, by a script.  ``note`` is what the page says of charts that it leaves out.
     """
 
-    work_precision: Draw = draw_work_precision
-    convergence: Draw = draw_convergence
-    drift: Draw = draw_drift
-    atlas: Draw = draw_atlas
+    work_precision: Draw
+    drift: Draw
+    atlas: Draw
+    explores: bool = False
     note: str = ""
-
-
-#: All charts, within the page.
-INLINE = Charts()
-
-
-def link_charts(files: Mapping[tuple[str, str], str], note: str) -> Charts:
-    """Charts of time over error as files beside the page, by name and title of their case; no others."""
-
-    def link(case: Data) -> str:
-        file = files.get((case["name"], case["title"]))
-        return "" if file is None else f'<img src="{escape(file)}" alt="Time over error, {escape(case["name"])}">'
-
-    return Charts(work_precision=link, convergence=_left_out, drift=_left_out, atlas=_left_out, note=note)
 
 
 def _left_out(_: Data) -> str:
     return ""
+
+
+#: All charts, within the page.
+INLINE = Charts(work_precision=_left_out, drift=draw_drift, atlas=draw_atlas, explores=True)
+
+
+def link_charts(pictures: Mapping[tuple[str, str], str], note: str) -> Charts:
+    """Charts of time over error as files beside the page, by name and title of their case; no others."""
+
+    def link(case: Data) -> str:
+        file = pictures.get((case["name"], case["title"]))
+        return "" if file is None else f'<img src="{escape(file)}" alt="Time over error, {escape(case["name"])}">'
+
+    return Charts(work_precision=link, drift=_left_out, atlas=_left_out, note=note)
 
 
 def render_page(studies: Mapping[str, Data], charts: Charts = INLINE) -> str:
@@ -78,7 +81,10 @@ def render_page(studies: Mapping[str, Data], charts: Charts = INLINE) -> str:
     cases, drifts, atlases, situations = (
         [part for data in studies.values() for part in data[name]] for name in ("cases", "drifts", "atlases", "situations")
     )
+    script = files("cutjoint_bench").joinpath("templates/explore.js").read_text(encoding="utf-8")
+    explored = explore(cases) if charts.explores else {"cases": []}
     return environment.get_template("bench.html.jinja").render(
+        explorer={"points": as_data(explored), "script": script, "hash": script_hash(script)} if explored["cases"] else None,
         studies=tabulate_studies(studies), configurations=tabulate_configurations(cases),
         cases=[_case(case, charts) for case in cases if case["lines"]],
         paper=tabulate_paper(cases), stiff=tabulate_stiff(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
@@ -91,7 +97,7 @@ def render_page(studies: Mapping[str, Data], charts: Charts = INLINE) -> str:
 def _case(case: Data, charts: Charts) -> dict[str, Any]:
     return {
         "name": case["name"], "title": case["title"], "end": case["end"], "reference": _reference(case), "words": describe(case),
-        "work_precision": charts.work_precision(case), "convergence": charts.convergence(case),
+        "work_precision": charts.work_precision(case),
         "lines": tabulate_lines(case), "targets": tabulate_targets(case),
     }  # fmt: skip
 

@@ -147,7 +147,7 @@ PICTURES = ("vehicle", "chain", "verification", "governor")
 #: Bytes that the page in docs has at most.
 LARGEST = 500_000
 
-NOTE = "Charts of convergence, of what is kept, and maps of failures are on the page that make report writes to results/report/bench.html."
+NOTE = "A chart of all points, of what is kept, and maps of failures are on the page that make report writes to results/report/bench.html."
 
 
 @click.command()
