@@ -55,9 +55,9 @@ class Simulation:
     ) -> Simulation:  # fmt: skip
         """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) besides.
 
-        ``dt`` is the length of steps (s).  ``iterations``, of the trapezoidal rule, is their fixed number in each (0: as many as it
-        takes); ``tolerance``, of dormand-prince, is what the error of a step may be, absolute (SI units) and as a share.  What is given
-        stays given.
+        ``dt`` is the length of steps (s).  ``iterations``, of the trapezoidal rule of method recursive, is their fixed number in each
+        (0: as many as it takes); ``tolerance``, of dormand-prince, is what the error of a step may be, absolute (SI units) and as a share.
+        What is given stays given.
 
         Raises:
             TypeError: the integrator has no iterations, or no tolerance.
@@ -68,7 +68,7 @@ class Simulation:
         if dt is not None:
             call(library.set_step, dt)
         if iterations is not None:
-            self._require(library.steps.is_iterated, "iterations are of the trapezoidal rule")
+            self._require(library.steps.is_iterated, "iterations are of the trapezoidal rule of method recursive")
             call(library.set_iterations, iterations)
         if tolerance is not None:
             self._require(library.steps.adaptive, "a tolerance is of dormand-prince")
