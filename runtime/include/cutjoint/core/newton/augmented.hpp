@@ -28,7 +28,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     typename Base::Memory steps;
     Coordinates<S> pose;
     Real start_alpha, share_left;
-    int iteration;
+    long iteration;
   };
 
   Memory memory() const { return {Base::memory(), pose_, start_alpha_, share_left_, iteration_}; }
@@ -38,7 +38,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     Base::restore(memory.steps);
     pose_ = memory.pose;
     share_left_ = memory.share_left;
-    iteration_ = memory.iteration;
+    iteration_ = static_cast<int>(memory.iteration);
   }
 
  protected:

@@ -48,9 +48,10 @@ class GuardedSolver {
   /// How often the fixed pivot order had to give way to pivoting.
   long fallbacks() const { return fallbacks_; }
 
-  /// Whether pivoting is in use, the last factors are known to be good, and scales have been measured.
+  /// Whether pivoting is in use, the last factors are known to be good, and scales have been measured; as long as numbers, so that equal ones have
+  /// equal bytes.
   struct Progress {
-    bool pivots = false, trusted = false, measured = false;
+    long pivots = 0, trusted = 0, measured = 0;
   };
 
   /// What else than the matrix the next solutions follow from.

@@ -127,13 +127,13 @@ class Newton : public Workspace<S, Solver> {
   /// Weights of the tangent of a step.
   Weights<Real> step_weights() const { return own().weights(); }
 
-  /// What the next steps follow from besides the state.
+  /// What the next steps follow from besides the state; `factored` is as long as a number, so that equal ones have equal bytes.
   struct Memory {
     Equations<S> lambda, lambda_before;
     Speeds<S> vdot_before, mean;
     Entries<S> tangent;
     Real length, contraction;
-    bool factored;
+    long factored;
   };
 
   Memory memory() const { return {lambda_, lambda_before_, vdot_before_, mean_, tangent_, length_, contraction_, factored_}; }
