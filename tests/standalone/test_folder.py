@@ -12,6 +12,7 @@ import pytest
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import compile_model, generate, simulate
 from cutjoint.reduce.guards import guard_forces
+from cutjoint.run.artifact import Artifact
 from cutjoint.standalone import make_standalone
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.reduce.test_guards import TEXT as HAMMER
@@ -82,8 +83,21 @@ def test_two_models_in_one_program(press: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "scene", "method"), [*FOLDERS, *((name, None, "recursive-newton") for name in ("andrews", "flyball"))])
 def test_its_table_is_that_of_the_command_line_bit_by_bit(name: str, scene: str | None, method: str, tmp_path: Path) -> None:
-    artifact = compile_model(MODELS / f"{name}.yaml", scene=scene, method=method, out=tmp_path)
-    table = run(tmp_path / f"{name}_simulator", f"{name}.run").splitlines()
+    check_table(compile_model(MODELS / f"{name}.yaml", scene=scene, method=method, out=tmp_path), tmp_path)
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("method", ALONE)
+def test_so_it_is_where_products_and_sums_are_joined(method: str, tmp_path: Path) -> None:
+    """How a compiler does so must not depend on what it knows of sizes."""
+    flags = ("-O3", "-march=native")
+    check_table(compile_model(MODELS / "andrews.yaml", method=method, out=tmp_path, flags=flags), tmp_path)
+
+
+def check_table(artifact: Artifact, folder: Path) -> None:
+    """Whether a simulator's table is that of the command line, number by number."""
+    name = artifact.source.stem
+    table = run(folder / f"{name}_simulator", f"{name}.run").splitlines()
     rows = np.array([[float(x) for x in line.split(",")] for line in table[1:]])
     known = simulate(artifact, integrator="trapezoidal", events="crossed", error=False)
     assert table[0].split(",") == ["t", *known.columns]

@@ -26,8 +26,8 @@ LARGE = 40_000
 
 #: Names of the runtime that generated code uses, and of the generated class's own members.
 _TAKEN = frozenset((
-    "AnyMechanism", "AnySystem", "Chart", "Column", "Description", "Driven", "Loaded", "Mask", "Parameter", "Precision", "Real", "Road",
-    "Stabilisation", "Step", "SystemDescription", "Weights",
+    "AnyMechanism", "AnySystem", "Chart", "Column", "Description", "Driven", "FixedPattern", "InputSource", "Loaded", "Mask", "Parameter",
+    "Precision", "Real", "Road", "Sizes", "Stabilisation", "Step", "StepInputs", "SwitchPlace", "SystemDescription", "Weights",
 ))  # fmt: skip
 
 #: The header of a factorisation, without its ending.

@@ -63,7 +63,7 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
     system_.begin_step(start.t, Real(1));
     system_.initial_coordinates(start.q.data(), start.v.data(), start_.q.data(), start_.v.data());
     start_.t = start.t;
-    require(single_.begin(start_, Real(1)));
+    require_none(single_.begin(start_, Real(1)), d_, "recursive-newton");
     alpha_ = single_.step_weights().constraint;
     last_h_ = Real(0);
     keep_start();
@@ -79,7 +79,7 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
     const auto middle = y.begin() + static_cast<std::ptrdiff_t>(row_.q.size());
     std::copy(y.begin(), middle, row_.q.begin());
     std::copy(middle, y.end(), row_.v.begin());
-    require(single_.begin(row_, Real(1)));
+    require_none(single_.begin(row_, Real(1)), d_, "recursive-newton");
     return row_;
   }
 
@@ -160,7 +160,7 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
   /// Accelerations and multipliers of the present state, which forces that jump change; factors and what stages are guessed by are forgotten.
   void restart() {
     const long evaluations = single_.evaluations(), factorisations = single_.factorisations();
-    require(single_.begin(start_, Real(1)));
+    require_none(single_.begin(start_, Real(1)), d_, "recursive-newton");
     evaluations_ += single_.evaluations() - evaluations;
     factorisations_ += single_.factorisations() - factorisations;
     last_h_ = Real(0);

@@ -28,8 +28,8 @@ class Workspace {
   using Real = typename S::real_type;
 
   Workspace(S& system, Solver& solver)
-      : system_(system), solver_(solver), charts_(charts_of(system)), n_(sizes_of(system).speeds), m_(sizes_of(system).equations), f_(n_), phi_(m_), phid_(m_), phidd_(m_),
-        weight_(m_), lambda_(m_), x_(tangent_of(system).rows), tangent_(tangent_of(system).entries) {}
+      : system_(system), solver_(solver), charts_(charts_of(system)), n_(sizes_of(system).speeds), m_(sizes_of(system).equations), f_(n_),
+        phi_(m_), phid_(m_), phidd_(m_), weight_(m_), lambda_(m_), x_(tangent_of(system).rows), tangent_(tangent_of(system).entries) {}
 
   Workspace(const Workspace&) = delete;
   Workspace& operator=(const Workspace&) = delete;
@@ -123,11 +123,11 @@ class Workspace {
   S& system_;
   Solver& solver_;
   std::span<const Chart> charts_;
-  std::size_t n_, m_;                               ///< unknowns and equations
-  Speeds<S> f_;                                     ///< force residual
-  Equations<S> phi_, phid_, phidd_, weight_;        ///< equations and their rates, and room for what pulls on the equations
+  std::size_t n_, m_;                         ///< unknowns and equations
+  Speeds<S> f_;                               ///< force residual
+  Equations<S> phi_, phid_, phidd_, weight_;  ///< equations and their rates, and room for what pulls on the equations
   Equations<S> lambda_;
-  Rows<S> x_;                                       ///< right-hand side and then solution
+  Rows<S> x_;  ///< right-hand side and then solution
   Entries<S> tangent_;
   Real time_{0};
   long number_ = 0;  ///< of the step
