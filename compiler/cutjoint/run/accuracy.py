@@ -83,7 +83,7 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             kept = run if last.failure is not None else begin(_finer(plan, change, level - 1))
             return _estimated(plan, kept, before or _unknown(run), converged=False)
         if last.failure is None:
-            apart = _differences(last, run)
+            apart = _differences(plan, last, run)
             errors = {name: apart[name] * _share(change, apart[name], None if before is None else before[name]) for name in apart}
             if _keeps(run, errors, goal):
                 return _estimated(plan, run, errors, converged=True, others=runs)
@@ -131,7 +131,7 @@ def _judged(
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
     if gap > 0.0:
         closed = _controlled(plan)
-        apart = {} if closed is None else _differences(run, closed)
+        apart = {} if closed is None else _differences(plan, run, closed)
         errors = {name: max(error, apart.get(name, 0.0)) for name, error in errors.items()}
         converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
         warnings.append(open_loops(gap, is_known=closed is not None))
@@ -153,13 +153,13 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
     finer = _try(plan, change, 1)
     if run.failure is not None or finer is None:
         return ErrorEstimate(largest=Columns(_unknown(run)), units=run.units, converged=False)
-    apart = _differences(run, finer)
+    apart = _differences(plan, run, finer)
     coarser = _try(plan, change, -1)
     if coarser is not None:
-        before, after = _differences(coarser, run), apart
+        before, after = _differences(plan, coarser, run), apart
     else:
         finest = _try(plan, change, 2)
-        before, after = apart, _unknown(run) if finest is None else _differences(finer, finest)
+        before, after = apart, _unknown(run) if finest is None else _differences(plan, finer, finest)
     errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
@@ -203,11 +203,13 @@ def _changed(run_file: Mapping[str, Any], setting: str, factor: float) -> dict[s
     return {"numerics": numerics}
 
 
-def _differences(one: Trajectory, other: Trajectory) -> dict[str, float]:
-    """The largest difference of each column over the times that both runs have rows of."""
+def _differences(plan: SimulatorRun, one: Trajectory, other: Trajectory) -> dict[str, float]:
+    """The largest difference of each column over the times that both runs have rows of, but for those at which something jumps."""
     tick = 1e-6 * float(one.t[-1] - one.t[0]) / one.t.size or 1.0
-    _, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
-    return {name: float(np.max(np.abs(one[name][here] - other[name][there]))) for name in one.columns}
+    times, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
+    smooth = ~np.isin(times, np.rint(np.asarray(plan.jumps, dtype=float) / tick))
+    gaps = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
+    return {name: float(np.max(gap, initial=0.0)) for name, gap in gaps.items()}
 
 
 def _falls(values: Array, before: float, after: float) -> bool:

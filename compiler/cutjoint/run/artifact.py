@@ -11,6 +11,7 @@ from typing import Any
 
 from cutjoint.analysis.reactions import find_indeterminate
 from cutjoint.emit.source import Source
+from cutjoint.formulate.jumps import jump_times
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, Implementation, either, names_of
 from cutjoint.model.records import Scene
@@ -132,6 +133,7 @@ def make_simulator_run(
         indeterminate=artifact.indeterminate,
         others=tuple(_other_settings(artifact, options, run_file["integrator"])),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
+        jumps=jump_times(artifact.topology.model, artifact.scene),
     )  # fmt: skip
 
 

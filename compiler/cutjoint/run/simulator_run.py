@@ -27,7 +27,7 @@ class SimulatorRun:
     ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``indeterminate`` are the components of reactions that
     these do not determine, ``others`` the settings of other integrators that it has: parts of a run file.  ``is_free`` is whether scene and
     caller leave the choice of the integrator and of what steps do at events.  ``with_coordinates`` is whether the trajectory has
-    coordinates.
+    coordinates.  ``jumps`` are times (s) at which an input or a guide goes over to another formula: a row there has the values of one side.
     """
 
     simulator: Path
@@ -41,6 +41,7 @@ class SimulatorRun:
     others: Sequence[Mapping[str, Any]] = ()
     is_free: bool = False
     with_coordinates: bool = False
+    jumps: Sequence[float] = ()
 
     def with_balance(self) -> SimulatorRun:
         """The run with a balance of work and energy, if its program has one."""

@@ -9,14 +9,12 @@ from pathlib import Path
 
 import click
 import numpy as np
-import sympy
 from rich.console import Console
 from rich.table import Table
-from sympy.core.relational import Relational
 
+from cutjoint.formulate.jumps import jump_times
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
-from cutjoint.model.expressions import variable
 from cutjoint.model.read import read_model
 from cutjoint.model.records import STEP, Model, Scene
 from cutjoint.pipeline import compile_scene, simulate
@@ -73,14 +71,6 @@ def settings_of(method: str, scene: Scene) -> Iterator[tuple[str, dict[str, floa
                 yield integrator.name, {"integrator": integrator.name, "tolerance": 1e-6}
             else:
                 yield f"{integrator.name}, {1e3 * dt:g} ms", {"integrator": integrator.name, "dt": dt}
-
-
-def jump_times(model: Model, scene: Scene) -> list[float]:
-    """The times (s) at which an input or a guide goes over to another formula, where what jumps has a value on either side."""
-    laws = [*scene.inputs.values(), *(law for joint in model.joints for law in joint.guide or ())]
-    conditions = {c for law in laws for c in sympy.sympify(law).atoms(Relational)}
-    t = variable("t")
-    return sorted(float(time) for c in conditions if c.free_symbols == {t} for time in sympy.solve(c.lhs - c.rhs, t))
 
 
 def judge(run: Trajectory, reference: Trajectory, jumps: Sequence[float] = ()) -> Judgement:
