@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz figures bench batch chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches lint setup clean
+.PHONY: demo test heavy sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
@@ -26,11 +26,14 @@ bench: setup
 flags: setup
 	$(BIN)/python -m cutjoint_bench.studies.flags
 
+sweep: setup
+	$(BIN)/python -m cutjoint_bench.studies.sweep
+
 batch: setup
 	$(BIN)/python -m cutjoint_bench.studies.batch
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
-FIGURES := report tables beside pictures bench methods newton batch chain instructions realtime flags waits choice verification stiff errors branches
+FIGURES := report tables beside pictures bench methods newton batch sweep chain instructions realtime flags waits choice verification stiff errors branches
 .NOTPARALLEL: figures
 figures: $(FIGURES:%=results/figures/%.txt)
 
@@ -41,6 +44,7 @@ results/figures/%.txt: | setup
 
 instructions: setup
 	$(BIN)/python -m cutjoint_bench.studies.instructions
+	$(BIN)/python -m cutjoint_bench.studies.fmu
 
 waits: setup
 	$(BIN)/python -m cutjoint_bench.studies.waits
@@ -59,6 +63,7 @@ methods: setup
 
 pictures: setup
 	$(BIN)/python docs/pictures/simul1.py
+	$(BIN)/python -m docs.pictures.models
 	$(BIN)/cutjoint simulate models/press.yaml --out results/press.csv --plots results/press
 	cp results/press/position.png docs/pictures/press.png
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import gc
 import os
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
+
+if TYPE_CHECKING:
+    from tests.view.browser import Page
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"
@@ -21,6 +24,17 @@ os.environ.setdefault("CUTJOINT_STRICT", "1")
 
 #: What compiles generated code.
 needs_cpp = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Page]:
+    """Chromium without a window; what opens it is not in all copies of the tests' mechanisms (tests/test_same_code.py)."""
+    from tests.view.browser import CHROMIUM, opened
+
+    if CHROMIUM is None:
+        pytest.skip("needs chromium")
+    with opened() as page:
+        yield page
 
 
 def with_heavy(cases: Iterable[Any], *heavy: Any) -> list[Any]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import cutjoint
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.standalone.folders import compile_object, folder_of, link, run, write
 
@@ -77,3 +78,24 @@ def test_stiffer_springs_move_the_slider_less() -> None:
     travel = [float(x) for x in re.findall(r": ([\d.]+) m", python(EXAMPLES / "study.py"))]
     assert len(travel) == 5
     assert travel == sorted(travel, reverse=True)
+
+
+def test_the_axles_of_the_study(tmp_path: Path) -> None:
+    """A few of them: in equilibrium the tyres carry the weight, and toe follows from the heights of the tie rods."""
+    text = (EXAMPLES / "axle" / "study.yaml").read_text(encoding="utf-8").replace("sobol: 100000", "sobol: 16")
+    text = text.replace("model: axle.yaml", f"model: {EXAMPLES / 'axle' / 'axle.yaml'}")
+    text += "trajectories: {outputs: [left.tyre.force + right.tyre.force, left.upright.yaw]}\n"
+    (tmp_path / "study.yaml").write_text(text, encoding="utf-8")
+    done = cutjoint.sweep(tmp_path / "study.yaml", tmp_path / "out.parquet")
+    assert done.failures == [None] * 16
+    weight = (120 + 1 + 2 * (0.8 + 0.6 + 9 + 0.3)) * 9.81
+    loads, yaws = (done[f"{name}(t)"] for name in ("left.tyre.force + right.tyre.force", "left.upright.yaw"))
+    for forces, yaw, steer in zip(loads, yaws, done["bump_steer"], strict=True):
+        assert forces[0] == pytest.approx(weight, rel=1e-6)
+        assert steer == pytest.approx(np.degrees(yaw.max() - yaw.min()), rel=1e-12)
+
+
+def test_the_page_of_the_axles_is_small() -> None:
+    page = ROOT / "docs" / "sweep" / "axle.html"
+    assert page.stat().st_size <= 500_000
+    assert "100000 runs" in page.read_text(encoding="utf-8")

@@ -390,7 +390,7 @@ def test_what_commands_tell_of_is_in_the_package() -> None:
 def test_help_names_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cli, "entry_points", lambda **_: [])
     output = CliRunner().invoke(main, ["--help"]).output
-    helpers = {"__init__", "batches", "export_fmu", "options", "picking", "preparing", "replaying"}
+    helpers = {"__init__", "batches", "coupled", "export_fmu", "options", "picking", "preparing", "replaying"}
     modules = {p.stem for p in Path(preparing.__file__).parent.glob("*.py")} - helpers
     assert {line.split()[0] for line in output.partition("Commands:")[2].splitlines() if line.strip()} == modules
     assert "No such command 'simualte'" in CliRunner().invoke(main, ["simualte", str(MODELS / "four_bar.yaml")]).output

@@ -56,4 +56,4 @@ def test_the_python_runs(capsys, monkeypatch) -> None:
 
 
 def test_it_is_short() -> None:
-    assert len(README.splitlines()) <= 130
+    assert len(README.splitlines()) <= 120

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from cutjoint.stepping.rollout import rollout
     from cutjoint.stepping.simulation import Simulation, SimulationError
     from cutjoint.stepping.statespace import StateSpace, linearise
+    from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.reading import read_model, read_model_text
@@ -41,9 +42,9 @@ if TYPE_CHECKING:
 __all__ = [
     "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError", "ModelError",
     "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError", "StateSpace",
-    "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_equilibrium", "find_initial_state",
-    "find_modes", "linearise", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch",
-    "write_view",
+    "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_equilibrium",
+    "find_initial_state", "find_modes", "linearise", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate",
+    "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
@@ -64,6 +65,7 @@ _HOMES = {
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
     "cutjoint.stepping.statespace": ("StateSpace", "linearise"),
+    "cutjoint.sweeps.run": ("Sweep", "sweep"),
     "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.reading": ("read_model", "read_model_text"),

@@ -159,8 +159,8 @@ def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]])
     values = [parameter_values(model, case) for case in cases]
     inputs = [input_entries(model, scene, given_inputs(model, case)) for case in cases]
     return [
-        {"parameters": own, **({"inputs": held} if held else {}), **following(model, scene, own, parts)}
-        for own, held in zip(values, inputs, strict=True)
+        {"parameters": given, **({"inputs": held} if held else {}), **following(model, scene, given, parts)}
+        for given, held in zip(values, inputs, strict=True)
     ]  # fmt: skip
 
 

@@ -16,7 +16,8 @@ import click
 from cutjoint.model.printing import escaped_lines
 from cutjoint.run.stopping import Terminated
 
-_COMMANDS = ("check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate", "view", "warm")
+_COMMANDS = ("check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate", "sweep", "view",
+             "warm")  # fmt: skip
 
 #: After how many new objects Python looks for cycles among them.  A command makes many that stay: with Python's 700, an eighth of its time
 #: and more goes there.

@@ -51,7 +51,7 @@ class Method:
     ``symmetric`` is whether the tangent of a step is, ``saddle_point`` whether multipliers are unknowns beside the coordinates, so that
     pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
     ``instead`` are methods that may go on where this one fails.
-    ``own_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
+    ``default_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
     where none are given; the penalty then follows from masses and step.  ``fixed_cost`` is whether steps can have a fixed number of
     iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report the Jacobians of its
     accelerations, ``stands_alone`` whether it is compiled into folders that need nothing else.
@@ -64,7 +64,7 @@ class Method:
     saddle_point: bool = False
     events: bool = False
     instead: tuple[str, ...] = ()
-    own_updates: int | None = None
+    default_updates: int | None = None
     twin: Twin | None = None
     fixed_cost: bool = False
     batch: bool = False
@@ -182,7 +182,7 @@ METHODS: Mapping[str, Method] = _catalogue(
         twin=Twin(), fixed_cost=True, batch=True, tangents=True, stands_alone=True,
     ),
     Method(
-        name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), own_updates=20,
+        name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,
         twin=Twin(solver="eigen-ldlt"),
     ),
     Method(
@@ -190,7 +190,7 @@ METHODS: Mapping[str, Method] = _catalogue(
         twin=Twin(solver="klu"),
     ),
     Method(
-        name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, instead=("recursive", "augmented"), own_updates=20,
+        name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, instead=("recursive", "augmented"), default_updates=20,
         stands_alone=True,
     ),
 )  # fmt: skip

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import DEFAULT_INTEGRATOR, Events
+from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
@@ -55,29 +56,40 @@ class Standalone:
 
 
 def make_standalone(
-    equations: Equations, program: Program, source: Source, *, integrator: str | None = None, lanes: bool = True
-) -> Standalone:
+    equations: Equations, program: Program, source: Source, *, integrator: str | None = None, lanes: bool = True,
+    freedoms: int | None = None,
+) -> Standalone:  # fmt: skip
     """The folder of a model in a scene, by what `pipeline.generate` has made, with the settings, parameters and start of the scene.
 
     The integrator is that of the scene unless one is named; where the core has not the scene's for the method, or the scene names none, it
-    is the trapezoidal rule.  ``lanes`` is whether isomorphic parts are computed side by side.
+    is the trapezoidal rule.  ``lanes`` is whether isomorphic parts are computed side by side.  With its degrees of freedom, ``freedoms``, a
+    mechanism by the method recursive has minimal coordinates too.
 
     Raises:
         RunError: the core has not the integrator, or the scene has a setting or a start without a finite value.
     """
-    parts = _parts(equations, program, lanes)
-    scene, known = equations.scene, STEPS[parts.method]
-    if integrator is not None and integrator not in known:
-        raise RunError(f"integrator: '{integrator}' is not one of folders that stand alone, {', '.join(known)}")
-    own = scene.numerics.integrator
-    chosen = integrator or (own if own is not None and own in known else DEFAULT_INTEGRATOR)
-    steps = known[chosen]
-    options = Options(integrator=chosen, events=None if steps.finds_events else Events.CROSSED)
-    run_file = make_run_file(equations.topology.model, scene, {}, task="simulate", method=parts.method, options=options)
+    parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
+    options = choose_steps(equations.scene, parts.method, integrator)
+    chosen = str(options.integrator)
+    steps = STEPS[parts.method][chosen]
+    run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     return Standalone(
         name=equations.topology.model.name, files=emit_standalone(parts, run_file, source.digest), digest=source.digest,
         size=simulation_size(parts, steps), method=parts.method, integrator=chosen, steps=steps, run_file=run_file,
     )  # fmt: skip
+
+
+def choose_steps(scene: Scene, method: str, integrator: str | None) -> Options:
+    """The integrator of a folder, as above, and whether its steps end at events.
+
+    Raises:
+        RunError: the core has not the integrator.
+    """
+    known, given = STEPS[method], scene.numerics.integrator
+    if integrator is not None and integrator not in known:
+        raise RunError(f"integrator: '{integrator}' is not one of folders that stand alone, {', '.join(known)}")
+    chosen = integrator or (given if given is not None and given in known else DEFAULT_INTEGRATOR)
+    return Options(integrator=chosen, events=None if known[chosen].finds_events else Events.CROSSED)
 
 
 def _parts(equations: Equations, program: Program, lanes: bool) -> Parts:

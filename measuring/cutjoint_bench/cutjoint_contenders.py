@@ -87,8 +87,8 @@ class AdaptiveRunner(OwnRunner):
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
         """A run whose rows are the case's."""
-        own = self.artifact.scene.numerics.of_method(self.artifact.method).step
-        with_tolerance = replace(self, tolerance=min(max(1e-6 * (dt / own) ** 5, 1e-13), 1e-2))
+        given = self.artifact.scene.numerics.of_method(self.artifact.method).step
+        with_tolerance = replace(self, tolerance=min(max(1e-6 * (dt / given) ** 5, 1e-13), 1e-2))
         return OwnRunner.__call__(with_tolerance, self.artifact.scene.output_step, measured=measured)
 
 

@@ -55,8 +55,8 @@ def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Ar
     """Time, da/dq and da/dv at rows of a run at the scene's own step."""
     with temporary_folder() as folder:
         path = folder / "tangents.jsonl"
-        own = replace(artifact, scene=replace(case.scene, output_step=make_rows(case.scene.output_step, case.scene.end, MOST_STATES)))
-        run = simulate(own, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path, check=False)
+        with_rows = replace(artifact, scene=replace(case.scene, output_step=make_rows(case.scene.output_step, case.scene.end, MOST_STATES)))
+        run = simulate(with_rows, parameters=case.parameters, integrator="trapezoidal", events="crossed", tangents=path, check=False)
         with (path if run.failure is None else partial_of(path)).open(encoding="utf-8") as lines:
             for line in lines:
                 found = json.loads(line)

@@ -124,9 +124,9 @@ def _integrate(case: Case, artifacts: Mapping[str, Artifact | None], precision: 
 
 def _route(case: Case, artifact: Artifact, tolerance: float) -> Trajectory:
     penalty = PENALTIES[artifact.precision] if METHODS[artifact.method].formulation is Formulation.RECURSIVE else None
-    own = replace(artifact, scene=case.scene)
+    of_case = replace(artifact, scene=case.scene)
     return simulate(
-        own, dt=case.scene.output_step, penalty=penalty, tolerance=tolerance, parameters=case.parameters, integrator="reference",
+        of_case, dt=case.scene.output_step, penalty=penalty, tolerance=tolerance, parameters=case.parameters, integrator="reference",
         check=False,
     )  # fmt: skip
 

@@ -132,16 +132,16 @@ def _line(
     plan: Plan, case: Case, contender: Contender, runner: Runner, reference: Reference | None, store: Store, say: Say
 ) -> Record:  # fmt: skip
     """All that is measured of a contender on a case."""
-    own = _own_step(case, contender)
+    scene_step = _own_step(case, contender)
     identity = _identity(plan, case, contender, runner)
     points: list[Record] = []
-    for dt in _steps(plan, case, contender, own):
+    for dt in _steps(plan, case, contender, scene_step):
         if points and _predicted(points[-1], dt) > plan.most_seconds:
             break
         say(f"{case.name}: {contender.label} at {1e3 * dt:g} ms")
         make = partial(_point, case, contender.name, runner, dt, reference, plan.repetitions)
         points.append(store.get({**identity, "dt": dt}, make))
-    line: Record = {"contender": contender.name, "label": contender.label, "group": contender.group, "dt": own,
+    line: Record = {"contender": contender.name, "label": contender.label, "group": contender.group, "dt": scene_step,
                     "configuration": dict(runner.configuration), "points": points}  # fmt: skip
     if has_limits(plan, contender):
         say(f"{case.name}: largest step of {contender.label}")
@@ -185,13 +185,13 @@ def _prediction(case: Case, artifact: Artifact) -> Record:
     return {} if found is None else asdict(found)
 
 
-def _steps(plan: Plan, case: Case, contender: Contender, own: float) -> list[float]:
+def _steps(plan: Plan, case: Case, contender: Contender, scene_step: float) -> list[float]:
     if plan.steps:
         return list(plan.steps)
-    shortest = max(plan.shortest * own, case.scene.end / MOST_STEPS)
-    steps = falling_steps(case.scene.output_step, min(LONGEST * own, case.scene.end / 8), shortest)
+    shortest = max(plan.shortest * scene_step, case.scene.end / MOST_STEPS)
+    steps = falling_steps(case.scene.output_step, min(LONGEST * scene_step, case.scene.end / 8), shortest)
     paper = PAPER_STEPS.get(case.name, {}).get(contender.name.partition("/")[0])
-    return sorted({*steps, own, *([paper] if paper else [])}, reverse=True)
+    return sorted({*steps, scene_step, *([paper] if paper else [])}, reverse=True)
 
 
 def _point(
@@ -206,11 +206,11 @@ def _predicted(last: Record, dt: float) -> float:
     return float(last["dt"] / dt * max(last["seconds"], default=0.0))
 
 
-def _limit(case: Case, runner: Runner, reference: Reference | None, own: float) -> Record:
+def _limit(case: Case, runner: Runner, reference: Reference | None, scene_step: float) -> Record:
     """From the scene's own step upwards; where that is too large, from below."""
-    high = min(own * 64, case.scene.end / 4)
-    found = largest_step(case, runner, reference, low=own, high=high)
-    return {"dt": found or largest_step(case, runner, reference, low=own / 64, high=own)}
+    high = min(scene_step * 64, case.scene.end / 4)
+    found = largest_step(case, runner, reference, low=scene_step, high=high)
+    return {"dt": found or largest_step(case, runner, reference, low=scene_step / 64, high=scene_step)}
 
 
 def plain(value: Any) -> Any:

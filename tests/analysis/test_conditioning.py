@@ -20,7 +20,7 @@ from cutjoint.topology.conditioning import design_jacobian
 from cutjoint.topology.geometry import JointGeometry
 from cutjoint.topology.spanning_tree import joints_around
 from tests.analysis.formulated import formulated
-from tests.conftest import DATA, MODELS
+from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.overconstrained import parallel_cranks_text
 from tests.mechanisms.random_models import chosen_loops, random_loops
@@ -97,8 +97,8 @@ def _slider_crank() -> Model:
     [
         *(lambda seed=seed: chosen_loops(seed) for seed in range(6)),
         _slider_crank,
-        lambda: read_model(DATA / "double_wishbone_car.yaml"),
-        lambda: read_model(DATA / "wishbone_axle.yaml"),
+        lambda: read_model(MODELS / "car.yaml"),
+        lambda: read_model(MODELS / "axle.yaml"),
         lambda: read_model_text(four_bar_text(4).replace(", cut: true", ""), "four_bar.yaml"),
         lambda: read_model_text((MODELS / "andrews.yaml").read_text().replace(", cut: true", ""), "andrews.yaml"),
     ],

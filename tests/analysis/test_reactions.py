@@ -51,6 +51,15 @@ def test_a_third_crank_of_a_parallelogram_leaves_forces_in_the_plane_open() -> N
         assert f"of_pin_{i}.Mz" not in found
 
 
+def test_what_is_determined_stays_so_where_nothing_else_is_asked() -> None:
+    """The force along a leaf of the vehicle, which published values have, beside redundant equations elsewhere."""
+    assert indeterminate((MODELS / "iltis.yaml").read_text()) == set()
+    text = with_reactions(PRESS.replace("rates: {pin.angle_rate: 10}", ""), "elbow")
+    model = read_model_text(text, "m.yaml")
+    alone = [output for output in reaction_outputs(model) if output.column == "of_elbow.Fx"]
+    assert find_indeterminate(build_topology(model), find_scene(model, next(iter(model.scenes), None)), alone) == ()
+
+
 def test_a_tree_determines_all() -> None:
     text = with_reactions((MODELS / "pendulum.yaml").read_text(), "pin")
     assert indeterminate(text) == set()

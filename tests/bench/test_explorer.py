@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from cutjoint_bench.findings import TARGETS, fastest_spot
 from cutjoint_bench.report.explorer import explore
 from cutjoint_bench.report.page import render_page
 from tests.bench.test_summary import STUDIES, line, point
-from tests.view.browser import CHROMIUM, Page, opened
+from tests.view.browser import Page
 from tests.view.pages import PICTURES, require_silence
 from tests.view.test_page import HOSTILE
 
@@ -29,12 +28,6 @@ def studies(*more: dict[str, Any]) -> dict[str, Any]:
 FAST = line("recursive/rk4/reduced", "reduced", point(0.02, 0.1, 3e-3), point(0.01, 0.2, 5e-4), point(0.001, 4.0, 8e-7))
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Page]:
-    if CHROMIUM is None:
-        pytest.skip("needs chromium")
-    with opened() as page:
-        yield page
 
 
 @pytest.fixture

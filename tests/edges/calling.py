@@ -18,12 +18,22 @@ from tests.fuzz.limits import HangError, at_most, at_most_bytes
 from tests.fuzz.press import press
 
 from .commands import good_calls
-from .values import FOLDER, LINK, MODEL, TABLE, TWIN
+from .values import FOLDER, LINK, MODEL, STUDY, TABLE, TWIN
 
 #: Seconds that a call may take on an idle machine.
 LIMIT = 10.0
 #: Bytes that it may take.
 MEMORY = 16 * 2**30
+
+
+#: Two runs of the model.
+_STUDY = f"""
+cutjoint_study: 1
+model: {MODEL}
+end: 0.01
+parameters: {{stiffness: [1000, 3000]}}
+objectives: {{top: {{maximum: slider.x}}}}
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,16 +46,17 @@ class Ended:
 
 
 def set_up(folder: Path) -> dict[str, bytes]:
-    """What a user has in a folder: a model, two links to it, a table of cases; the content of each by its name."""
+    """What a user has in a folder: a model, two links to it, a table of cases, a study; the content of each by its name."""
     folder.mkdir()
     os.chdir(folder)
     Path(MODEL).write_text(press(), encoding="utf-8")
     Path(TABLE).write_text("stiffness\n1000\n3000\n", encoding="utf-8")
+    Path(STUDY).write_text(_STUDY, encoding="utf-8")
     Path(LINK).symlink_to(MODEL)
     Path(TWIN).hardlink_to(MODEL)
     Path("loop").symlink_to("loop")
     Path(FOLDER).mkdir()
-    return {name: Path(name).read_bytes() for name in (MODEL, TABLE, LINK, TWIN)}
+    return {name: Path(name).read_bytes() for name in (MODEL, TABLE, STUDY, LINK, TWIN)}
 
 
 @cache

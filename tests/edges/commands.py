@@ -8,7 +8,7 @@ import click
 
 from cutjoint.cli import main
 
-from .values import MODEL, TABLE
+from .values import MODEL, STUDY, TABLE
 
 #: A choice that suits the press, where the first does not.
 _CHOICES = {"peer": "exudyn"}
@@ -16,10 +16,14 @@ _CHOICES = {"peer": "exudyn"}
 LONG = ("bench",)
 #: What keeps a call short, where a command has the option.
 _SHORT = {"--end": "0.01", "--method": "recursive"}
+#: The command for which such an option goes with another value of its choice alone.
+_ELSEWHERE = ("export", "--method")
 #: What an option goes with, without which it is refused for that alone.
 _BESIDE = {"over": ["--view=out_view.html"]}
+#: What options and arguments read that is no model.
+READ = {"batch": TABLE, "study": STUDY}
 #: Options that read a file of which users have none here.
-_UNREADY = ("over",)
+_UNREADY = ("over", "controller")
 
 
 def commands() -> dict[str, click.Command]:
@@ -50,7 +54,7 @@ def is_path(option: click.Parameter, *, written: bool) -> bool:
 
 def reads_model(name: str) -> bool:
     """Whether a command has a model, or several."""
-    return any(option.name in ("model", "models") for option in commands()[name].params)
+    return any(option.name in ("model", "models", "study") for option in commands()[name].params)
 
 
 def call_with(name: str, given: Sequence[tuple[click.Parameter, str]]) -> list[str]:
@@ -63,7 +67,7 @@ def call_with(name: str, given: Sequence[tuple[click.Parameter, str]]) -> list[s
             continue
         if option.required:
             words += _spelled(option, _good(option))
-        elif switch in _SHORT:
+        elif switch in _SHORT and (name, switch) != _ELSEWHERE:
             words += [switch, _SHORT[switch]]
     for option, value in given:
         words += [*_spelled(option, value), *(word for word in _BESIDE.get(option.name or "", []) if "view" not in named)]
@@ -80,5 +84,5 @@ def _good(option: click.Parameter) -> str:
     if not isinstance(option.type, click.Path):
         raise NotImplementedError(f"a good value for {option.opts[0]}")
     if option.type.exists:
-        return TABLE if option.name == "batch" else MODEL
+        return READ.get(option.name or "", MODEL)
     return f"out_{option.name}"

@@ -13,8 +13,8 @@ import pytest
 from tests.conftest import needs_cpp
 
 from .calling import call, compile_first, faults, set_up
-from .commands import LONG, call_with, commands, is_path, options, reads_model
-from .values import FOLDER, MODEL, TABLE, bad_values
+from .commands import LONG, READ, call_with, commands, is_path, options, reads_model
+from .values import FOLDER, MODEL, bad_values
 
 pytestmark = needs_cpp
 
@@ -55,6 +55,6 @@ def test_two_paths_are_not_one(
     """What a command writes is neither what it reads nor what else it writes, however the two are spelled."""
     monkeypatch.chdir(tmp_path)
     before = set_up(tmp_path / "in")
-    same = "both" if is_path(one, written=True) else TABLE if one.name == "batch" else MODEL
+    same = "both" if is_path(one, written=True) else READ.get(one.name or "", MODEL)
     ended = call(call_with(name, [(one, same), (other, f"{FOLDER}/../{same}")]))
     assert not list(faults(ended, before, refused=True))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import click
 
-MODEL, LINK, TWIN, TABLE, FOLDER = "press.yaml", "link.yaml", "twin.yaml", "cases.csv", "folder"
+MODEL, LINK, TWIN, TABLE, FOLDER, STUDY = "press.yaml", "link.yaml", "twin.yaml", "cases.csv", "folder", "study.yaml"
 
 _LONG = "n" * 300
 _ESCAPE = "\x1b[31mred"
@@ -33,6 +33,7 @@ USABLE = {
     "at": {"0", "1e-300"},
     "tolerance": {"1e300", "1e16", "1e-300"},
     "end": {"1e-300"},
+    "replay": {"0"},
 }
 
 

@@ -13,8 +13,12 @@ from typing import Any
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
+from cutjoint.view.graph_picture import picture_graph
 from tests.conftest import MODELS
+from tests.mechanisms.bouncing import bouncing_text
 from tests.mechanisms.driven import DRIVEN
+from tests.mechanisms.spinning import SPINNING
+from tests.mechanisms.swaying import swaying_text
 
 OK, DISCARD, ERROR = 0, 2, 3
 
@@ -32,18 +36,33 @@ class _Callbacks(ctypes.Structure):
 
 
 @cache
-def fmu_of(name: str, version: int, scene: str | None = None, integrator: str | None = None) -> Fmu:
-    """The FMU of a model of the repository, or of "driven"."""
-    text = DRIVEN if name == "driven" else (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
-    model = read_model_text(text, f"{name}.yaml")
-    return make_fmu(model, find_scene(model, scene), version=version, integrator=integrator)
+def fmu_of(
+    name: str, version: int, scene: str | None = None, integrator: str | None = None, kind: str = "cs", method: str = "recursive"
+) -> Fmu:
+    """The FMU of a model of the repository, or of a mechanism of the tests."""
+    model = read_model_text(text_of(name), f"{name}.yaml")
+    return make_fmu(model, find_scene(model, scene), version=version, integrator=integrator, kind=kind, method=method)
+
+
+#: Mechanisms of the tests, by names.
+_TEXTS = {"driven": DRIVEN, "spinning": SPINNING, "bounce": bouncing_text(5.0, 0.3), "swaying": swaying_text()}
+
+
+def text_of(name: str) -> str:
+    """The text of a model of the repository, or of a mechanism of the tests."""
+    return _TEXTS.get(name) or (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
 
 
 def write(fmu: Fmu, place: Path, **content: bool) -> Path:
     """The FMU's file, with a binary alone unless said otherwise."""
     file = place / f"{fmu.standalone.name}{fmu.version}.fmu"
-    file.write_bytes(fmu.pack(**({"sources": False, "binary": True} | content)))
+    file.write_bytes(packed(fmu, **({"sources": False, "binary": True} | content)))
     return file
+
+
+def packed(fmu: Fmu, **content: bool) -> bytes:
+    """The FMU's archive, as the command writes it."""
+    return fmu.pack(**content, picture=picture_graph(fmu.topology))
 
 
 def names_in(packed: bytes) -> list[str]:
@@ -54,8 +73,8 @@ def names_in(packed: bytes) -> list[str]:
 class Slave:
     """An instance; ``log`` has the messages of its logger.  Methods return statuses."""
 
-    def __init__(self, fmu: Fmu, *, token: str | None = None) -> None:
-        self.fmu, self.log = fmu, list[str]()
+    def __init__(self, fmu: Fmu, *, token: str | None = None, exchanges: bool = False) -> None:
+        self.fmu, self.log, self._exchanges = fmu, list[str](), exchanges
         self.references = {v.name: i for i, v in enumerate(fmu.interface.variables)}
         self._library = ctypes.CDLL(str(fmu.build()))
         guid = (fmu.subject.token if token is None else token).encode()
@@ -67,11 +86,16 @@ class Slave:
         self._callbacks = _Callbacks(self._logger, None, None, None, None)
         function = self._library.fmi2Instantiate
         function.restype = ctypes.c_void_p
-        return function(b"slave", 1, guid, b"", ctypes.byref(self._callbacks), 0, 0)
+        return function(b"slave", 0 if self._exchanges else 1, guid, b"", ctypes.byref(self._callbacks), 0, 0)
 
     def _instantiate_3(self, guid: bytes) -> Any:
         self._logger = _LOGGER_3(lambda _, status, category, text: self.log.append(text.decode()))
-        function, no = self._library.fmi3InstantiateCoSimulation, ctypes.c_bool(False)
+        no = ctypes.c_bool(False)
+        if self._exchanges:
+            function = self._library.fmi3InstantiateModelExchange
+            function.restype = ctypes.c_void_p
+            return function(b"slave", guid, b"", no, no, None, self._logger)
+        function = self._library.fmi3InstantiateCoSimulation
         function.restype = ctypes.c_void_p
         return function(b"slave", guid, b"", no, no, no, no, None, ctypes.c_size_t(0), None, self._logger, None)
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import html
+import io
+import posixpath
+import re
 import subprocess
+import zipfile
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
@@ -17,7 +23,7 @@ from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.hash_seeds import outputs
 
-from .slaves import fmu_of, names_in, write
+from .slaves import fmu_of, names_in, packed, write
 
 PRESS = str(MODELS / "press.yaml")
 CASES = [(name, scene, v) for name, scene in (("press", None), ("four_bar", None), ("iltis", "simul1")) for v in (2, 3)]
@@ -66,8 +72,9 @@ def test_fmpy_compiles_the_sources(version: int, tmp_path: Path, monkeypatch: py
 @needs_cpp
 @versions
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-def test_the_layer_compiles_without_warnings_and_takes_a_prefix(version: int, compiler: str, tmp_path: Path) -> None:
-    fmu = fmu_of("driven", version, "free")
+@pytest.mark.parametrize("kind", ["cs", "me", "both"])
+def test_the_layer_compiles_without_warnings_and_takes_a_prefix(version: int, compiler: str, kind: str, tmp_path: Path) -> None:
+    fmu = fmu_of("driven", version, "free", kind=kind)
     for name, text in fmu.sources.items():
         (tmp_path / name).write_text(text)
     layer, made = tmp_path / f"fmi{version}.cpp", tmp_path / "layer.o"
@@ -92,9 +99,9 @@ def test_a_binary_shows_the_standards_functions_alone_and_needs_the_c_library_al
 
 SEEDED = """
 import hashlib
-from tests.fmu.slaves import fmu_of
+from tests.fmu.slaves import fmu_of, packed
 for version in (2, 3):
-    print(hashlib.sha256(fmu_of("driven", version, "free").pack(sources=True, binary=False)).hexdigest())
+    print(hashlib.sha256(packed(fmu_of("driven", version, "free", kind="both"), sources=True, binary=False)).hexdigest())
 """
 
 
@@ -103,10 +110,22 @@ def test_an_archive_follows_from_the_model_alone() -> None:
 
 
 def test_no_header_of_the_standard_is_in_an_archive() -> None:
-    assert names_in(fmu_of("press", 3).pack(sources=True, binary=False)) == [
-        "modelDescription.xml", "documentation/licenses/license.txt", "sources/press.h", "sources/press.cpp", "sources/fmi3.cpp",
-        "sources/buildDescription.xml",
+    assert names_in(packed(fmu_of("press", 3), sources=True, binary=False)) == [
+        "modelDescription.xml", "documentation/diagram.png", "documentation/index.html", "documentation/licenses/license.txt",
+        "sources/press.h", "sources/press.cpp", "sources/fmi3.cpp", "sources/buildDescription.xml",
     ]  # fmt: skip
+
+
+@versions
+def test_the_page_shows_the_picture_and_all_variables(version: int) -> None:
+    fmu = fmu_of("iltis", version, "simul1")
+    archive = zipfile.ZipFile(io.BytesIO(packed(fmu, sources=True, binary=False)))
+    page = archive.read("documentation/index.html").decode()
+    (picture,) = re.findall(r'src="([^"]+)"', page)
+    pixels = matplotlib.image.imread(io.BytesIO(archive.read(posixpath.normpath(f"documentation/{picture}"))))
+    assert min(pixels.shape[:2]) > 100
+    assert 0.5 < pixels[..., :3].mean() < 0.999  # something on a light ground
+    assert all(f"<td>{html.escape(v.name)}</td>" in page for v in fmu.interface.variables)
 
 
 def test_units_have_exponents_of_base_units() -> None:
@@ -126,8 +145,8 @@ def test_the_command_writes_an_fmu(tmp_path: Path) -> None:
     out = tmp_path / "press.fmu"
     result = export("--to", "fmu", "--fmi", 3, "--sources", "--out", out)
     assert result.exit_code == 0, result.output
-    assert " ".join(result.output.split()) == f"FMI 3 co-simulation, steps by trapezoidal; 0 inputs, 4 outputs in {out}"
-    assert out.read_bytes() == fmu_of("press", 3).pack(sources=True, binary=False)
+    assert " ".join(result.output.split()) == f"FMI 3 co-simulation, steps of 1 ms by trapezoidal; 0 inputs, 4 outputs in {out}"
+    assert out.read_bytes() == packed(fmu_of("press", 3), sources=True, binary=False)
 
 
 @pytest.mark.parametrize(

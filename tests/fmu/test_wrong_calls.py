@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import needs_cpp
+from tests.conftest import needs_cpp, with_heavy
 
 from .slaves import ERROR, OK, Slave, advanced, fmu_of, started
 
@@ -134,12 +134,16 @@ def test_derivatives_of_inputs() -> None:
         assert said(slave) == words
 
 
-@pytest.mark.heavy
-def test_random_calls_under_sanitizers(tmp_path: Path) -> None:
-    for name, text in fmu_of("press", 2).sources.items():
-        (tmp_path / name).write_text(text)
+RANDOM = [("press", 2, "cs"), ("press", 3, "both"), ("spinning", 3, "both"), ("bounce", 3, "both")]
+
+
+@pytest.mark.parametrize(("name", "version", "kind"), with_heavy(RANDOM, *(case for case in RANDOM if case[0] != "bounce")))
+def test_random_calls_under_sanitizers(name: str, version: int, kind: str, tmp_path: Path) -> None:
+    fmu = fmu_of(name, version, kind=kind)
+    for file, text in fmu.sources.items():
+        (tmp_path / file).write_text(text)
     flags = ["-std=c++20", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-D_GLIBCXX_ASSERTIONS", "-I."]
-    command = ["g++", *flags, Path(__file__).with_name("random_calls.cpp"), "press.cpp", "-o", "random"]
-    subprocess.run(command, cwd=tmp_path, check=True)
+    program = Path(__file__).with_name("random_calls.cpp" if version == 2 else "random_calls_3.cpp")
+    subprocess.run(["g++", *flags, program, f"{fmu.standalone.name}.cpp", "-o", "random"], cwd=tmp_path, check=True)
     calls, good = subprocess.run([tmp_path / "random", "50000"], capture_output=True, text=True, check=True).stdout.split()
     assert int(calls) / 4 < int(good) < int(calls)

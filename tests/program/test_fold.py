@@ -19,7 +19,7 @@ from cutjoint.run.scenes import find_scene
 from cutjoint.systems import formulate_system
 from cutjoint.topology.build import build_topology
 from tests.compile_run.generated import FlatRoad, random_states
-from tests.conftest import DATA, MODELS
+from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 
 
@@ -56,8 +56,8 @@ CASES = {
     "iltis, steering": (lambda: (MODELS / "iltis.yaml").read_text(), "iavsd_sine_2mm"),
     "7 pendulums in groups of 4, 2 and 1": (lambda: pendulums(7), "swing"),
     "4 geared pendulums": (lambda: geared(4), "swing"),
-    "car whose corners are two subtrees each": (lambda: (DATA / "double_wishbone_car.yaml").read_text(), "drop"),
-    "axle whose sides share a rack and a stabiliser": (lambda: (DATA / "wishbone_axle.yaml").read_text(), "chirp"),
+    "car whose corners are two subtrees each": (lambda: (MODELS / "car.yaml").read_text(), "drop"),
+    "axle whose sides share a rack and a stabiliser": (lambda: (MODELS / "axle.yaml").read_text(), "chirp"),
 }
 
 
@@ -196,7 +196,7 @@ def test_lanes_bring_no_inputs_of_other_functions() -> None:
 
 
 def test_an_axle_folds_with_its_tangent() -> None:
-    model = read_model(DATA / "wishbone_axle.yaml")
+    model = read_model(MODELS / "axle.yaml")
     scene = find_scene(model, "chirp")
     plain, folded = (generate(model, scene, scene.outputs, method="recursive-newton", lanes=lanes) for lanes in (False, True))
     assert folded[1].instructions("linearise") < 0.7 * plain[1].instructions("linearise")
@@ -205,7 +205,7 @@ def test_an_axle_folds_with_its_tangent() -> None:
 
 def test_the_augmented_tangent_of_an_axle_folds() -> None:
     """Joints that stand alike on the chassis are no nodes of its basis, and members that depend on each other cost the others no lanes."""
-    model = read_model(DATA / "wishbone_axle.yaml")
+    model = read_model(MODELS / "axle.yaml")
     scene = find_scene(model, "chirp")
     equations, _ = formulate_system(derive(model, scene, ()), "augmented", ())
     b, results = equations.builder, equations.function("linearise").results

@@ -15,6 +15,7 @@ from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.artifact import Artifact
 from cutjoint.standalone import make_standalone
 from tests.conftest import MODELS, needs_cpp, with_heavy
+from tests.mechanisms.driven import DRIVEN
 from tests.reduce.test_guards import TEXT as HAMMER
 
 from .folders import ALONE, DEFINITIONS, HERE, RANDOM_CALLS, compile_object, folder_of, foreign_symbols, link, run, standalone_of, write
@@ -164,3 +165,17 @@ def test_a_project_takes_it_in_both_ways(tmp_path: Path) -> None:
     configure = ["cmake", "-S", "other", "-B", "second", *build, f"-DCMAKE_PREFIX_PATH={tmp_path}/place"]
     for command in (configure, ["cmake", "--build", "second"], ["second/host"]):
         subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+
+
+def test_the_example_steers_what_moves_no_guide(tmp_path: Path) -> None:
+    """From the middle on it holds an input: what the model then does is not the scene's any more."""
+    place = write(folder_of(DRIVEN, "driven.yaml", "lawful"), tmp_path)
+    compile_object(place, "driven")
+    text = (place / "example.c").read_text()
+    assert "/* from now on 'push' is held */" in text
+    steering = run(link(place, "example", ["-I.", "example.c", "driven.o"])).splitlines()
+    (place / "plain.c").write_text("\n".join(line for line in text.splitlines() if "set_input" not in line))
+    plain = run(link(place, "plain", ["-I.", "plain.c", "driven.o"])).splitlines()
+    assert len(steering) == 11
+    assert steering[:5] == plain[:5]
+    assert steering[5] != plain[5]

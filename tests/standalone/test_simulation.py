@@ -123,6 +123,14 @@ def test_what_cannot_go_on_is_told(press: cutjoint.Simulation) -> None:
         press.reset(dt=-1.0)
     with pytest.raises(cutjoint.SimulationError, match=r"cannot close.*'.*' \(press.yaml:\d+.*check the joints"):
         press.reset(coordinates={"pin.angle": 0.0, "rail.displacement": 5.0})
+    assert press.reset().coordinates["pin.angle"] == 0.0  # what did not close is forgotten
+
+
+def test_coordinates_and_speeds_hold_for_one_start(press: cutjoint.Simulation) -> None:
+    first = press.reset().snapshot()
+    assert press.reset(coordinates={"pin.angle": 0.3}, speeds={"pin.angle_rate": 2.0}).coordinates["pin.angle"] == pytest.approx(0.3)
+    assert press.speeds["pin.angle_rate"] == pytest.approx(2.0)
+    assert press.reset().snapshot() == first
 
 
 def test_rollout_is_what_each_would_do_alone(press: cutjoint.Simulation) -> None:
@@ -137,3 +145,6 @@ def test_rollout_is_what_each_would_do_alone(press: cutjoint.Simulation) -> None
         assert np.array_equal(one.play(30), own)
     with pytest.raises(ValueError, match="same number of simulations"):
         cutjoint.rollout(press, 3, parameters={"stiffness": values}, snapshots=[press.snapshot()])
+    with pytest.raises(ValueError, match="how many simulations"):
+        cutjoint.rollout(press, 3)
+    assert np.array_equal(cutjoint.rollout(press, 30, parameters={"stiffness": 1000.0})[0], rows[0])

@@ -10,10 +10,10 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import SubtreeClass
-from tests.conftest import DATA
+from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 
-CAR = DATA / "double_wishbone_car.yaml"
+CAR = MODELS / "car.yaml"
 
 
 def cut_at(model: Model, names: set[str]) -> Model:
@@ -47,7 +47,7 @@ def test_the_order_of_the_file_makes_no_other_class() -> None:
 
 def test_the_sides_of_an_axle_are_one_class() -> None:
     """A guided rack between the tie rods and a bushing between the stabilisers' halves leave the sides independent."""
-    sides, pads = build_topology(read_model(DATA / "wishbone_axle.yaml")).classes
+    sides, pads = build_topology(read_model(MODELS / "axle.yaml")).classes
     assert (len(sides.roots), sides.size) == (2, 5)
     side_by_side(sides)
     assert pads.roots == ("pad_l", "pad_r")

@@ -22,7 +22,7 @@ from cutjoint.program.schedule import schedule
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
 from cutjoint.topology.spanning_tree import cost_of
-from tests.conftest import DATA, MODELS
+from tests.conftest import MODELS
 from tests.mechanisms.random_models import (
     NOWHERE,
     SIZE,
@@ -55,7 +55,7 @@ def counted_and_predicted(model: Model) -> tuple[int, int]:
     return program_of(topology).operations("evaluate"), cost_of(model, topology.tree, topology.cuts).operations
 
 
-@pytest.mark.parametrize("file", [MODELS / "iltis.yaml", DATA / "double_wishbone_car.yaml"])
+@pytest.mark.parametrize("file", [MODELS / "iltis.yaml", MODELS / "car.yaml"])
 def test_a_vehicle_takes_what_is_predicted(file: Path) -> None:
     """Within a sixth; of the closure that runs have by default, forces included, which are not predicted."""
     topology = build_topology(read_model(file))

@@ -19,23 +19,23 @@ from cutjoint.topology.cuts import find_rules
 from cutjoint.topology.records import Topology
 from cutjoint.topology.search import Spanning, span
 from cutjoint.topology.spanning_tree import TopologyError, cost_of
-from tests.conftest import DATA, MODELS
+from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.random_models import NOWHERE, chosen_loops
 
 
 def car() -> Model:
-    return read_model(DATA / "double_wishbone_car.yaml")
+    return read_model(MODELS / "car.yaml")
 
 
 def front() -> Model:
     """The car without its rear corners."""
-    lines = (DATA / "double_wishbone_car.yaml").read_text().splitlines(keepends=True)
+    lines = (MODELS / "car.yaml").read_text().splitlines(keepends=True)
     return read_model_text("".join(line for line in lines if not line.startswith("  rear_")), "front.yaml")
 
 
 def axle() -> Model:
-    return read_model(DATA / "wishbone_axle.yaml")
+    return read_model(MODELS / "axle.yaml")
 
 
 def slider_crank() -> Model:

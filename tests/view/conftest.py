@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from tests.conftest import MODELS
-from tests.view.browser import CHROMIUM, Page, opened
 
 
 @dataclass(frozen=True)
@@ -56,11 +54,3 @@ def iltis(tmp_path_factory: pytest.TempPathFactory) -> Shown:
     text = (MODELS / "iltis.yaml").read_text(encoding="utf-8")
     more = places("front_left.carrier", "rear_right.tie_rod")
     return show(tmp_path_factory.mktemp("iltis"), text.replace("outputs: [chassis.x", f"outputs: [{more}, chassis.x"), "--scene", "simul1")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Page]:
-    if CHROMIUM is None:
-        pytest.skip("needs chromium")
-    with opened() as page:
-        yield page

@@ -134,10 +134,10 @@ def _effects(equations: RecursiveEquations) -> list[Block]:
 def _momenta(k: Kinematics, body: Body) -> Iterable[Block]:
     b = k.builder
     xx, yy, zz, xy, xz, yz = (k.translator.scalar(x) for x in body.inertia)
-    own = b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    tensor = b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     _, w = halves(b, k.frames[body.name].Z)
     yield b.scale(k.translator.scalar(body.mass), k.velocity(body.name, k.point(body.name, body.centre_of_mass)))
-    yield b.mul(own, b.mul(b.transpose(k.frames[body.name].R), w))
+    yield b.mul(tensor, b.mul(b.transpose(k.frames[body.name].R), w))
 
 
 def _null_space(equations: RecursiveEquations, effects: Sequence[Block], q: Array) -> Array:

@@ -171,6 +171,6 @@ def _indifferent(of: Linearisation, x: Array) -> Iterator[tuple[str, Mapping[str
         leaders.append(leader)
         along = rest[leader] / np.linalg.norm(rest[leader])
         rest -= np.outer(rest @ along, along)
-    own = x @ np.linalg.inv(x[leaders]) if directions else x
-    for leader, column in sorted(zip(leaders, own.T, strict=True)):
+    basis = x @ np.linalg.inv(x[leaders]) if directions else x
+    for leader, column in sorted(zip(leaders, basis.T, strict=True)):
         yield of.names[leader], _shape(of, np.where(np.abs(column) > _PART, column, 0.0))

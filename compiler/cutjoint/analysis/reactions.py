@@ -19,7 +19,7 @@ from cutjoint.model.records import Model, Output, Reaction, Scene
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.records import Topology
 
-#: A component that changes by less than this share of the most that any does is determined.
+#: A component that changes by less than this share of what its multipliers do to it one by one is determined: the rest is rounding.
 _PART = 1e-6
 
 
@@ -38,9 +38,8 @@ def find_indeterminate(topology: Topology, scene: Scene, outputs: Iterable[Outpu
     if not asked or not topology.closing:
         return ()
     equations = formulate_recursive(topology, scene, asked)
-    changes = [_changes(equations, pose) for pose in _regular(explore(equations))]
-    sizes = np.max([np.abs(change).max(axis=0, initial=0.0) for change in changes], axis=0)
-    return tuple(output.column for output, size in zip(asked, sizes, strict=True) if size > _PART * sizes.max())
+    shares = np.max([_shares(equations, pose) for pose in _regular(explore(equations))], axis=0)
+    return tuple(output.column for output, share in zip(asked, shares, strict=True) if share > _PART)
 
 
 def _regular(poses: Sequence[Pose]) -> list[Pose]:
@@ -49,13 +48,21 @@ def _regular(poses: Sequence[Pose]) -> list[Pose]:
     return [pose for pose in poses if pose.rank == rank]
 
 
+def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
+    """How much unit multipliers of the null space change of each column at most, beside what single multipliers change together."""
+    null, changes = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T, _changes(equations, pose)
+    sizes = np.linalg.norm(changes, axis=0)
+    shares: Array = np.abs(null @ changes).max(axis=0, initial=0.0) / np.where(sizes > 0, sizes, 1.0)
+    return shares
+
+
 def _changes(equations: RecursiveEquations, pose: Pose) -> Array:
-    """What unit multipliers of the null space, by rows, change of each column."""
-    null = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T
+    """What single multipliers of 1, by rows, change of each column."""
+    each = np.eye(len(equations.equation_names))
     still = make_inputs(equations, pose.q, np.zeros(equations.speeds))
-    pushed = {f"lambda:{c.joint}": null[:, c.first : c.first + len(c.names)] for c in equations.closures}
+    pushed = {f"lambda:{c.joint}": each[:, c.first : c.first + len(c.names)] for c in equations.closures}
     results = equations.function("report").results
     roads = {name: FlatRoad() for name in equations.roads}
-    with_null, without = (interpret_blocks(results.values(), inputs, roads) for inputs in ({**still, **pushed}, still))
-    columns = [np.broadcast_to(with_null[block][..., 0, 0] - without[block][..., 0, 0], len(null)) for block in results.values()]
+    with_each, without = (interpret_blocks(results.values(), inputs, roads) for inputs in ({**still, **pushed}, still))
+    columns = [np.broadcast_to(with_each[block][..., 0, 0] - without[block][..., 0, 0], len(each)) for block in results.values()]
     return np.stack(columns, axis=1)

@@ -8,9 +8,11 @@ import click
 
 from cutjoint.commands import options
 from cutjoint.commands.export_fmu import export_fmu, require_fmu
-from cutjoint.emit.standalone import STEPS
+from cutjoint.emit.standalone import INTEGRATORS_OF_CORE, STEPS
 from cutjoint.export.columns import known_outputs
+from cutjoint.export.fmu.description import KINDS
 from cutjoint.export.peers import PEERS, write_export
+from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.records import Model, Output
 from cutjoint.run.outputs import require_apart
@@ -31,25 +33,31 @@ FMU = "fmu"
 @click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True,
               help="A column of the table; by default those of the scene that are motions of bodies and markers.")
 @click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise.")
+@click.option("--kind", type=click.Choice(list(KINDS)), help="What an FMU is for: co-simulation (the default), model exchange, or both.")
 @click.option("--sources", "content", flag_value="sources", help="An FMU of C++ alone.")
 @click.option("--binary", "content", flag_value="binary", help="An FMU with a binary for this machine alone.")
 @click.option("--both", "content", flag_value="both", help="An FMU with both, which is the default.")
-@click.option("--integrator", type=click.Choice(list(STEPS["recursive"])), help="Rule of an FMU's steps instead of the scene's.")
+@click.option("--method", type=click.Choice(list(STEPS)), help="Formulation of an FMU's steps; recursive otherwise.")
+@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of an FMU's steps instead of the scene's.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file.")
 @options.reports_errors
 def command(
     model: Path, scene: str | None, peer: str, changes: tuple[str, ...], links: tuple[str, ...], asked: tuple[str, ...],
-    fmi: str | None, content: str | None, integrator: str | None, out: Path,
+    fmi: str | None, kind: str | None, content: str | None, method: str | None, integrator: str | None,
+    out: Path,
 ) -> None:  # fmt: skip
-    """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU for co-simulation."""
+    """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
     if peer == FMU:
         if changes or asked:
             option = "--set" if changes else "--output"
             raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
         checked = with_link_masses(read_model(model), options.read_parameters(links, "--link-mass"))
-        export_fmu(checked, scene, model, version=int(fmi or "2"), content=content or "both", integrator=integrator, out=out)
+        export_fmu(
+            checked, scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
+            method=method or DEFAULT_METHOD, integrator=integrator, out=out,
+        )  # fmt: skip
         return
-    require_fmu(peer, fmi=fmi, integrator=integrator, **({} if content is None else {content: True}))
+    require_fmu(peer, fmi=fmi, kind=kind, method=method, integrator=integrator, **({} if content is None else {content: True}))
     if out.exists() and not out.is_dir():
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
     checked = with_link_masses(read_model(model), options.read_parameters(links, "--link-mass"))

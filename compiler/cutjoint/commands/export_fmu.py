@@ -7,18 +7,23 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.export.fmu.archive import make_fmu
+from cutjoint.export.fmu.archive import Fmu, make_fmu
+from cutjoint.export.fmu.description import KINDS
 from cutjoint.model.records import Model
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_scene
+from cutjoint.view.graph_picture import picture_graph
 
 #: What an FMU may have, by the option that asks for it: sources, a binary.
 CONTENTS = {"sources": (True, False), "binary": (False, True), "both": (True, True)}
 
 
-def export_fmu(model: Model, scene: str | None, path: Path, *, version: int, content: str, integrator: str | None, out: Path) -> None:
+def export_fmu(
+    model: Model, scene: str | None, path: Path, *, version: int, kind: str, content: str, method: str, integrator: str | None,
+    out: Path,
+) -> None:  # fmt: skip
     """Write a model as an FMU; errors as of `make_fmu` and `Fmu.pack`.
 
     Raises:
@@ -30,15 +35,20 @@ def export_fmu(model: Model, scene: str | None, path: Path, *, version: int, con
     require_apart({"the model": path}, documents=[("--out", out)])
     sources, binary = CONTENTS[content]
     with options.progress_bar(f"exporting {path.name}"):
-        fmu = make_fmu(model, find_scene(model, scene), version=version, integrator=integrator)
-        packed = fmu.pack(sources=sources, binary=binary)
+        fmu = make_fmu(model, find_scene(model, scene), version=version, kind=kind, method=method, integrator=integrator)
+        packed = fmu.pack(sources=sources, binary=binary, picture=picture_graph(fmu.topology))
     write_whole(out, packed)
     variables = fmu.interface.variables
     inputs, outputs = ([v.name for v in variables if v.causality == kind] for kind in ("input", "output"))
-    options.out.print(
-        f"FMI {version} co-simulation, steps by {fmu.standalone.integrator}; {len(inputs)} inputs, {len(outputs)} outputs in {out}",
-        markup=False,
-    )
+    options.out.print(f"FMI {version} {_describe(fmu)}; {len(inputs)} inputs, {len(outputs)} outputs in {out}", markup=False)
+
+
+def _describe(fmu: Fmu) -> str:
+    """What an FMU is for."""
+    simulates, exchanges = KINDS[fmu.subject.kind]
+    length = "" if fmu.standalone.steps.adaptive else f" of {1e3 * float(fmu.standalone.run_file['numerics']['dt']):g} ms"
+    steps = [f"co-simulation, steps{length} by {fmu.standalone.integrator}"] * simulates
+    return "; ".join([*steps, *[f"model exchange, {len(fmu.interface.states)} states"] * exchanges])
 
 
 def require_fmu(peer: str, **given: object) -> None:

@@ -66,6 +66,12 @@ if TYPE_CHECKING:
               help="CSV file of parameters and constant inputs, a row for each run (SI units): many runs side by side; --out has a row for "
               "each, with end, smallest and largest value of each output over the scene's rows.")
 @click.option("--threads", type=options.Setting("threads"), help="Of a batch; as many as processors otherwise.")
+@click.option("--with", "controller", type=click.Path(exists=True, dir_okay=False, path_type=Path),
+              help="Co-simulation FMU that runs beside the model: its outputs drive the inputs of the same names, and it reads outputs.")
+@click.option("--connect", "connections", metavar="PORT=NAME", multiple=True,
+              help="Of --with: an input or output of the FMU, and the output or input of the model that it belongs to, where names differ.")
+@click.option("--communication-step", "communication", type=options.Setting("dt"),
+              help="Of --with: time in s between exchanges of values; that of the FMU's default experiment otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
 @click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is; without, steps have one tolerance.")
@@ -77,12 +83,13 @@ if TYPE_CHECKING:
 def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
     integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
-    iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], batch: Path | None, threads: int | None, out: Path,
-    steps: Path | None, error: bool, plots: Path | None, view: Path | None, over: Path | None,
+    iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], batch: Path | None, threads: int | None,
+    controller: Path | None, connections: tuple[str, ...], communication: float | None, out: Path, steps: Path | None, error: bool,
+    plots: Path | None, view: Path | None, over: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
-        {"the model": model, "the table of parameters": batch, "the page of another run": over},
+        {"the model": model, "the table of parameters": batch, "the page of another run": over, "the FMU": controller},
         tables={"--out": out, "--steps": steps}, plots=plots, documents=[("--view", view)],
     )  # fmt: skip
     parameters = options.read_parameters(changes)
@@ -93,6 +100,13 @@ def command(
         model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,
         options=asked,
     )  # fmt: skip
+    if controller is not None or connections or communication is not None:
+        from cutjoint.commands.coupled import Coupled, run_coupled
+
+        coupled = Coupled(path=controller, connections=connections, step=communication)
+        beside = {"batch": batch, "threads": threads, "steps": steps, "view": view, "over": over}
+        run_coupled(request, parameters, coupled, beside, out=out, error=error, plots=plots)
+        return
     if view is not None or over is not None:
         from cutjoint.commands.replaying import require_replay
 

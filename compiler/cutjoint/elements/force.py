@@ -337,8 +337,8 @@ class Force:
 
     def sole_point(self, carrier: Carrier) -> Point | None:
         """The point at which it acts on a body, if that is all that it needs of the body."""
-        own = [place for place in self.places if place.carrier is carrier]
-        return own[0] if len(own) == 1 and isinstance(own[0], Point) and not self.has_frame else None
+        carried = [place for place in self.places if place.carrier is carrier]
+        return carried[0] if len(carried) == 1 and isinstance(carried[0], Point) and not self.has_frame else None
 
     @property
     def expressions(self) -> tuple[Scalar, ...]:

@@ -280,9 +280,9 @@ class JointElement:
     @cached_property
     def units(self) -> Mapping[str, str]:
         """The units of coordinates and speeds."""
-        own = {m.coordinate: "m" if isinstance(m, Slide) else "rad" for m in self.scalar_motions}
-        rates = {rate_name(name): f"{unit}/s" for name, unit in own.items()}
-        return {**own, **rates, **(dict.fromkeys(SPIN, "rad/s") if self.has_ball else {})}
+        units = {m.coordinate: "m" if isinstance(m, Slide) else "rad" for m in self.scalar_motions}
+        rates = {rate_name(name): f"{unit}/s" for name, unit in units.items()}
+        return {**units, **rates, **(dict.fromkeys(SPIN, "rad/s") if self.has_ball else {})}
 
     @cached_property
     def angles(self) -> tuple[str, ...]:

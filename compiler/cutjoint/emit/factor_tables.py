@@ -47,9 +47,9 @@ def make_tables(plan: Plan, names: Sequence[str]) -> list[Table]:
     tiles = range(len(tiling))
     by_tile = [f"tile {tile}: {'; '.join(pivot_name(plan, pivot, names) for pivot in tiling.pivots(tile))}" for tile in tiles]
     sweeps = [_sweeps(plan, tile) for tile in tiles]
-    steps = [[_step(plan, tile, len(own))] for tile, own in zip(tiles, sweeps, strict=True)]
-    heads = [[(s.columns, s.source, s.multipliers, len(s.targets)) for s in own] for own in sweeps]
-    targets = [[place for s in own for place in s.targets] for own in sweeps]
+    steps = [[_step(plan, tile, len(sweep))] for tile, sweep in zip(tiles, sweeps, strict=True)]
+    heads = [[(s.columns, s.source, s.multipliers, len(s.targets)) for s in sweep] for sweep in sweeps]
+    targets = [[place for s in sweep for place in s.targets] for sweep in sweeps]
     others = [[WIDTH * other for other in (*tiling.upper[tile], *tiling.lower[tile])] for tile in tiles]
     return [
         _table("steps", "static_factor::Step", "pivots, diagonal, reciprocals, uppers, lowers, sweeps", by_tile, steps),

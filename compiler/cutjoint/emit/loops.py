@@ -65,7 +65,7 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
                 named[n] = unique(name, taken)
     tables, fronts = [], []
     for loop in rolled.loops:
-        own, front_lines = [], []
+        front_names, front_lines = [], []
         uses = Counter(rolled.graph.signless(a) for n in loop.body for a in rolled.graph.nodes[n].args)
         for n, given in loop.given.items():
             match given:
@@ -76,7 +76,7 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
                     step = Step(stored.first + front, stored.stride)
                 case Table(nodes):
                     array, step = unique("given", taken), Step(0, 1)
-                    own.append((array, nodes))
+                    front_names.append((array, nodes))
             known[n] = f"{array}[{index(step)}]"
             if loop.lanes:
                 kind = lanes_type(loop.lanes)
@@ -85,7 +85,7 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
                     name = unique(f"{identifier(array)}_k", taken)
                     front_lines.append(f"  const {kind} {name} = {known[n]};")
                     known[n] = name
-        tables.append(tuple(own))
+        tables.append(tuple(front_names))
         fronts.append(tuple(front_lines))
     copies = tuple(tuple((_element(arrays[c.loop, c.statement], c.place), c.node) for c in loop.copies) for loop in rolled.loops)
     return Written(

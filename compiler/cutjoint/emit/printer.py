@@ -94,8 +94,8 @@ class Printer:
 
     def text(self, n: int, level: int = 0) -> str:
         """A scalar as an operand that binds at least as tightly as ``level``."""
-        text, own = self._atom(n)
-        return f"({text})" if own < level else text
+        text, precedence = self._atom(n)
+        return f"({text})" if precedence < level else text
 
     def _atom(self, n: int) -> tuple[str, int]:
         if n in self._texts:

@@ -29,6 +29,7 @@ from cutjoint.sparse.plan import Plan
 #: Headers of the runtime: all that a simulation needs but its integrator, and lanes.
 _CORE = "cutjoint/core/simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
+_MINIMAL = "cutjoint/core/minimal.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
 _OF_INTERFACE = ("algorithm", "cstdint", "cstring", "iterator", "limits", "new", "type_traits")
@@ -72,7 +73,7 @@ class Steps:
     adaptive: bool = False
 
 
-_EXPLICIT = "cutjoint/core/explicit_steps.hpp"
+_EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/sdirk_steps.hpp"
 
 #: By the names of methods and integrators.
 STEPS: Mapping[str, Mapping[str, Steps]] = {
@@ -88,6 +89,8 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
     },
     "recursive-newton": {
         "trapezoidal": Steps(header="cutjoint/core/newton_steps.hpp", name="NewtonSteps<Mechanism, System>"),
+        "sdirk4": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, true>", finds_events=True, adaptive=True),
+        "sdirk4-fixed": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, false>", finds_events=True),
     },
 }  # fmt: skip
 
@@ -107,11 +110,16 @@ class System:
 @dataclass(frozen=True, kw_only=True)
 class Parts:
     """What a simulation is made of: the mechanism, which finds where it starts, its program, and the system that is stepped, None where the
-    mechanism itself is."""
+    mechanism itself is.
+
+    With its degrees of freedom, ``freedoms``, a mechanism that is stepped itself has minimal coordinates in its interface too, and values
+    that change their sign where its formulas change.
+    """
 
     mechanism: RecursiveEquations
     program: Program
     system: System | None
+    freedoms: int | None = None
 
     @property
     def method(self) -> str:
@@ -136,9 +144,9 @@ def emit_standalone(parts: Parts, run_file: Mapping[str, Any], digest: str) -> d
     """The files by name; ``run_file`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
     tells its snapshots from those of other models."""
     page = Page.of(parts.mechanism, parts.method)
-    if not run_file["numerics"]["events"]:
+    if not run_file["numerics"]["events"] and parts.freedoms is None:
         parts = parts.over_events()
-    view = _view(parts, run_file, digest)
+    view = _view(parts, run_file, digest if parts.freedoms is None else f"{digest} {parts.freedoms}")
     p, header = page.stem, str(view["header"])
     return {
         f"{header}.h": page.render("standalone/api.h.jinja", **_in_c(page), **view),
@@ -159,7 +167,8 @@ def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) 
     """The one C++ file."""
     code = [_mechanism(page, parts)] + ([] if parts.system is None else [_system(page, parts.system)])
     lanes = [_LANES] if any("Lanes<Real, " in text for text in code) else []
-    core = amalgamate([*lanes, _CORE, steps.header, *(() if parts.system is None else _FACTORISATIONS)])
+    minimal = [] if parts.freedoms is None else [_MINIMAL]
+    core = amalgamate([*lanes, _CORE, steps.header, *minimal, *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *_OF_INTERFACE})
     p = page.stem
     return "\n".join([
@@ -174,7 +183,7 @@ def _mechanism(page: Page, parts: Parts) -> str:
     """The class of the mechanism and its functions."""
     equations, program = parts.mechanism, parts.program
     viewer = Viewer(program, equations)
-    unused = _UNUSED | (set() if equations.switches else {"events"}) | (set() if parts.system is None else {"guard"})
+    unused = _unused(equations) if parts.system is None else _UNUSED | {"events", "guard"}
     names = [f.name for f in equations.functions if f.name not in unused]
     mechanism = page.render(
         "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", core=True, conditions="bool",
@@ -187,17 +196,22 @@ def _mechanism(page: Page, parts: Parts) -> str:
 def _system(page: Page, system: System) -> str:
     """The class of the system, its functions and its factorisation."""
     equations, program, plan = system.equations, system.program, system.plan
-    own = replace(page, class_name=system_class(page.class_name))
+    inner = replace(page, class_name=system_class(page.class_name))
     viewer = Viewer(program, equations)
-    names = [f.name for f in equations.functions if f.name not in _UNUSED | {"events"}]
-    factorisation = emit_factorisation(plan, equations.row_names, own, core=True)
+    names = [f.name for f in equations.functions if f.name not in _unused(equations)]
+    factorisation = emit_factorisation(plan, equations.row_names, inner, core=True)
     header = factorisation.pop("factorisation.hpp")
     described = render_class(
-        own, viewer, program, equations, names, core=True, charts=equations.start.charts,
-        pattern=pattern_view(plan.pattern, equations.row_names), **_sizes(equations),
+        inner, viewer, program, equations, names, core=True, charts=equations.start.charts,
+        pattern=pattern_view(plan.pattern, equations.row_names), switches=switches_of(equations), **_sizes(equations),
     )  # fmt: skip
-    functions = [*_functions(own, viewer, names), *factorisation.values()]
+    functions = [*_functions(inner, viewer, names), *factorisation.values()]
     return "\n".join([_APART, header, described, _GATHERED[0], *functions, _GATHERED[1]])
+
+
+def _unused(equations: RecursiveEquations | ImplicitEquations) -> frozenset[str]:
+    """Functions of what is stepped that nobody calls."""
+    return _UNUSED | (frozenset() if equations.switches else {"events"})
 
 
 def _functions(page: Page, viewer: Viewer, names: Sequence[str]) -> list[str]:
@@ -224,7 +238,8 @@ def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, o
     names = {table["name"]: list(table["entries"]) for table in tables}
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
-        **_sizes(equations), "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
+        **_sizes(equations), "freedoms": parts.freedoms, "memory": "Sim::Memory" if parts.freedoms is None else "Memory",
+        "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else system_class(Page.of(equations, parts.method).class_name),
@@ -234,10 +249,17 @@ def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, o
         "output_step": repr(float(run_file["output_step"])),
         "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
-        "columns": equations.columns, "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
+        "columns": equations.columns, "steered": _steered(equations),
+        "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
         "positions": _given(run_file["positions"], names["coordinate_names"]), "rates": _given(run_file["rates"], names["speed_names"]),
         **_roads(equations, run_file),
     }  # fmt: skip
+
+
+def _steered(equations: RecursiveEquations | ImplicitEquations) -> int | None:
+    """The first input that a host can hold without moving a guide at once."""
+    read = {symbol for joint in equations.topology.model.joints for guide in joint.guide or () for symbol in guide.free_symbols}
+    return next((i for i, given in enumerate(equations.inputs) if given.symbol not in read), None)
 
 
 def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, object]]:
@@ -333,8 +355,12 @@ def simulation_size(parts: Parts, steps: Steps) -> int:
         stored += 6 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)
+        if steps.finds_events:  # a second iteration, for single states, and what stages and the step between them hold
+            stored += _size_of_newton(parts.system) + 40 * n + 16 * m + 4 * q + 10 * state + 12 * len(equations.switches) + 64
     if steps.stages:
         stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
+    if parts.freedoms is not None:
+        stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.switches)
     return 8 * (stored + assembly + masses + others + 512)
 
 

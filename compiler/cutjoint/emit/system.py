@@ -39,12 +39,12 @@ def emit_system(
     """
     page = Page.of(equations.start, "recursive, for the start")
     mechanism = mechanism_files(page, start, equations.start)
-    own = replace(page, class_name=system_class(page.class_name), formulation=equations.method)
-    files = _system_files(own, program, equations, plan) | emit_factorisation(plan, equations.row_names, own, straight_line=straight_line)
-    main = own.render(
-        "lagrangian_main.cpp.jinja", start_header=f"{page.header}.hpp", start_class_name=page.class_name, header=f"{_header(own)}.hpp"
-    )
-    return own.source({**mechanism, **files, "main.cpp": main, **project_files(own, mechanism, files)})
+    inner = replace(page, class_name=system_class(page.class_name), formulation=equations.method)
+    files = _system_files(inner, program, equations, plan)
+    files |= emit_factorisation(plan, equations.row_names, inner, straight_line=straight_line)
+    headers = {"start_header": f"{page.header}.hpp", "header": f"{_header(inner)}.hpp"}
+    main = inner.render("lagrangian_main.cpp.jinja", start_class_name=page.class_name, **headers)
+    return inner.source({**mechanism, **files, "main.cpp": main, **project_files(inner, mechanism, files)})
 
 
 def _header(page: Page) -> str:

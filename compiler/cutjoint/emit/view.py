@@ -269,9 +269,9 @@ class Viewer:
     def _sections(self, statements: Sequence[Statement], sections: Sequence[Section]) -> list[SectionView]:
         views: list[SectionView] = []
         for number, group in groupby(statements, key=lambda s: s.section):
-            section, own = sections[number], tuple(_wrapped(s) for s in group)
+            section, lines = sections[number], tuple(_wrapped(s) for s in group)
             notes = tuple(on_one_line(x) for x in (section.equation, section.source) if x)
-            views.append(SectionView(part=0, title=section.title, notes=notes, statements=own))
+            views.append(SectionView(part=0, title=section.title, notes=notes, statements=lines))
         return views
 
 

@@ -35,6 +35,9 @@ class RealNumbers:
     def _print_Rational(self, number: Any) -> str:
         return f"{real(float(number.p))}/{real(float(number.q))}"
 
+    def _print_Exponential(self, exponential: Any) -> str:
+        return str(self._print(sympy.exp(exponential.args[0], evaluate=False)))  # type: ignore[attr-defined]
+
     def _print_Choice(self, choice: Any) -> str:
         return str(self._print_Piecewise(choice))  # type: ignore[attr-defined]
 

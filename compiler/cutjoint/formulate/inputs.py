@@ -88,6 +88,12 @@ def guide_rates(guide: Scalar, model: Model) -> tuple[Scalar, Scalar, Scalar]:
     return guide, rate, _time_derivative(rate, orders)
 
 
+def guided_by(model: Model, parameter: Parameter) -> Joint | None:
+    """A joint whose guide follows an input."""
+    guides = ((joint, guide) for joint in model.joints for guide in joint.guide or ())
+    return next((joint for joint, guide in guides if guide.has(parameter.symbol)), None)
+
+
 def _time_derivative(expression: Scalar, inputs: Sequence[tuple[Scalar, Scalar, Scalar]]) -> Scalar:
     """The total derivative: d/dt + u' d/du + u'' d/du'."""
     parts = [sympy.diff(expression, TIME)]
@@ -98,8 +104,8 @@ def _time_derivative(expression: Scalar, inputs: Sequence[tuple[Scalar, Scalar, 
 def make_numbers(builder: Builder, closing: Sequence[Joint | Gear], closure: str) -> Numbers:
     """The numerical parameters; with a closure that finds its penalties one for each cut joint and gear, and no stabilisation."""
     if CLOSURES[closure].penalty_of_each_cut:
-        own = builder.symbol("penalties", max(len(closing), 1), BindingTime.PARAM)
-        penalties = {cut.name: builder.name(builder.element(own, i), "penalty", cut.name) for i, cut in enumerate(closing)}
+        vector = builder.symbol("penalties", max(len(closing), 1), BindingTime.PARAM)
+        penalties = {cut.name: builder.name(builder.element(vector, i), "penalty", cut.name) for i, cut in enumerate(closing)}
         return Numbers(penalties=penalties, damping_ratio=builder.number(0.0), frequency=builder.number(0.0))
     column = builder.symbol("numerics", 3, BindingTime.PARAM)
     names = ("penalty", "damping_ratio", "frequency")

@@ -55,10 +55,10 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
     used = [laws[i] for i in _used(results)]
     switches = find_switches(b, used) if events else []
     domains = find_domains(b, used)
-    own = [*(s.value for s in switches), *(d.margin for d in domains)]
-    values = [*laws, *own]
-    read = _read(b, len(own))
-    slot_names = [*(f"{p.name} {order}" for p in inputs for order in INPUT_ORDERS), *("law" for _ in own)]
+    conditions = [*(s.value for s in switches), *(d.margin for d in domains)]
+    values = [*laws, *conditions]
+    read = _read(b, len(conditions))
+    slot_names = [*(f"{p.name} {order}" for p in inputs for order in INPUT_ORDERS), *("law" for _ in conditions)]
     return SceneInputs(
         inputs=inputs,
         functions=(

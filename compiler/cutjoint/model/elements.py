@@ -83,7 +83,7 @@ def _read_visual(element: Element, visual: body_parts.Visual) -> Visual:
 
 def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
     base, follower = element.two_bodies(joint.bodies)
-    given = {own.name: getattr(joint, own.name) for own in JOINTS[JointKind(joint.kind)].fields}
+    given = {field.name: getattr(joint, field.name) for field in JOINTS[JointKind(joint.kind)].fields}
     at, to = read_point(element, joint.at, ("at",)), None
     if "to" in given:
         at, to = element.settle(at), element.settle(read_point(element, given["to"], ("to",)))

@@ -39,7 +39,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening)
     parameters = read_parameters(scope, model)
     scope = parameters.extend(scope)
     groups = [read_elements(scope, model), *_instances(scope, model)]
-    return Expansion(parameters.own, parameters.derived, scope, _joined(groups))
+    return Expansion(parameters.given, parameters.derived, scope, _joined(groups))
 
 
 def _joined(groups: list[Elements]) -> Elements:

@@ -33,22 +33,22 @@ def attribute(name: str) -> str:
     return f"{name}_" if iskeyword(name) else name
 
 
-def _type_of(own: ForceField) -> Any:
-    match own.shape:
+def _type_of(field: ForceField) -> Any:
+    match field.shape:
         case Choice():
-            return Literal[own.shape.words]
+            return Literal[field.shape.words]
         case Constants():
-            constants: dict[str, Any] = dict.fromkeys(own.shape.names, (Number, ...))
-            return create_model(own.shape.title, __base__=Part, __doc__=own.shape.text, **constants)
-    found = _TYPES[own.shape]
-    return found | None if own.default is None else found
+            constants: dict[str, Any] = dict.fromkeys(field.shape.names, (Number, ...))
+            return create_model(field.shape.title, __base__=Part, __doc__=field.shape.text, **constants)
+    found = _TYPES[field.shape]
+    return found | None if field.default is None else found
 
 
-def _field(own: ForceField) -> tuple[Any, Any]:
-    alias = own.name if iskeyword(own.name) else None
-    if own.default is REQUIRED:
-        return _type_of(own), Field(alias=alias)
-    return _type_of(own), Field(default=own.default, alias=alias)
+def _field(field: ForceField) -> tuple[Any, Any]:
+    alias = field.name if iskeyword(field.name) else None
+    if field.default is REQUIRED:
+        return _type_of(field), Field(alias=alias)
+    return _type_of(field), Field(default=field.default, alias=alias)
 
 
 def _check(problem: Callable[[Any], tuple[str, ...]]) -> Callable[[ForcePart], ForcePart]:
@@ -64,7 +64,7 @@ def _check(problem: Callable[[Any], tuple[str, ...]]) -> Callable[[ForcePart], F
 def _shape_of(element: ForceElement) -> type[ForcePart]:
     """The shape of a kind's forces."""
     fields: dict[str, Any] = {"kind": (Literal[str(element.kind)], ...)}
-    fields |= {attribute(own.name): _field(own) for own in element.fields}
+    fields |= {attribute(field.name): _field(field) for field in element.fields}
     checks: dict[str, Any] = {} if element.problem is None else {"check": model_validator(mode="after")(_check(element.problem))}
     name = element.kind.title().replace("_", "")
     return create_model(name, __base__=ForcePart, __doc__=element.text, __validators__=checks, **fields)

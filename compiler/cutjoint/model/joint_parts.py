@@ -63,8 +63,8 @@ _TYPES: Mapping[str, Any] = {"axis": Direction, "axis_2": Direction, "to": Point
 def _shape_of(element: JointElement) -> type[JointPart]:
     """The shape of a kind's joints."""
     fields: dict[str, Any] = {"kind": (Literal[str(element.kind)], ...)}
-    for own in element.fields:
-        fields[own.name] = (_TYPES[own.name] | None, None) if own.optional else (_TYPES[own.name], ...)
+    for field in element.fields:
+        fields[field.name] = (_TYPES[field.name] | None, None) if field.optional else (_TYPES[field.name], ...)
     if element.can_be_guided:
         fields["guide"] = ((Law if len(element.coordinates) == 1 else Guides) | None, None)
     name = element.kind.title().replace("_", "")

@@ -77,10 +77,10 @@ def _given(element: Element, body: body_parts.Body) -> Lump:
 
 def _moved(element: Element, inertia: Matrix, mass: Scalar, way: Matrix) -> Matrix:
     """An inertia about a point taken to the centre of mass, ``way`` from there, by the parallel-axis theorem."""
-    own = inertia - _steiner(mass, way)
-    problem = moments_problem([element.value(own[ij]) for ij in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
+    central = inertia - _steiner(mass, way)
+    problem = moments_problem([element.value(central[ij]) for ij in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
     if not problem:
-        return own
+        return central
     element.fail(f"no body has this inertia about this point; about its centre of mass {problem}", "check about and mass", ("about",))
     return _scaled(FAILED, sympy.ones(3, 3))
 
@@ -208,13 +208,13 @@ def _rod(element: Element, shape: body_parts.Rod, keys: Path) -> Lump:
 def _box(element: Element, shape: body_parts.Box, keys: Path) -> Lump:
     a, b, c = (_positive(element, side, LENGTH, (*keys, "box", index)) for index, side in enumerate(shape.box))
     mass = _solid_mass(element, shape, a * b * c, keys)
-    own = _scaled(mass / 12, sympy.diag(b**2 + c**2, a**2 + c**2, a**2 + b**2))
+    tensor = _scaled(mass / 12, sympy.diag(b**2 + c**2, a**2 + c**2, a**2 + b**2))
     axes = GLOBAL_AXES
     if shape.x is not None or shape.y is not None or shape.z is not None:
         axes = read_axes(element, shape, keys)
-        own = _turned(axes, own)
+        tensor = _turned(axes, tensor)
     centre = read_point(element, shape.at, (*keys, "at"))
-    return Lump(mass, centre, own, (Shape(kind=ShapeKind.BOX, points=(centre,), axes=axes, sizes=(a, b, c), hole=shape.hole),))
+    return Lump(mass, centre, tensor, (Shape(kind=ShapeKind.BOX, points=(centre,), axes=axes, sizes=(a, b, c), hole=shape.hole),))
 
 
 def _cylinder(element: Element, shape: body_parts.Cylinder, keys: Path) -> Lump:

@@ -23,16 +23,16 @@ from cutjoint.model.units import NONE, Dimension, Measure, UnitError, described,
 class Parameters:
     """The parameters of a model: those with numbers, those that follow from them, and each one's term by its name in the file's order."""
 
-    own: tuple[Parameter, ...]
+    given: tuple[Parameter, ...]
     derived: tuple[DerivedParameter, ...]
     terms: Mapping[str, Term]
 
     def extend(self, scope: Scope) -> Scope:
         """The scope of a model that has these parameters."""
         return replace(
-            scope, names=self.terms, values={p.symbol: p.value for p in self.own},
-            settled={p.symbol: sympy.Float(p.value) for p in self.own if p.binding is Binding.CONST},
-            moving=frozenset(p.symbol for p in self.own if p.binding is Binding.INPUT),
+            scope, names=self.terms, values={p.symbol: p.value for p in self.given},
+            settled={p.symbol: sympy.Float(p.value) for p in self.given if p.binding is Binding.CONST},
+            moving=frozenset(p.symbol for p in self.given if p.binding is Binding.INPUT),
         )  # fmt: skip
 
 
@@ -42,8 +42,8 @@ def read_parameters(scope: Scope, model: document.Document) -> Parameters:
              for name, entry in model.parameters.items()}  # fmt: skip
     used = {name: symbols_of(part.value) & parts.keys() for name, part in parts.items()}
     where = {name: element(scope, "parameter", "parameters", name) for name in parts}
-    own, terms = _read_numbers({name: part for name, part in parts.items() if not symbols_of(part.value)}, where)
-    values = {p.symbol: p.value for p in own}
+    numbers, terms = _read_numbers({name: part for name, part in parts.items() if not symbols_of(part.value)}, where)
+    values = {p.symbol: p.value for p in numbers}
     for name in _in_order(used, where):
         if name not in terms:
             terms[name] = _read_derived(where[name], parts[name], terms, values)
@@ -51,7 +51,7 @@ def read_parameters(scope: Scope, model: document.Document) -> Parameters:
     derived = tuple(
         DerivedParameter(name=name, value=terms[name].value, span=where[name].span) for name in parts if symbols_of(parts[name].value)
     )
-    return Parameters(own, derived, terms)
+    return Parameters(numbers, derived, terms)
 
 
 def _read_numbers(parts: Mapping[str, document.Parameter], where: Mapping[str, Element]) -> tuple[tuple[Parameter, ...], dict[str, Term]]:

@@ -114,7 +114,8 @@ def _at_most(where: Element, value: float, most: float, keys: Path) -> None:
 
 def _require_steps(where: Element, scene: document.Scene, end: float, output_step: float, numerics: Numerics) -> None:
     """Note steps that no run of the scene has; each of the numbers is right for itself."""
-    given = {"scene": numerics.dt or min(output_step, end), **{name: own["dt"] for name, own in numerics.methods.items() if "dt" in own}}
+    of_methods = {name: settings["dt"] for name, settings in numerics.methods.items() if "dt" in settings}
+    given = {"scene": numerics.dt or min(output_step, end), **of_methods}
     if not all(value > 0 for value in (end, output_step, *given.values())):
         return
     if scene.output_step is not None and not output_step <= end * (1 + 1e-9):
@@ -136,8 +137,8 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
         for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, AUTO)
     }  # fmt: skip
-    own = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE, "spectral_radius": NONE}
-    numbers = _settings(where, part, own, ("numerics",))
+    units = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE, "spectral_radius": NONE}
+    numbers = _settings(where, part, units, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
         name: _settings(where, settings, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
         for name, settings in part.methods.items()

@@ -114,8 +114,8 @@ class Element:
             if error.message == f"unknown symbol '{name}'":
                 takes_parameters = names or not self.scope.constants()
                 if takes_parameters and not self.scope.moving.isdisjoint(self.scope.names[name].value.free_symbols):
-                    own = "" if not self.scope.prefix else ", or give the submodel a value that does not change with time"
-                    return f"the input '{name}' cannot stand here, it may change with time", f"use binding: param{own}"
+                    remedy = "" if not self.scope.prefix else ", or give the submodel a value that does not change with time"
+                    return f"the input '{name}' cannot stand here, it may change with time", f"use binding: param{remedy}"
                 return f"the parameter '{name}' cannot stand here", "write a number"
         return error.message, error.hint
 
@@ -210,8 +210,8 @@ class Element:
 
     def _known_bodies(self) -> list[str]:
         prefix = self.scope.prefix
-        own = [name.removeprefix(prefix) for name in self.scope.directory.bodies if name.startswith(prefix)]
-        return [GROUND, *self.scope.connectors, *own]
+        bodies = [name.removeprefix(prefix) for name in self.scope.directory.bodies if name.startswith(prefix)]
+        return [GROUND, *self.scope.connectors, *bodies]
 
     def joint(self, name: str, keys: Path) -> tuple[str, joint_parts.Joint | None]:
         """The full name of a joint, and what the document says of it."""
@@ -219,8 +219,8 @@ class Element:
         directory = self.scope.directory
         if full not in directory.joints and not directory.misses(full):
             prefix = self.scope.prefix
-            own = [known.removeprefix(prefix) for known in directory.joints if known.startswith(prefix)]
-            self.fail(f"unknown joint '{name}'", nearest(name, own, "joints here"), keys)
+            joints = [known.removeprefix(prefix) for known in directory.joints if known.startswith(prefix)]
+            self.fail(f"unknown joint '{name}'", nearest(name, joints, "joints here"), keys)
         return full, directory.joints.get(full)
 
 

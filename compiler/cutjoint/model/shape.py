@@ -6,8 +6,9 @@ Elements of the wrong shape are left out, so that the problems of the others com
 from __future__ import annotations
 
 import types
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic_core import ErrorDetails
@@ -15,6 +16,11 @@ from pydantic_core import ErrorDetails
 from cutjoint.model.document import Document
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.source import Path, Source, field_name
+
+_P = TypeVar("_P", bound=BaseModel)
+
+#: From the path to a place to the element that it leads into, in words, and how many keys lead to that.
+Names: TypeAlias = Callable[[Path], tuple[str, int]]
 
 #: Sections whose elements can be left out without making others wrong.
 _REMOVABLE = frozenset({"bodies", "joints", "gears", "forces", "reactions", "markers", "scenes"})
@@ -48,22 +54,36 @@ def check_shape(source: Source, problems: Problems) -> Shaped | None:
 
     None when too much is wrong to go on.
     """
+    document, found = _validate(source, problems, Document, element_of)
+    return _without_broken(source, found) if document is None else Shaped(document, frozenset())
+
+
+def check_part(source: Source, problems: Problems, part: type[_P], element_of: Names) -> _P | None:
+    """A document of another kind, with the same words for what is wrong; None where something is.  ``element_of`` is as below."""
+    return _validate(source, problems, part, element_of)[0]
+
+
+def _validate(source: Source, problems: Problems, part: type[_P], element_of: Names) -> tuple[_P | None, list[_Flaw]]:
+    """The document, or None and its flaws, which are noted."""
     try:
-        return Shaped(Document.model_validate(source.data), frozenset())
+        return part.model_validate(source.data), []
     except ValidationError as error:
-        found = [_Flaw(detail, _data_path(source.data, detail)) for detail in error.errors(include_url=False)]
+        details = error.errors(include_url=False)
+    found = [_Flaw(detail, _data_path(source.data, detail), part, element_of) for detail in details]
     for flaw in found:
         if not (flaw.kind == "too_short" and any(other.is_inside(flaw) for other in found)):
             _report(source, problems, flaw)
-    return _without_broken(source, found)
+    return None, found
 
 
 @dataclass(frozen=True)
 class _Flaw:
-    """One of pydantic's errors, with the keys to its place in the data."""
+    """One of pydantic's errors, with the keys to its place in the data of a document, and how that names its elements."""
 
     detail: ErrorDetails
     path: Path
+    document: type[BaseModel]
+    element_of: Names
 
     @property
     def kind(self) -> str:
@@ -91,7 +111,7 @@ def _data_path(data: Any, detail: ErrorDetails) -> Path:
 
 
 def _report(source: Source, problems: Problems, flaw: _Flaw) -> None:
-    label, start = element_of(flaw.path)
+    label, start = flaw.element_of(flaw.path)
     message, hint = _words(flaw)
     if flaw.kind in ("missing", "extra_forbidden"):
         inner, place = flaw.path[start:-1], flaw.path if flaw.kind == "extra_forbidden" else flaw.path[:-1]
@@ -123,11 +143,11 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
         case "missing":
             return f"the field '{path[-1]}' is missing", ""
         case "extra_forbidden":
-            return _unknown_field(detail["loc"], path)
+            return _unknown_field(flaw)
         case "union_tag_not_found":
             return "the field 'kind' is missing", ""
         case "union_tag_invalid":
-            return _unknown_kind(element_of(path)[0].split()[0], str(context["tag"]), context["expected_tags"])
+            return _unknown_kind(flaw.element_of(path)[0].split()[0], str(context["tag"]), context["expected_tags"])
         case "literal_error":
             return f"must be {context['expected']}, not {str(detail['input'])[:40]!r}", ""
         case "too_short":
@@ -156,15 +176,16 @@ def _unknown_kind(what: str, kind: str, expected: str) -> tuple[str, str]:
     return f"unknown {what} kind '{kind}'", guess if guess == every else f"{guess} {every}"
 
 
-def _unknown_field(location: tuple[str | int, ...], path: Path) -> tuple[str, str]:
+def _unknown_field(flaw: _Flaw) -> tuple[str, str]:
+    path = flaw.path
     if path[:1] == ("submodels",) and path[2:] in (("instances",), ("submodels",)):
         return "a submodel cannot hold submodels or instances", "move them to the model"
-    return f"unknown field '{path[-1]}'", nearest(str(path[-1]), _fields_at(location[:-1]), "fields")
+    return f"unknown field '{path[-1]}'", nearest(str(path[-1]), _fields_at(flaw.document, flaw.detail["loc"][:-1]), "fields")
 
 
-def _fields_at(location: tuple[str | int, ...]) -> list[str]:
-    """The fields that the document may have at a location of pydantic's."""
-    part: Any = Document
+def _fields_at(document: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
+    """The fields that a document may have at a location of pydantic's."""
+    part: Any = document
     for step in location:
         part = _descend(part, step)
     part = get_args(part)[0] if get_origin(part) is Annotated else part

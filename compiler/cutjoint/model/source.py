@@ -191,9 +191,9 @@ class _Converter:
             return None
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Any]:
-        merged, own = self._entries(node)
+        merged, written = self._entries(node)
         data: dict[str, Any] = {}
-        for name, (key, value) in {**merged, **own}.items():
+        for name, (key, value) in {**merged, **written}.items():
             inner = (*path, name)
             self.keys[inner] = self.span(key)
             data[name] = self.convert(value, inner)
@@ -202,7 +202,7 @@ class _Converter:
     def _entries(self, node: yaml.MappingNode) -> tuple[dict[str, Any], dict[str, Any]]:
         """The entries that merge keys bring, and the mapping's own: (key node, value node) by name."""
         merged: dict[str, tuple[yaml.Node, yaml.Node]] = {}
-        own: dict[str, tuple[yaml.Node, yaml.Node]] = {}
+        written: dict[str, tuple[yaml.Node, yaml.Node]] = {}
         for key, value in node.value:
             if key.tag == _TAG + "merge":
                 for source in self._merge_sources(value):
@@ -211,12 +211,12 @@ class _Converter:
                     merged = {**entries, **merged}
             elif not isinstance(key, yaml.ScalarNode):
                 self.fail(key, "a key must be a name, not a list or a mapping")
-            elif key.value in own:
-                first = own[key.value][0].start_mark.line + 1
+            elif key.value in written:
+                first = written[key.value][0].start_mark.line + 1
                 self.fail(key, f"duplicate key '{key.value}', first defined at line {first}", "keep one of them")
             else:
-                own[key.value] = (key, value)
-        return merged, own
+                written[key.value] = (key, value)
+        return merged, written
 
     def _count_merged(self, key: yaml.Node, entries: int) -> None:
         self._merged += 1 + entries
@@ -233,9 +233,9 @@ class _Converter:
                 message = f"merge keys lead over more than {2 * MAX_DEPTH} mappings, each of which merges the next"
                 raise _error(self.span(node), message, "write the entries into fewer mappings")
             self._open.add(id(node))
-            merged, own = self._entries(node)
+            merged, written = self._entries(node)
             self._open.discard(id(node))
-            self._flattened[id(node)] = {**merged, **own}
+            self._flattened[id(node)] = {**merged, **written}
         return self._flattened[id(node)]
 
     def _merge_sources(self, value: yaml.Node) -> Iterator[yaml.MappingNode]:

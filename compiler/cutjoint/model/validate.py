@@ -61,13 +61,13 @@ def _texts(data: Any) -> Iterator[str]:
 
 def _named(source: Source, part: document.Elements, path: Path) -> list[tuple[str, str, Span]]:
     """Name, kind and place of all elements of a scope, the forces that joints bring included."""
-    own = [
+    places = [
         (f"{name}_{suffix}", "force", source.key_span((*path, "joints", name, field)))
         for name, joint in part.joints.items()
         for field, suffix in JOINT_FORCES.items()
         if getattr(joint, field) is not None
     ]
-    return own + [
+    return places + [
         (name, KINDS[section], source.key_span((*path, section, name)))
         for section in _SECTIONS
         for name in getattr(part, section, ())

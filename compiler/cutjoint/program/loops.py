@@ -162,11 +162,11 @@ class _Rolling:
         self._nodes = program.graph.nodes
         self._results = function.results
         self._place = place
-        own = [n for n in function.statements if self._nodes[n].op not in ("symbol", "neg")]
-        self._own = frozenset(own)
+        statements = [n for n in function.statements if self._nodes[n].op not in ("symbol", "neg")]
+        self._own = frozenset(statements)
         self._classes: dict[int, tuple[int, int]] = {}
         self._keys: dict[object, int] = {}
-        groups = [list(g) for _, g in groupby(own, key=self._part)]
+        groups = [list(g) for _, g in groupby(statements, key=self._part)]
         stores = self._by_array()
         keys = [self._key_of(g) for g in groups] + [self._key_of_result(self._results[i]) for i in stores]
         groups += [[-1 - i] for i in stores]

@@ -30,8 +30,8 @@ class Inputs:
                 continue
             stack.pop()
             if top not in self._known:
-                own = [str(top.data)] if top.op == "symbol" and top.binding is BindingTime.ITERATION else []
-                self._known[top] = frozenset().union(own, *(self._known[a] for a in top.args))
+                symbols = [str(top.data)] if top.op == "symbol" and top.binding is BindingTime.ITERATION else []
+                self._known[top] = frozenset().union(symbols, *(self._known[a] for a in top.args))
         return self._known[block]
 
 

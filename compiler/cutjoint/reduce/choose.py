@@ -202,8 +202,8 @@ def try_reduced(
 
 def _falling(scene: Scene, method: str, ratio: float) -> list[float]:
     """Steps that share rows with the truth, long ones first."""
-    own = scene.numerics.of_method(method).step
-    longest = min(LONGEST * own, scene.end / 8)
-    count = ceil(log(longest / (SHORTEST * own)) / log(ratio)) + 1
+    given = scene.numerics.of_method(method).step
+    longest = min(LONGEST * given, scene.end / 8)
+    count = ceil(log(longest / (SHORTEST * given)) / log(ratio)) + 1
     steps = {fraction(scene.output_step, longest / ratio**k) for k in range(count)}
     return sorted(steps, reverse=True)

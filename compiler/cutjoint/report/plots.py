@@ -19,7 +19,7 @@ def plot_run(run: Trajectory, title: str, folder: Path) -> list[Path]:
     """Write the pictures of a run as PNG files and return their paths; elements of one name in several instances share a panel."""
     groups: dict[str, dict[str, list[str]]] = {}
     for column, unit in run.units.items():
-        *_, instance_or_element, quantity = column.rsplit(".", 2)
+        *_, instance_or_element, quantity = ["", *column.rsplit(".", 2)]  # an input's name has no dot
         panel = f"{instance_or_element}.{quantity}" if column.count(".") > 1 else quantity
         groups.setdefault(unit, {}).setdefault(panel, []).append(column)
     return [_picture(run, title, unit, quantities, folder) for unit, quantities in groups.items()]

@@ -34,12 +34,13 @@ def topology_facts(topology: Topology, mobility: Mobility) -> tuple[tuple[str, s
     model = topology.model
     massless = sum(1 for b in model.bodies if b.is_massless)
     guided = sum(1 for t in topology.tree if t.joint.guide is not None)
+    widest = max((loop.width for loop in topology.loops), default=0)
     classes = [f"{len(c.roots)} x {c.size} bodies ({', '.join(c.roots)})" for c in topology.classes]
     return (
         ("bodies", f"{len(model.bodies)}, {massless} of them massless"),
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
         *([("gears", str(len(model.gears)))] if model.gears else []),
-        ("loops", f"{len(topology.loops)}, widest couples {max((x.width for x in topology.loops), default=0)} bodies"),
+        ("loops", f"{len(topology.loops)}, widest couples a body to {widest} other{'s' * (widest != 1)}"),
         ("isomorphic subtrees", "; ".join(classes) or "none"),
         ("coordinates", f"{mobility.speeds} relative"),
         (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),

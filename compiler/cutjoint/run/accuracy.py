@@ -29,7 +29,7 @@ _BELIEVED = 6 / 7
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Change:
+class Change:
     """How the steps of a run are made finer: a setting's factor, and the share of the error that is left at least by order 2.
 
     A run is taken again with finer steps ``levels`` times at most; where ``heals``, also after one that failed for its steps.
@@ -42,8 +42,8 @@ class _Change:
     heals: bool
 
 
-_SHORTER = _Change(setting="dt", factor=0.5, left=0.25, levels=8, heals=True)
-_STRICTER = _Change(setting="tolerance", factor=0.1, left=0.1, levels=5, heals=False)
+SHORTER = Change(setting="dt", factor=0.5, left=0.25, levels=8, heals=True)
+STRICTER = Change(setting="tolerance", factor=0.1, left=0.1, levels=5, heals=False)
 
 
 def run_accurately(
@@ -83,7 +83,7 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             kept = run if last.failure is not None else begin(_finer(plan, change, level - 1))
             return _estimated(plan, kept, before or _unknown(run), converged=False)
         if last.failure is None:
-            apart = _differences(plan, last, run)
+            apart = _differences(plan.jumps, last, run)
             errors = {name: apart[name] * _share(change, apart[name], None if before is None else before[name]) for name in apart}
             if _keeps(run, errors, goal):
                 return _estimated(plan, run, errors, converged=True, others=runs)
@@ -95,11 +95,11 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     return _estimated(plan, last, before or _unknown(last), converged=False)
 
 
-def _change_of(plan: SimulatorRun) -> _Change:
-    return _STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else _SHORTER
+def _change_of(plan: SimulatorRun) -> Change:
+    return STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else SHORTER
 
 
-def _share(change: _Change, difference: float, before: float | None) -> float:
+def _share(change: Change, difference: float, before: float | None) -> float:
     """The error of a run as a share of what a coarser one differs by, by how differences have fallen."""
     ratio = 1.3 * change.left if before is None or not before > 0 else min(max(difference / before, 0.05), 0.6)
     return ratio / (1 - ratio)
@@ -131,7 +131,7 @@ def _judged(
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
     if gap > 0.0:
         closed = _controlled(plan)
-        apart = {} if closed is None else _differences(plan, run, closed)
+        apart = {} if closed is None else _differences(plan.jumps, run, closed)
         errors = {name: max(error, apart.get(name, 0.0)) for name, error in errors.items()}
         converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
         warnings.append(open_loops(gap, is_known=closed is not None))
@@ -139,32 +139,50 @@ def _judged(
 
 
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
-    """The error of each output of a run.
-
-    A second run has half the step, or a tenth of the tolerance of a step where steps follow from one: what the run differs by is its error,
-    but for the smaller error of that second run.  A third, with twice the step or ten times the tolerance, or a finer one where that fails,
-    shows whether differences fall.  They do not where a motion is chaotic, or goes another way at a singular pose.  Where they fall by more
-    than orders of integrators explain, two runs agree by chance, and a share of the third's difference is the error.
+    """The error of each output of a run, as `compare` finds it, with what open loops change.
 
     Raises:
         Interrupted, Terminated: a signal has ended a run.
     """
     change = _change_of(plan)
-    finer = _try(plan, change, 1)
+    compared = compare(run, partial(_try, plan, change), left=change.left, jumps=plan.jumps)
+    return compared.estimate if not compared.others else _judged(
+        plan, run, compared.estimate.largest, converged=compared.estimate.converged, others=compared.others
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """The ``estimate`` of a run's errors by ``others``, runs of the same with other steps; infinite errors where there are none."""
+
+    estimate: ErrorEstimate
+    others: Sequence[Trajectory]
+
+
+def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left: float, jumps: Sequence[float] = ()) -> Comparison:
+    """The error of each output of a run; ``again(n)`` is the run with steps n times finer, coarser for n < 0, None if it fails.
+
+    Of a run's error ``left`` is left with steps once finer.  What the run differs by from that one is its error, but for the smaller error
+    of that second run.  A third, coarser one, or a still finer one where that fails, shows whether differences fall.  They do not where a
+    motion is chaotic, or goes another way at a singular pose.  Where they fall by more than orders of integrators explain, two runs agree
+    by chance, and a share of the third's difference is the error.
+    """
+    finer = again(1)
     if run.failure is not None or finer is None:
-        return ErrorEstimate(largest=Columns(_unknown(run)), units=run.units, converged=False)
-    apart = _differences(plan, run, finer)
-    coarser = _try(plan, change, -1)
+        return Comparison(estimate=ErrorEstimate(largest=Columns(_unknown(run)), units=run.units, converged=False), others=())
+    apart = _differences(jumps, run, finer)
+    coarser = again(-1)
     if coarser is not None:
-        before, after = _differences(plan, coarser, run), apart
+        before, after = _differences(jumps, coarser, run), apart
     else:
-        finest = _try(plan, change, 2)
-        before, after = apart, _unknown(run) if finest is None else _differences(plan, finer, finest)
-    errors = {name: difference / (1 - change.left) for name, difference in apart.items()}
+        finest = again(2)
+        before, after = apart, _unknown(run) if finest is None else _differences(jumps, finer, finest)
+    errors = {name: difference / (1 - left) for name, difference in apart.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
     converged = all(_falls(run.columns[c], before[c], after[c]) for c in apart)
-    return _judged(plan, run, errors, converged=converged, others=[finer] if coarser is None else [coarser, finer])
+    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
+    return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
 
 def _controlled(plan: SimulatorRun) -> Trajectory | None:
@@ -174,7 +192,7 @@ def _controlled(plan: SimulatorRun) -> Trajectory | None:
     return None if other is None else _whole(other)
 
 
-def _try(plan: SimulatorRun, change: _Change, times: int) -> Trajectory | None:
+def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
     """The run with steps that are so many times finer, its rows at the same times; None if it fails."""
     return _whole(_finer(plan, change, times))
 
@@ -188,7 +206,7 @@ def _whole(plan: SimulatorRun) -> Trajectory | None:
     return run if run.failure is None else None
 
 
-def _finer(plan: SimulatorRun, change: _Change, times: int) -> SimulatorRun:
+def _finer(plan: SimulatorRun, change: Change, times: int) -> SimulatorRun:
     return replace(plan, run_file={**plan.run_file, **_changed(plan.run_file, change.setting, change.factor**times)})
 
 
@@ -203,11 +221,11 @@ def _changed(run_file: Mapping[str, Any], setting: str, factor: float) -> dict[s
     return {"numerics": numerics}
 
 
-def _differences(plan: SimulatorRun, one: Trajectory, other: Trajectory) -> dict[str, float]:
+def _differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> dict[str, float]:
     """The largest difference of each column over the times that both runs have rows of, but for those at which something jumps."""
     tick = 1e-6 * float(one.t[-1] - one.t[0]) / one.t.size or 1.0
     times, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
-    smooth = ~np.isin(times, np.rint(np.asarray(plan.jumps, dtype=float) / tick))
+    smooth = ~np.isin(times, np.rint(np.asarray(jumps, dtype=float) / tick))
     gaps = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
     return {name: float(np.max(gap, initial=0.0)) for name, gap in gaps.items()}
 

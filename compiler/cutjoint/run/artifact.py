@@ -151,8 +151,8 @@ def require_end(run: Trajectory, artifact: Artifact) -> Trajectory:
 
 def _leaves_choice(artifact: Artifact, options: Options) -> bool:
     """Whether neither scene nor caller name a method, an integrator, or what steps do at events."""
-    scene, own = artifact.scene, artifact.scene.numerics.of_method(artifact.method)
-    named = (scene.method or None, own.integrator, own.events, options.integrator, options.events)
+    scene, settings = artifact.scene, artifact.scene.numerics.of_method(artifact.method)
+    named = (scene.method or None, settings.integrator, settings.events, options.integrator, options.events)
     return artifact.method == DEFAULT_METHOD and all(name is None for name in named)
 
 

@@ -36,7 +36,7 @@ class TableFile:
         self.path = path
         self._target, self._units = resolved(path) if path.is_symlink() else path, units
         self._partial = partial_of(self._target)
-        with _naming(path):
+        with naming_output(path):
             self._target.parent.mkdir(parents=True, exist_ok=True)
             mode = _mode_of(self._target)
             self.file = _lock(self._partial)
@@ -50,7 +50,7 @@ class TableFile:
         """The table is whole; the file with it."""
         if self._units is not None:
             write_whole(units_of(self._target), _as_json(self._units))
-        with _naming(self.path):
+        with naming_output(self.path):
             self._partial.replace(self._target)
         self.file.close()
         return self.path
@@ -168,7 +168,7 @@ def write_error(table: Path, error: ErrorEstimate | None) -> None:
     if is_stream(table):
         return
     path = error_of(resolved(table))
-    with _naming(path):
+    with naming_output(path):
         path.unlink(missing_ok=True)
     if error is not None:
         largest = {name: value if isfinite(value) else None for name, value in error.largest.items()}
@@ -184,12 +184,12 @@ def write_whole(path: Path, content: str | bytes) -> Path:
     """
     data = content.encode() if isinstance(content, str) else content
     if is_stream(path):
-        with _open_stream(path) as stream, _naming(path):
+        with _open_stream(path) as stream, naming_output(path):
             write_all(stream, data)
         return path
     target = resolved(path)
     beside = target.with_name(f".{target.name[:100]}.{os.urandom(6).hex()}")
-    with _naming(path):
+    with naming_output(path):
         target.parent.mkdir(parents=True, exist_ok=True)
         mode = _mode_of(target)
         try:
@@ -216,7 +216,7 @@ def _as_json(content: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def _naming(path: Path) -> Iterator[None]:
+def naming_output(path: Path) -> Iterator[None]:
     """Errors of the system become those of an output."""
     try:
         yield
@@ -251,7 +251,7 @@ def _lock(path: Path) -> BinaryIO:
 
 
 def _open_stream(path: Path) -> BinaryIO:
-    with _naming(path):
+    with naming_output(path):
         return cast(BinaryIO, os.fdopen(_stream_number(path), "wb", buffering=0))
 
 

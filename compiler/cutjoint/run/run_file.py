@@ -59,7 +59,8 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
         open_ones = [p.name for p in model.parameters if p.symbol in derived.value.free_symbols and p.name in known]
         advice = f"set {' or '.join(open_ones)}" if open_ones else "give one of them binding: param and set that"
         return f"{derived.span}: parameter '{name}' follows from other parameters; {advice}"
-    return f"model '{model.name}' has no parameter '{name}'; it has {', '.join(known) or 'none'}"
+    number = f"; --open {name} makes one of a number of the model" if "." in name else ""
+    return f"model '{model.name}' has no parameter '{name}'; it has {', '.join(known) or 'none'}{number}"
 
 
 def make_run_file(

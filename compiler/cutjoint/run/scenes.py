@@ -37,5 +37,5 @@ def with_closure(scene: Scene, closure: str) -> Scene:
 
 def with_settings(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:
     """The scene with other settings for one method."""
-    own = {**scene.numerics.methods.get(method, {}), **changes}
-    return replace(scene, numerics=replace(scene.numerics, methods={**scene.numerics.methods, method: own}))
+    settings = {**scene.numerics.methods.get(method, {}), **changes}
+    return replace(scene, numerics=replace(scene.numerics, methods={**scene.numerics.methods, method: settings}))

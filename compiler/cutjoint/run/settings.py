@@ -120,20 +120,20 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
     events = find_events(numerics, method, implementation, integrator, options.events)
     if options.iterations is not None:
         _require_fixed_cost(method, integrator, closure, events)
-    own, given = numerics.of_method(method.name), numerics.methods.get(method.name, {})
-    updates = given.get("multiplier_updates", own.multiplier_updates if method.own_updates is None else method.own_updates)
+    chosen, given = numerics.of_method(method.name), numerics.methods.get(method.name, {})
+    updates = given.get("multiplier_updates", chosen.multiplier_updates if method.default_updates is None else method.default_updates)
     settings = Settings(
         integrator=integrator.name,
         solver=_solver(method, implementation, options.solver) if integrator.uses_solver else None,
-        dt=_step(scene, own.dt, integrator),
-        penalty=own.penalty if closure.penalty_of_each_cut else _penalty(numerics, method, integrator),
-        tolerance=own.tolerance,
-        iterations=own.iterations if options.iterations is None else options.iterations,
+        dt=_step(scene, chosen.dt, integrator),
+        penalty=chosen.penalty if closure.penalty_of_each_cut else _penalty(numerics, method, integrator),
+        tolerance=chosen.tolerance,
+        iterations=chosen.iterations if options.iterations is None else options.iterations,
         multiplier_updates=int(updates),
         fixed_cost=options.iterations is not None,
         events=events,
-        absolute_tolerance=_absolute_tolerance(own) if "absolute_tolerance" in integrator.settings else None,
-        spectral_radius=own.spectral_radius if "spectral_radius" in integrator.settings else None,
+        absolute_tolerance=_absolute_tolerance(chosen) if "absolute_tolerance" in integrator.settings else None,
+        spectral_radius=chosen.spectral_radius if "spectral_radius" in integrator.settings else None,
         stabilisation=_stabilisation(numerics.of_method(START), closure),
     )
     _require_ranges(scene, settings)
@@ -164,12 +164,12 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
 
 def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> float | None:
     """The largest error of places and angles (m, rad) of a run whose steps follow from it; None where anything says how steps are."""
-    own, chosen = scene.numerics.of_method(method), INTEGRATORS[integrator]
+    settings, chosen = scene.numerics.of_method(method), INTEGRATORS[integrator]
     if chosen.adaptive:
-        is_free = own.tolerance == Numerics.tolerance and own.absolute_tolerance is None and options.tolerance is None
+        is_free = settings.tolerance == Numerics.tolerance and settings.absolute_tolerance is None and options.tolerance is None
     else:
         is_free = chosen.in_files and options.iterations is None
-    if not is_free or own.dt is not None or options.dt is not None:
+    if not is_free or settings.dt is not None or options.dt is not None:
         return None
     return GOAL if scene.tolerance is None else scene.tolerance
 
@@ -231,23 +231,23 @@ def _solver(method: Method, implementation: Implementation, asked: str | None) -
 
 def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> float | None:
     """The penalty of a method; one that is given for the method itself has no bound."""
-    own = numerics.methods.get(method.name, {}).get("penalty")
-    if own is not None or method.own_updates is not None:
-        return own
+    given = numerics.methods.get(method.name, {}).get("penalty")
+    if given is not None or method.default_updates is not None:
+        return given
     penalty = numerics.of_method(method.name).penalty
     return penalty if penalty is None or integrator.largest_penalty is None else min(penalty, integrator.largest_penalty)
 
 
-def _stabilisation(own: Numerics, closure: Closure) -> Stabilisation:
+def _stabilisation(settings: Numerics, closure: Closure) -> Stabilisation:
     """How the recursive equations hold cut joints."""
     return Stabilisation(
-        closure=closure.name, penalty=own.penalty, damping_ratio=own.damping_ratio, frequency=own.frequency
+        closure=closure.name, penalty=settings.penalty, damping_ratio=settings.damping_ratio, frequency=settings.frequency
     )  # fmt: skip
 
 
-def _absolute_tolerance(own: Numerics) -> float:
+def _absolute_tolerance(settings: Numerics) -> float:
     """The absolute error that a step may have: as a share of 1 (m, rad, m/s, rad/s) the relative one, if none is given."""
-    return own.tolerance if own.absolute_tolerance is None else own.absolute_tolerance
+    return settings.tolerance if settings.absolute_tolerance is None else settings.absolute_tolerance
 
 
 def _require_ranges(scene: Scene, settings: Settings) -> None:

@@ -99,8 +99,8 @@ def postorder(elimination: Elimination) -> tuple[int, ...]:
     for k, later in enumerate(changed):
         if later:
             children[later[0]].append(k)
-    for i, own in enumerate(children):
-        before[i] += sorted(own, key=lambda k: (-len(changed[k]), -k))  # the last is visited first
+    for i, child_list in enumerate(children):
+        before[i] += sorted(child_list, key=lambda k: (-len(changed[k]), -k))  # the last is visited first
     return _depth_first(before, [k for k, later in enumerate(changed) if not later])
 
 

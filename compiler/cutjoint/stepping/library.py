@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +15,18 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``balls`` are the places of the angular velocities of balls among the speeds, ``equations`` is the number of equations of loops,
-    ``steps`` what the integrator can do.
+    ``steps`` what the integrator can do, ``settings`` those that a simulation begins with, as in run files.
 
     Raises:
         OSError: the file is no library.
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, balls: Sequence[int], equations: int, steps: Steps
-    ) -> None:
+        self, path: Path, model: str, size: int, *, has_inputs: bool, balls: Sequence[int], equations: int, steps: Steps,
+        settings: Mapping[str, Any],
+    ) -> None:  # fmt: skip
         self.model, self.size, self.balls, self.equations, self.steps = model, size, balls, equations, steps
+        self.settings = settings
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double
@@ -47,6 +49,7 @@ class Library:
         self.set_state = self._function("set_state", index, sim, number, ctypes.c_void_p, ctypes.c_void_p)
         self.displace = self._function("displace", index, sim, ctypes.c_void_p)
         self.jacobian = self._function("jacobian", index, sim, ctypes.c_void_p)
+        self.give_scene = self._function("give_scene", index, sim)
         self.give_coordinate = self._function("give_coordinate", index, sim, index, number)
         self.give_speed = self._function("give_speed", index, sim, index, number)
         self.snapshot_size = self._function("snapshot_size", ctypes.c_size_t)

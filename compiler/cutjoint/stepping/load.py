@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from cutjoint.emit.standalone import STEPS
 from cutjoint.locations import AnyPath
 from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import generate
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
@@ -24,24 +25,36 @@ def load(
     """Compile a model file for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
     Steps are those of ``method``, "recursive" or "recursive-newton", by ``integrator``: "trapezoidal", or of method recursive "rk4" or
-    "dormand-prince"; that of the scene unless one is named, and the trapezoidal rule where the method has not the scene's.  They are as
-    long as the scene says; those of dormand-prince are as long as its tolerances allow, and a step of the simulation takes as many as it
-    needs.  Numbers whose names match one of the patterns ``opened``, such as "*.stiffness", become parameters.
+    "dormand-prince", of method recursive-newton "sdirk4" or "sdirk4-fixed"; that of the scene unless one is named, and the trapezoidal rule
+    where the method has not the scene's.  They are as long as the scene says; those of dormand-prince and sdirk4 are as long as tolerances
+    allow, and a step of the simulation takes as many as it needs.  Numbers whose names match one of the patterns ``opened``, such as
+    "*.stiffness", become parameters.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the scene is wrong, or there is no such method or
             integrator.
         ToolchainError: a tool is not installed, or the compiler failed.
     """
-    if method not in STEPS:
-        raise RunError(f"method: '{method}' is not one of simulations to step, {', '.join(STEPS)}")
+    _require_method(method)
     model = read_model(path, opened=opened)
-    chosen = find_scene(model, scene)
-    equations, program, source = generate(model, chosen, chosen.outputs, method=method)
+    return load_scene(model, find_scene(model, scene), method=method, integrator=integrator, flags=flags)
+
+
+def load_scene(
+    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, flags: Sequence[str] = FLAGS
+) -> Simulation:
+    """The same of a model that has been read; errors as of `load`."""
+    _require_method(method)
+    equations, program, source = generate(model, scene, scene.outputs, method=method)
     standalone = make_standalone(equations, program, source, integrator=integrator)
     mechanism = equations.mechanism
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         balls=[c.v + c.scalars for c in mechanism.charts if c.ball], equations=len(mechanism.equation_names),
-        steps=standalone.steps,
+        steps=standalone.steps, settings=standalone.run_file["numerics"],
     ))  # fmt: skip
+
+
+def _require_method(method: str) -> None:
+    if method not in STEPS:
+        raise RunError(f"method: '{method}' is not one of simulations to step, {', '.join(STEPS)}")

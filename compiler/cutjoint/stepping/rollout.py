@@ -28,7 +28,10 @@ def rollout(
         SimulationError: there was no `Simulation.reset`.
     """
     given = (parameters or {}, inputs or {})
-    counts = {len(column) for columns in given for column in columns.values()} | ({len(snapshots)} if snapshots is not None else set())
+    counts = {np.atleast_1d(column).size for columns in given for column in columns.values()}
+    counts |= {len(snapshots)} if snapshots is not None else set()
+    if not counts:
+        raise ValueError("how many simulations? give a parameter or an input a value for each, or snapshots")
     if len(counts) != 1:
         raise ValueError(f"parameters, inputs and snapshots need one and the same number of simulations, not {sorted(counts)}")
     common = simulation.snapshot()
@@ -39,7 +42,7 @@ def rollout(
         one.restore(common if snapshots is None else snapshots[i])
         for values, columns in zip((one.parameters, one.inputs), given, strict=True):
             for name, column in columns.items():
-                values[name] = column[i]
+                values[name] = np.atleast_1d(column)[i]
         simulation.library.play(one.address, steps, rows[i].ctypes.data)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:

@@ -11,6 +11,8 @@ import numpy as np
 from cutjoint.stepping.library import Library
 from cutjoint.stepping.values import Array, Values, find_place
 
+_OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
+
 #: Characters of what a library says of a failure.
 _TEXT = 600
 
@@ -53,11 +55,13 @@ class Simulation:
         self, *, coordinates: Mapping[str, float] | None = None, speeds: Mapping[str, float] | None = None, dt: float | None = None,
         iterations: int | None = None, tolerance: float | None = None, equilibrium: bool | None = None,
     ) -> Simulation:  # fmt: skip
-        """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) besides.
+        """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) besides,
+        which hold for this start alone.
 
         ``dt`` is the length of steps (s).  ``iterations``, of the trapezoidal rule of method recursive, is their fixed number in each
-        (0: as many as it takes); ``tolerance``, of dormand-prince, is what the error of a step may be, absolute (SI units) and as a share.
-        What is given stays given.
+        (0: as many as it takes); ``tolerance``, of dormand-prince and sdirk4, is what the error of a step may be, absolute (SI units) and
+        as a share.  ``equilibrium`` is whether the pose is one at rest, in which given coordinates are held; False takes the pose as it is
+        given.  These settings stay.
 
         Raises:
             TypeError: the integrator has no iterations, or no tolerance.
@@ -71,10 +75,11 @@ class Simulation:
             self._require(library.steps.is_iterated, "iterations are of the trapezoidal rule of method recursive")
             call(library.set_iterations, iterations)
         if tolerance is not None:
-            self._require(library.steps.adaptive, "a tolerance is of dormand-prince")
+            self._require(library.steps.adaptive, "a tolerance is of integrators that choose their steps")
             call(library.set_tolerance, tolerance, tolerance)
         if equilibrium is not None:
             call(library.set_equilibrium, int(equilibrium))
+        call(library.give_scene)
         for kind, given, give in (("coordinate", coordinates, library.give_coordinate), ("speed", speeds, library.give_speed)):
             places = {name: i for i, name in enumerate(library.names[kind])}
             for name, value in (given or {}).items():
@@ -104,10 +109,10 @@ class Simulation:
         """Take steps up to a time (s), or to where a force, guide or drive changes its formula: returns the name of that element, or None.
 
         Raises:
-            TypeError: the integrator goes over events; load the model with rk4 or dormand-prince.
+            TypeError: the integrator goes over events: it is the trapezoidal rule.
             SimulationError: a step failed, the time has passed, or there was no `reset`.
         """
-        self._require(self.library.steps.finds_events, "steps of the trapezoidal rule go over events: load(..., integrator='rk4')")
+        self._require(self.library.steps.finds_events, _OVER_EVENTS)
         event = ctypes.c_int(-1)
         self._call(self.library.advance_to_event, time, ctypes.byref(event))
         return None if event.value < 0 else self.library.event_names[event.value]

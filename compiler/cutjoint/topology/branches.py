@@ -33,10 +33,10 @@ class _Search:
         self._closed = self._summed(graph.meets)
         self._needed = {root for first, last in graph.geared.values() for root in self._closed_roots(graph.path(first), graph.path(last))}
 
-    def _summed(self, own: Mapping[str, int]) -> dict[str, int]:
+    def _summed(self, counts: Mapping[str, int]) -> dict[str, int]:
         """Of each body and all that it carries."""
         carrier = self._graph.carrier
-        total = {body: own.get(body, 0) for body in carrier}
+        total = {body: counts.get(body, 0) for body in carrier}
         for body in reversed(carrier):
             if carrier[body] != GROUND:
                 total[carrier[body]] += total[body]

@@ -98,8 +98,8 @@ class _Attached:
         shapes: dict[str, int] = {}
         below: dict[str, list[int]] = {}
         for t in reversed(self._graph.tree):
-            own = (t.joint.kind, t.reversed, t.joint.guide is not None, self._massless[t.child])
-            shapes[t.child] = known.setdefault((*own, *sorted(below.get(t.child, ()))), len(known))
+            shape = (t.joint.kind, t.reversed, t.joint.guide is not None, self._massless[t.child])
+            shapes[t.child] = known.setdefault((*shape, *sorted(below.get(t.child, ()))), len(known))
             below.setdefault(t.parent, []).append(shapes[t.child])
         return shapes
 

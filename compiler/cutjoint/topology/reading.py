@@ -24,10 +24,10 @@ def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
         return read.read_model(path, opened=opened)
 
 
-def read_model_text(text: str, file: str) -> Model:
+def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Model:
     """The same from a text; ``file`` is the name that places and messages carry."""
     with _problems_of_loops():
-        return read.read_model_text(text, file)
+        return read.read_model_text(text, file, opened=opened)
 
 
 @contextmanager

@@ -40,22 +40,22 @@ class BodyParts:
             parts[body.name] = list(self._body(body, held.get(body.name, []), colours[body.name]))
         for joint in self.model.joints:
             parts[joint.base] += [Part(mesh=mesh, colour=JOINT) for mesh in self._joint(joint)]
-        return {name: tuple(own) for name, own in parts.items()}
+        return {name: tuple(shapes) for name, shapes in parts.items()}
 
     def _held(self) -> dict[str, list[Array]]:
         """The points that hold each body, each once."""
         held: dict[str, list[Array]] = {}
         for body, point in attached_points(self.model, self.scene):
-            place, own = point_of(self.numbers, point), held.setdefault(body, [])
-            if not any(np.linalg.norm(place - other) < 1e-3 * self.sizes.extent for other in own):
-                own.append(place)
+            place, shapes = point_of(self.numbers, point), held.setdefault(body, [])
+            if not any(np.linalg.norm(place - other) < 1e-3 * self.sizes.extent for other in shapes):
+                shapes.append(place)
         return held
 
     def _body(self, body: Body, held: Sequence[Array], colour: Colour) -> Iterator[Part]:
         solid = load_meshes(body, self.numbers) or [mesh for shape in body.shapes if not shape.hole for mesh in self._shape(shape)]
         bars = list(self._bars(point_of(self.numbers, body.centre_of_mass), held, is_massless=body.is_massless))
-        own = [visual.colour for visual in body.visuals if visual.colour]
-        yield Part(mesh=meshes.joined(solid or bars), colour=read_colour(own[0]) if own else colour)
+        colours = [visual.colour for visual in body.visuals if visual.colour]
+        yield Part(mesh=meshes.joined(solid or bars), colour=read_colour(colours[0]) if colours else colour)
 
     def _bars(self, centre: Array, held: Sequence[Array], *, is_massless: bool) -> Iterator[Mesh]:
         """Bars from the centre of mass to all points, or one between two points where the centre lies in it or there is none."""

@@ -27,8 +27,8 @@ _OF_BODIES = tuple(
 
 def colours_of(bodies: Sequence[str]) -> dict[str, Colour]:
     """A colour for each body; those with one name in several instances of a submodel have one colour, unless all would."""
-    own = {body: body.rpartition(".")[2] for body in bodies}
-    if len(set(own.values())) == 1:
-        own = {body: body for body in bodies}
-    names = list(dict.fromkeys(own.values()))
-    return {body: _OF_BODIES[names.index(name) % len(_OF_BODIES)] for body, name in own.items()}
+    labels = {body: body.rpartition(".")[2] for body in bodies}
+    if len(set(labels.values())) == 1:
+        labels = {body: body for body in bodies}
+    names = list(dict.fromkeys(labels.values()))
+    return {body: _OF_BODIES[names.index(name) % len(_OF_BODIES)] for body, name in labels.items()}

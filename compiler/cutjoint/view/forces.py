@@ -82,8 +82,8 @@ class ForceNodes(Placed):
         ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
         turns = np.sum(np.diff(centre, axis=0) * (ahead[1:] + ahead[:-1]) / 2, axis=1) / radius
         angle = np.concatenate([[0.0], np.cumsum(turns)]) if np.abs(turns).max(initial=0.0) < _LARGEST_TURN else np.zeros(len(centre))
-        own = np.concatenate([np.sin(angle / 2)[:, np.newaxis] * axis, np.cos(angle / 2)[:, np.newaxis]], axis=1)
-        rotation = product(quaternions_of(pose.rotation), own)
+        quaternion = np.concatenate([np.sin(angle / 2)[:, np.newaxis] * axis, np.cos(angle / 2)[:, np.newaxis]], axis=1)
+        rotation = product(quaternions_of(pose.rotation), quaternion)
         turned = rotation_to(axis)
         parts = (
             Part(mesh=meshes.tyre(radius).moved(turned, np.zeros(3)), colour=RUBBER, roughness=0.9),

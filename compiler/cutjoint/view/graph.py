@@ -158,8 +158,8 @@ class _Layout:
 
     def _kin(self, body: str) -> int:
         """The largest class of isomorphic parts that has the body."""
-        own = [i for i, c in enumerate(self.topology.classes) if any(body in member for member in c.members)]
-        return max(own, key=lambda i: self.topology.classes[i].size, default=-1)
+        classes = [i for i, c in enumerate(self.topology.classes) if any(body in member for member in c.members)]
+        return max(classes, key=lambda i: self.topology.classes[i].size, default=-1)
 
     def _about(self, span: Span) -> list[str]:
         """The place of an element, and its line in the model file."""
@@ -214,10 +214,10 @@ class _Layout:
 
     def _free_height(self, body: str) -> float:
         """The height nearest to a body's at which no deeper body stands, nor the name of its joint."""
-        own, depth = self._height(body), self._depths[body]
+        start, depth = self._height(body), self._depths[body]
         others = [self._height(other) for other, d in self._depths.items() if d > depth]
-        near = sorted((own + _STEP * n for n in range(-200, 201)), key=lambda height: abs(height - own))
-        return next((height for height in near if all(abs(height - other) >= _CLEAR for other in others)), own)
+        near = sorted((start + _STEP * n for n in range(-200, 201)), key=lambda height: abs(height - start))
+        return next((height for height in near if all(abs(height - other) >= _CLEAR for other in others)), start)
 
     def _short_body(self, body: str) -> str:
         """The name of a body below the one that carries it."""
@@ -233,5 +233,5 @@ class _Layout:
 
 def _short(name: str, beside: str) -> str:
     """A name without its instance, if a name beside it has the same one."""
-    instance, dot, own = name.rpartition(".")
-    return own if dot and beside.startswith(f"{instance}.") else name
+    instance, dot, short = name.rpartition(".")
+    return short if dot and beside.startswith(f"{instance}.") else name

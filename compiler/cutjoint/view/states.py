@@ -115,8 +115,8 @@ def free_directions(free: Array) -> Iterator[tuple[int, Array]]:
         leaders.append(leader)
         along = rest[leader] / np.linalg.norm(rest[leader])
         rest -= np.outer(rest @ along, along)
-    own = free @ np.linalg.inv(free[leaders]) if leaders else free
-    yield from sorted(zip(leaders, np.where(np.abs(own) > _PART, own, 0.0).T, strict=True), key=lambda pair: pair[0])
+    basis = free @ np.linalg.inv(free[leaders]) if leaders else free
+    yield from sorted(zip(leaders, np.where(np.abs(basis) > _PART, basis, 0.0).T, strict=True), key=lambda pair: pair[0])
 
 
 def _facts(equations: RecursiveEquations, direction: Array) -> tuple[tuple[str, str], ...]:

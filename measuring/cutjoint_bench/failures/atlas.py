@@ -72,9 +72,9 @@ def suggest_grid(case: Case, *, parameter: str = "") -> Grid:
 
 def _steps(case: Case) -> tuple[float, ...]:
     """1, 2 and 5 of each decade, those that share rows with the case."""
-    own = [case.scene.numerics.of_method(method).step for method in METHODS]
-    shortest = max(SHORTEST, FINER * min(own), case.scene.end / max(MOST_STEPS.values()))
-    longest = min(LONGEST, COARSER * max(own), case.scene.end / 8)
+    scene_steps = [case.scene.numerics.of_method(method).step for method in METHODS]
+    shortest = max(SHORTEST, FINER * min(scene_steps), case.scene.end / max(MOST_STEPS.values()))
+    longest = min(LONGEST, COARSER * max(scene_steps), case.scene.end / 8)
     steps = (float(f"{digit}e{power}") for power in range(-5, 0) for digit in (1, 2, 5))
     return tuple(s for s in steps if 0.999 * shortest <= s <= 1.001 * longest and _shares_rows(case, s))
 
@@ -85,8 +85,8 @@ def _shares_rows(case: Case, dt: float) -> bool:
 
 def _values(case: Case, parameter: str) -> tuple[float, ...]:
     parameter_values(case.model, {parameter: 0.0})  # which refuses a name that cannot be set
-    own = _own_value(case, parameter)
-    return tuple(float(f"{share * own:.12g}") for share in SHARES if own is not None)
+    given = _own_value(case, parameter)
+    return tuple(float(f"{share * given:.12g}") for share in SHARES if given is not None)
 
 
 def _own_value(case: Case, parameter: str) -> float | None:

@@ -88,12 +88,12 @@ def try_run(
     such as its penalty; ``parameters`` those of the model.
     """
     scene = with_settings(artifact.scene, artifact.method, settings or {})
-    own = replace(artifact, scene=replace(scene, output_step=row))
+    rerun = replace(artifact, scene=replace(scene, output_step=row))
     with temporary_folder() as folder:
         steps = folder / "steps.csv"
         try:
             run = simulate(
-                own, dt=dt, parameters={**case.parameters, **(parameters or {})}, steps=steps, integrator="trapezoidal", events="crossed",
+                rerun, dt=dt, parameters={**case.parameters, **(parameters or {})}, steps=steps, integrator="trapezoidal", events="crossed",
                 check=False,
             )  # fmt: skip
         except SimulatorError as error:

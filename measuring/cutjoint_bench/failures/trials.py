@@ -129,8 +129,8 @@ def landing_step(artifact: Artifact, pose: Pose, dt: float, settings: Mapping[st
 
     def miss(step: float) -> float | None:
         end = step * count * (1 - 1e-12)
-        own = replace(artifact, scene=replace(scene, output_step=step * count))
-        run = simulate(own, dt=step, end=end, integrator="trapezoidal", events="crossed", check=False)
+        with_rows = replace(artifact, scene=replace(scene, output_step=step * count))
+        run = simulate(with_rows, dt=step, end=end, integrator="trapezoidal", events="crossed", check=False)
         return None if run.failure is not None else float(run[pose.column][-1])
 
     before, now = (pose.time / count * (1 - share) for share in (2e-5, 1e-5))

@@ -55,10 +55,10 @@ def tabulate_lines(case: Case) -> BenchTable:
         if "refused" in line:
             rows.append((line["label"], line["refused"], "", "", "", "", "", "", ""))
             continue
-        own = next((p for p in timed(line) if p["dt"] == line.get("dt")), None)
+        at_scene = next((p for p in timed(line) if p["dt"] == line.get("dt")), None)
         limit = line.get("largest_step")
         rows.append((
-            line["label"], *(_own(own) if own else ("fails",) + ("",) * 4),
+            line["label"], *(_own(at_scene) if at_scene else ("fails",) + ("",) * 4),
             "" if isnan(found := order(line)) else f"{found:.2f}",
             f"{1e3 * limit:.3g}" if limit else "", line["configuration"].get("digest", "")[:8],
         ))  # fmt: skip

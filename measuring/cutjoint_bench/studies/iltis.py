@@ -126,8 +126,8 @@ def references_table(rows: Sequence[Difference]) -> Table:
     """Largest differences from the published trajectories."""
     table = _table("scene", "quantity", "difference", "reference's range", "unit")
     for r in rows:
-        own = r.range if r.range > 1e-9 else 0.0  # y, roll and yaw of a symmetric run are rounding
-        table.add_row(r.scene, r.quantity, f"{r.difference:.2g}", f"{own:.4g}", r.unit)
+        scale = r.range if r.range > 1e-9 else 0.0  # y, roll and yaw of a symmetric run are rounding
+        table.add_row(r.scene, r.quantity, f"{r.difference:.2g}", f"{scale:.4g}", r.unit)
     return table
 
 

@@ -192,11 +192,12 @@ class Run {
     if (file_.contains("tangents_out")) tangents_.emplace(file_.at("tangents_out"));
   }
 
+  /// The run's table comes last: who waits for its lock finds the others whole.
   void close_files() {
-    if (table_) table_->close();
     if (steps_table_) steps_table_->close();
     if (coordinates_) coordinates_->close();
     if (tangents_) tangents_->close();
+    if (table_) table_->close();
   }
 
   void write() {

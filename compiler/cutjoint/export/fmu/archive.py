@@ -11,15 +11,19 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
+from cutjoint.analysis.mobility import find_mobility
 from cutjoint.emit.source import Page
-from cutjoint.export.fmu.description import Subject, write_build_description, write_description
-from cutjoint.export.fmu.functions import MISSING
+from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
+from cutjoint.export.fmu.functions import MISSING, OF_EXCHANGE
 from cutjoint.export.fmu.variables import Interface, make_interface
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.methods import DEFAULT_METHOD, METHODS, either, names_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import generate
+from cutjoint.pipeline import derive, generate
 from cutjoint.run.errors import RunError
 from cutjoint.standalone import Standalone, make_standalone
 from cutjoint.toolchain.build import build_files
+from cutjoint.topology.records import Topology
 
 #: How binaries are optimised, unless $CUTJOINT_FLAGS says otherwise: for any processor of the platform.
 FMU_FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3").split())
@@ -30,6 +34,9 @@ _PLATFORMS: Mapping[tuple[str, str], Mapping[int, str]] = {
     ("Linux", "aarch64"): {2: "aarch64-linux", 3: "aarch64-linux"},
 }
 
+#: Where the picture of a model stands in FMI 2 and 3.
+PICTURES: Mapping[int, str] = {2: "model.png", 3: "documentation/diagram.png"}
+
 #: The time of all entries of an archive, the earliest one that it can have.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)
 
@@ -37,7 +44,7 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)
 @dataclass(frozen=True, kw_only=True)
 class Fmu:
     """An FMU by FMI ``version``: the folder of the model, what describes it, its variables, the layer over the folder's C interface, the
-    project that builds both, and the licence."""
+    project that builds both, the licence, a page about it, and the topology of which that page shows a picture."""
 
     version: int
     standalone: Standalone
@@ -46,6 +53,8 @@ class Fmu:
     layer: str
     project: str
     license: str
+    page: str
+    topology: Topology
 
     @property
     def sources(self) -> dict[str, str]:
@@ -59,8 +68,8 @@ class Fmu:
         files = {**model, f"fmi{self.version}.cpp": self.layer, "CMakeLists.txt": self.project}
         return build_files(self.standalone.name, files, f"{self.standalone.name}.so", self.standalone.digest, flags)
 
-    def pack(self, *, sources: bool, binary: bool) -> bytes:
-        """The archive, with the sources, a binary for this machine, or both.
+    def pack(self, *, sources: bool, binary: bool, picture: bytes) -> bytes:
+        """The archive, with the sources, a binary for this machine, or both, and a ``picture`` (PNG) of the topology.
 
         Raises:
             RunError: there is no name for binaries of this machine.
@@ -69,8 +78,9 @@ class Fmu:
         subject = replace(self.subject, sources=tuple(n for n in self.sources if n.endswith(".cpp")) if sources else ())
         files = {
             "modelDescription.xml": write_description(subject, self.interface, self.version).encode(),
+            PICTURES[self.version]: picture, "documentation/index.html": self.page.encode(),
             "documentation/licenses/license.txt": self.license.encode(),
-        }
+        }  # fmt: skip
         if sources:
             files |= {f"sources/{name}": text.encode() for name, text in self.sources.items()}
             if self.version == 3:
@@ -80,30 +90,57 @@ class Fmu:
         return _pack(files)
 
 
-def make_fmu(model: Model, scene: Scene, *, version: int, integrator: str | None = None) -> Fmu:
-    """The co-simulation FMU of a model in a scene by FMI ``version``, 2 or 3; errors as of `pipeline.generate` and `make_standalone`."""
-    equations, program, source = generate(model, scene, scene.outputs)
-    standalone = make_standalone(equations, program, source, integrator=integrator)
-    interface = make_interface(equations.mechanism, standalone.run_file)
-    page, view = Page.of(equations, "recursive"), _view(standalone, interface, version)
+def make_fmu(
+    model: Model, scene: Scene, *, version: int, kind: str = "cs", method: str = DEFAULT_METHOD, integrator: str | None = None
+) -> Fmu:
+    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`, whose steps are those of a ``method`` that has folders.
+
+    Raises:
+        RunError: the method has no folders, or none with states for model exchange.
+        others: as of `pipeline.generate`, `make_standalone`.
+    """
+    _require_method(method, kind)
+    equations, program, source = generate(model, scene, scene.outputs, method=method)
+    described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
+    freedoms = find_mobility(described).degrees_of_freedom if KINDS[kind][1] else None
+    standalone = make_standalone(equations, program, source, integrator=integrator, freedoms=freedoms)
+    interface = make_interface(described, standalone.run_file, freedoms)
+    page, view = Page.of(described, method), _view(standalone, interface, version, kind)
     token = _token([*standalone.files.values(), repr(interface), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")])
     subject = Subject(
-        name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=()
+        name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind
     )  # fmt: skip
     return Fmu(
         version=version, standalone=standalone, subject=subject, interface=interface,
         layer=page.render(f"fmu/fmi{version}.cpp.jinja", **view, token=token),
         project=page.render("fmu/CMakeLists.txt.jinja", **view), license=page.render("fmu/license.txt.jinja", **view),
+        page=page.render(
+            "fmu/index.html.jinja", **view, scene=scene.name, integrator=standalone.integrator, variables=interface.variables,
+            picture=f"../{PICTURES[version]}" if version == 2 else PICTURES[version].removeprefix("documentation/"),
+        ),
+        topology=equations.topology,
     )  # fmt: skip
 
 
-def _view(standalone: Standalone, interface: Interface, version: int) -> dict[str, object]:
+def _require_method(method: str, kind: str) -> None:
+    """Check that FMUs have a method."""
+    known = names_of(METHODS, lambda m: m.stands_alone)
+    if method not in known:
+        raise RunError(f"method: '{method}' has no FMUs; use {either(known)}")
+    if method != DEFAULT_METHOD and KINDS[kind][1]:
+        raise RunError(f"method: '{method}' has FMUs for co-simulation alone; leave out --kind {kind}, or take the method {DEFAULT_METHOD}")
+
+
+def _view(standalone: Standalone, interface: Interface, version: int, kind: str) -> dict[str, object]:
     """What the templates are given."""
+    simulates, exchanges = KINDS[kind]
     header = next(name for name in _code_of(standalone) if name.endswith(".h"))
     name, steps = standalone.name, standalone.steps
     return {
-        "p": name, "P": name.upper(), "header": header.removesuffix(".h"), "fmi": version, "missing": MISSING,
-        "adaptive": steps.adaptive, "iterated": steps.is_iterated, "starts": interface.starts,
+        "p": name, "P": name.upper(), "header": header.removesuffix(".h"), "fmi": version,
+        "cs": simulates, "me": exchanges, "kinds": " and ".join(["co-simulation"] * simulates + ["model exchange"] * exchanges),
+        "missing": MISSING if exchanges else (*MISSING, *OF_EXCHANGE),
+        "adaptive": steps.adaptive, "iterated": steps.is_iterated, "starts": interface.starts, "rated": interface.rated,
         "mark": sha256(f"{standalone.digest} {standalone.integrator} {interface!r}".encode()).hexdigest()[:16],
         **{kind: [repr(v.start) for v in getattr(interface, kind)] for kind in ("parameters", "settings", "inputs")},
     }  # fmt: skip

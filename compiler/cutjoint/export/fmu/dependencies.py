@@ -1,4 +1,5 @@
-"""What an output follows from at the start.  At a communication point it is that of the last step, and follows from nothing else."""
+"""What an output follows from at the start, and while a host integrates.  At a communication point it is that of the last step, and follows
+from nothing else."""
 
 from __future__ import annotations
 
@@ -69,10 +70,38 @@ def find_dependencies(equations: RecursiveEquations, given: Iterable[str]) -> tu
     return tuple(_of_column(equations, find_leaves([report[f"column:{c.name}"]]), solved) for c in equations.columns)
 
 
-def _of_column(equations: RecursiveEquations, own: Leaves, solved: Leaves) -> StartDependencies:
+def _of_column(equations: RecursiveEquations, leaves: Leaves, solved: Leaves) -> StartDependencies:
     """A column follows from all that the start's equations do where it needs a result of them, else from what its own joints are given."""
     closes = bool(equations.closures) or equations.scene.pose == "equilibrium"
-    is_solved = own.has("vdot:", "lambda:", *(("q:", "v:") if closes else ()))
-    free = frozenset(name for name in solved.symbols if own.has(*(f"{a}:{name.rpartition('.')[0]}" for a in "qv")))
-    direct = replace(own, symbols=free)
+    is_solved = leaves.has("vdot:", "lambda:", *(("q:", "v:") if closes else ()))
+    free = frozenset(name for name in solved.symbols if leaves.has(*(f"{a}:{name.rpartition('.')[0]}" for a in "qv")))
+    direct = replace(leaves, symbols=free)
     return StartDependencies(leaves=direct | solved if is_solved else direct, by_settings=is_solved)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Following:
+    """What something follows from while a host integrates: numbers of inputs, independent coordinates, their rates, time."""
+
+    inputs: frozenset[int]
+    positions: bool
+    rates: bool
+    time: bool
+
+
+def find_following(equations: RecursiveEquations) -> tuple[Following, tuple[Following, ...]]:
+    """That of accelerations, and of each column."""
+    names = ("evaluate", "constraint_residual")
+    solving = find_leaves(block for name in names for block in equations.function(name).results.values())
+    report = equations.function("report").results
+    columns = (find_leaves([report[f"column:{c.name}"]]) for c in equations.columns)
+    accelerations = Following(inputs=solving.inputs, positions=True, rates=True, time="t" in solving.symbols)
+    return accelerations, tuple(_following(direct, solving) for direct in columns)
+
+
+def _following(direct: Leaves, solving: Leaves) -> Following:
+    """A column follows from all that accelerations do where it needs these; all speeds of loops follow from places too."""
+    is_solved = direct.has("vdot:", "lambda:")
+    rates = is_solved or direct.has("v:")
+    leaves = direct | solving if is_solved else direct
+    return Following(inputs=leaves.inputs, positions=rates or direct.has("q:"), rates=rates, time="t" in leaves.symbols)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -13,14 +13,14 @@ from cutjoint.version import __version__
 
 _ANGLE = "rad"
 
-#: Elements of the model's structure, and whether outputs depend on anything there.
-_UNKNOWNS = {"Output": False, "InitialUnknown": True}
+#: What an FMU is for, by the names of `cutjoint export --kind`: co-simulation, model exchange.
+KINDS: Mapping[str, tuple[bool, bool]] = {"cs": (True, False), "me": (False, True), "both": (True, True)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
     """What is described: the model's name, the scene's, how long its run takes and how often it reports (s), the token of the code,
-    the files of the code."""
+    the files of the code, one of `KINDS`."""
 
     name: str
     scene: str
@@ -28,6 +28,7 @@ class Subject:
     output_step: float
     token: str
     sources: Sequence[str]
+    kind: str
 
 
 def write_description(subject: Subject, interface: Interface, version: int) -> str:
@@ -49,45 +50,82 @@ def write_build_description(subject: Subject) -> str:
 def _write_2(subject: Subject, interface: Interface) -> str:
     variables = interface.variables
     root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": subject.token, **_common(subject)})
-    kind = SubElement(
-        root, "CoSimulation", modelIdentifier=subject.name, canHandleVariableCommunicationStepSize="true",
-        canInterpolateInputs=_truth(interface.inputs), maxOutputDerivativeOrder="0", canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true",
-    )  # fmt: skip
+    if interface.indicators:
+        root.set("numberOfEventIndicators", str(len(interface.indicators)))
+    states = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+    simulates, exchanges = KINDS[subject.kind]
+    if exchanges:
+        able = {"providesDirectionalDerivative": "true"}
+        _add_sources(SubElement(root, "ModelExchange", {"modelIdentifier": subject.name, **states, **able}), subject)
+    if simulates:
+        able = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": _truth(interface.inputs)}
+        able["maxOutputDerivativeOrder"] = "0"
+        _add_sources(SubElement(root, "CoSimulation", {"modelIdentifier": subject.name, **able, **states}), subject)
+    _add_general(root, subject, variables)
+    listed = SubElement(root, "ModelVariables")
+    first = len(variables) - len(interface.indicators) - 2 * len(interface.states)
+    for reference, variable in enumerate(variables):
+        real = SubElement(SubElement(listed, "ScalarVariable", _attributes(reference, variable)), "Real", _value(variable))
+        if variable.derives is not None:
+            real.set("derivative", str(variable.derives + 1))
+        if first <= reference < first + len(interface.states):
+            real.set("reinit", "true")
+    structure = SubElement(root, "ModelStructure")
+    for tag, unknowns in _structure(interface, ("Outputs", "Derivatives", "InitialUnknowns")):
+        group = SubElement(structure, tag)
+        for reference, known in unknowns:
+            SubElement(group, "Unknown", index=str(reference + 1), dependencies=" ".join(str(d + 1) for d in known))
+    return _text(root)
+
+
+def _add_sources(kind: Element, subject: Subject) -> None:
     if subject.sources:
         files = SubElement(kind, "SourceFiles")
         for name in subject.sources:
             SubElement(files, "File", name=name)
-    _add_general(root, subject, variables)
-    listed = SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(variables):
-        SubElement(SubElement(listed, "ScalarVariable", _attributes(reference, variable)), "Real", _value(variable))
-    structure = SubElement(root, "ModelStructure")
-    for tag, depends in _UNKNOWNS.items() if interface.outputs else ():
-        unknowns = SubElement(structure, f"{tag}s")
-        for reference in _outputs(variables):
-            indices = " ".join(str(d + 1) for d in variables[reference].dependencies if depends)
-            SubElement(unknowns, "Unknown", index=str(reference + 1), dependencies=indices)
-    return _text(root)
 
 
 def _write_3(subject: Subject, interface: Interface) -> str:
     variables = interface.variables
     root = Element("fmiModelDescription", {"fmiVersion": "3.0", "instantiationToken": subject.token, **_common(subject)})
-    SubElement(
-        root, "CoSimulation", modelIdentifier=subject.name, canHandleVariableCommunicationStepSize="true", canGetAndSetFMUState="true",
-        canSerializeFMUState="true", maxOutputDerivativeOrder="0",
-    )  # fmt: skip
+    states = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    simulates, exchanges = KINDS[subject.kind]
+    if exchanges:
+        able = {"needsCompletedIntegratorStep": "true", "providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
+        SubElement(root, "ModelExchange", {"modelIdentifier": subject.name, **states, **able})
+    if simulates:
+        able = {"canHandleVariableCommunicationStepSize": "true", **states, "maxOutputDerivativeOrder": "0"}
+        SubElement(root, "CoSimulation", {"modelIdentifier": subject.name, **able})
     _add_general(root, subject, variables)
     listed = SubElement(root, "ModelVariables")
+    first = len(variables) - len(interface.indicators) - 2 * len(interface.states)
     for reference, variable in enumerate(variables):
-        SubElement(listed, "Float64", {**_attributes(reference, variable), **_value(variable)})
+        real = SubElement(listed, "Float64", {**_attributes(reference, variable), **_value(variable)})
+        if variable.derives is not None:
+            real.set("derivative", str(variable.derives))
+        if first <= reference < first + len(interface.states):
+            real.set("reinit", "true")
     structure = SubElement(root, "ModelStructure")
-    for tag, depends in _UNKNOWNS.items():
-        for reference in _outputs(variables):
-            references = " ".join(str(d) for d in variables[reference].dependencies if depends)
-            SubElement(structure, tag, valueReference=str(reference), dependencies=references)
+    for tag, unknowns in _structure(interface, ("Output", "ContinuousStateDerivative", "InitialUnknown")):
+        for reference, known in unknowns:
+            SubElement(structure, tag, valueReference=str(reference), dependencies=" ".join(map(str, known)))
+    for i in range(len(interface.indicators)):
+        SubElement(structure, "EventIndicator", valueReference=str(len(variables) - len(interface.indicators) + i))
     return _text(root)
+
+
+def _structure(interface: Interface, tags: tuple[str, str, str]) -> Iterator[tuple[str, list[tuple[int, tuple[int, ...]]]]]:
+    """Of the groups that have something, by their tags: outputs, derivatives, unknowns of the start, each with what it follows from."""
+    outputs, derivatives, start = tags
+    numbered = list(enumerate(interface.variables))
+    found = [(i, v) for i, v in numbered if v.causality == "output"]
+    derived = [(i, v) for i, v in numbered if v.derives is not None]
+    states = [(i, v) for i, v in numbered if i in {v.derives for _, v in derived}]
+    groups = {
+        outputs: [(i, v.following) for i, v in found], derivatives: [(i, v.following) for i, v in derived],
+        start: [(i, v.dependencies) for i, v in (*found, *states, *derived)],
+    }  # fmt: skip
+    return ((tag, group) for tag, group in groups.items() if group)
 
 
 def _add_general(root: Element, subject: Subject, variables: Sequence[Variable]) -> None:
@@ -105,7 +143,7 @@ def _attributes(reference: int, variable: Variable) -> dict[str, str]:
     initial = "calculated" if variable.start is None else "exact"
     return {
         "name": variable.name, "valueReference": str(reference), "description": variable.description, "causality": variable.causality,
-        "variability": variable.variability, **({"initial": initial} if variable.causality in ("parameter", "output") else {}),
+        "variability": variable.variability, **({"initial": initial} if variable.causality in ("parameter", "output", "local") else {}),
     }  # fmt: skip
 
 
@@ -115,10 +153,6 @@ def _common(subject: Subject) -> dict[str, str]:
         "generationTool": f"cutjoint {__version__}", "license": "documentation/licenses/license.txt",
         "variableNamingConvention": "structured",
     }  # fmt: skip
-
-
-def _outputs(variables: Sequence[Variable]) -> list[int]:
-    return [reference for reference, variable in enumerate(variables) if variable.causality == "output"]
 
 
 def _value(variable: Variable) -> dict[str, str]:

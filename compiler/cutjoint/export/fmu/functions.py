@@ -1,17 +1,16 @@
-"""Functions of FMI 3 that every FMU exports and that a co-simulation FMU without events, clocks and derivatives refuses."""
+"""Functions of FMI 3 that every FMU exports, and those of them that ours refuse."""
 
 from __future__ import annotations
 
 _REFERENCES = "const fmi3ValueReference*, size_t"
 _KNOWN = f", {_REFERENCES}, {_REFERENCES}, const fmi3Float64*, size_t, fmi3Float64*, size_t"
 
-#: Names without the prefix, and what C++ arguments they have after the instance.
-MISSING: tuple[tuple[str, str], ...] = (
-    ("EnterEventMode", ""),
+Function = tuple[str, str]
+
+#: What no FMU has: names without the prefix, and what C++ arguments they have after the instance.
+MISSING: tuple[Function, ...] = (
     ("GetNumberOfVariableDependencies", ", fmi3ValueReference, size_t*"),
     ("GetVariableDependencies", ", fmi3ValueReference, size_t*, fmi3ValueReference*, size_t*, int*, size_t"),
-    ("GetDirectionalDerivative", _KNOWN),
-    ("GetAdjointDerivative", _KNOWN),
     ("EnterConfigurationMode", ""),
     ("ExitConfigurationMode", ""),
     ("GetIntervalDecimal", f", {_REFERENCES}, fmi3Float64*, int*"),
@@ -23,6 +22,16 @@ MISSING: tuple[tuple[str, str], ...] = (
     ("SetShiftDecimal", f", {_REFERENCES}, const fmi3Float64*"),
     ("SetShiftFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*"),
     ("EvaluateDiscreteStates", ""),
+    ("EnterStepMode", ""),
+    ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t"),
+    ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64"),
+)
+
+#: What only FMUs for model exchange have.
+OF_EXCHANGE: tuple[Function, ...] = (
+    ("EnterEventMode", ""),
+    ("GetDirectionalDerivative", _KNOWN),
+    ("GetAdjointDerivative", _KNOWN),
     ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*"),
     ("EnterContinuousTimeMode", ""),
     ("CompletedIntegratorStep", ", fmi3Boolean, fmi3Boolean*, fmi3Boolean*"),
@@ -34,7 +43,4 @@ MISSING: tuple[tuple[str, str], ...] = (
     ("GetNominalsOfContinuousStates", ", fmi3Float64*, size_t"),
     ("GetNumberOfEventIndicators", ", size_t*"),
     ("GetNumberOfContinuousStates", ", size_t*"),
-    ("EnterStepMode", ""),
-    ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t"),
-    ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64"),
 )

@@ -1,14 +1,14 @@
-"""The variables of an FMU: time, parameters, settings, the given start, inputs, outputs."""
+"""The variables of an FMU: time, parameters, settings, the given start, inputs, outputs, and for model exchange states with derivatives."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.export.fmu.dependencies import StartDependencies, find_dependencies
-from cutjoint.formulate.inputs import TIME, input_functions
+from cutjoint.export.fmu.dependencies import Following, StartDependencies, find_dependencies, find_following
+from cutjoint.formulate.inputs import TIME, guided_by, input_functions
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import INTEGRATORS
 from cutjoint.run.run_file import Evaluator
@@ -21,8 +21,9 @@ _PLAIN = ""
 class Variable:
     """A real variable in the words of the standard; its value reference is its place among all.
 
-    ``start`` is its value before a run, None of what is calculated.  ``dependencies`` are the value references of what an output
-    follows from at the start.
+    ``start`` is its value before a run, None of what is calculated.  ``dependencies`` are the value references of what an output, state or
+    derivative follows from at the start, ``following`` what it follows from while a host integrates.  ``derives`` is the value reference of
+    the state whose derivative it is.
     """
 
     name: str
@@ -32,6 +33,8 @@ class Variable:
     unit: str
     start: float | None
     dependencies: tuple[int, ...] = ()
+    following: tuple[int, ...] = ()
+    derives: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,21 +50,31 @@ class Start:
 
 @dataclass(frozen=True, kw_only=True)
 class Interface:
-    """Each kind of variable in the order of value references, after time, which has 0."""
+    """Each kind of variable in the order of value references, after time, which has 0.
+
+    What follows the outputs is for model exchange alone.  ``rates`` are the first and second derivatives of the inputs whose numbers
+    ``rated`` has: those that move guides.
+    """
 
     parameters: tuple[Variable, ...]
     settings: tuple[Variable, ...]
     starts: tuple[Start, ...]
     inputs: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
+    rated: tuple[int, ...] = ()
+    rates: tuple[Variable, ...] = ()
+    states: tuple[Variable, ...] = ()
+    derivatives: tuple[Variable, ...] = ()
+    indicators: tuple[Variable, ...] = ()
 
     @property
     def variables(self) -> tuple[Variable, ...]:
         """All of them; their places are their value references.  The model's names stay, others give way to them."""
         time = Variable(name="time", causality="independent", variability="continuous", description="Time", unit="s", start=None)
         taken = {v.name for v in (*self.parameters, *self.inputs, *self.outputs)}
-        own = [_beside(taken, v) for v in (time, *self.settings, *map(_of_start, self.starts))]
-        return (own[0], *self.parameters, *own[1:], *self.inputs, *self.outputs)
+        fixed = [_beside(taken, v) for v in (time, *self.settings, *map(_of_start, self.starts))]
+        exchanged = [_beside(taken, v) for v in (*self.rates, *self.states, *self.derivatives, *self.indicators)]
+        return (fixed[0], *self.parameters, *fixed[1:], *self.inputs, *self.outputs, *exchanged)
 
 
 def _beside(taken: set[str], variable: Variable) -> Variable:
@@ -71,8 +84,8 @@ def _beside(taken: set[str], variable: Variable) -> Variable:
     return variable
 
 
-def make_interface(equations: RecursiveEquations, run_file: Mapping[str, Any]) -> Interface:
-    """The variables of a mechanism's folder that begins as a run file says.
+def make_interface(equations: RecursiveEquations, run_file: Mapping[str, Any], freedoms: int | None = None) -> Interface:
+    """The variables of a mechanism's folder that begins as a run file says; with its degrees of freedom those for model exchange too.
 
     Raises:
         RunError: an input has no finite value at the start.
@@ -86,9 +99,68 @@ def make_interface(equations: RecursiveEquations, run_file: Mapping[str, Any]) -
     )  # fmt: skip
     settings, starts, inputs = tuple(_settings(run_file)), tuple(_starts(equations, run_file)), _inputs(equations)
     counts = (len(parameters), len(settings), len(starts), len(inputs))
-    return Interface(
-        parameters=parameters, settings=settings, starts=starts, inputs=inputs, outputs=_outputs(equations, starts, counts)
+    outputs = _outputs(equations, starts, counts)
+    interface = Interface(parameters=parameters, settings=settings, starts=starts, inputs=inputs, outputs=outputs)
+    return interface if freedoms is None else _with_states(interface, equations, freedoms)
+
+
+def _with_states(interface: Interface, equations: RecursiveEquations, freedoms: int) -> Interface:
+    """The interface with rates of inputs, states, their derivatives and event indicators; outputs follow from states."""
+    first_input = 1 + len(interface.parameters) + len(interface.settings) + len(interface.starts)
+    first_rate = first_input + len(interface.inputs) + len(interface.outputs)
+    model = equations.topology.model
+    rated = tuple(i for i, p in enumerate(equations.inputs) if guided_by(model, p) is not None)
+    first_state = first_rate + 2 * len(rated)
+    places, speeds = (tuple(range(first_state + i * freedoms, first_state + (i + 1) * freedoms)) for i in (0, 1))
+    accelerations, columns = find_following(equations)
+
+    def with_rates(given: Iterable[int]) -> tuple[int, ...]:
+        """Inputs by their value references, with those of their rates."""
+        numbers = [rated.index(g - first_input) for g in given if g - first_input in rated]
+        return tuple(sorted({*given, *(first_rate + 2 * k + order for k in numbers for order in (0, 1))}))
+
+    def known(following: Following) -> tuple[int, ...]:
+        time, given = ((0,) if following.time else ()), with_rates([first_input + i for i in following.inputs])
+        return (*time, *given, *(places if following.positions else ()), *(speeds if following.rates else ()))
+
+    start = with_rates(range(1, first_input + len(interface.inputs)))  # a state is chosen in the pose that all of it leads to
+    states = tuple(_local(f"state[{i + 1}]", _STATES[i // freedoms], start) for i in range(2 * freedoms))
+    derivatives = tuple(
+        replace(
+            _local(f"der(state[{i + 1}])", f"Derivative of state[{i + 1}]", start), derives=first_state + i,
+            following=(speeds[i],) if i < freedoms else known(accelerations),
+        )
+        for i in range(2 * freedoms)
+    )  # fmt: skip
+    indicators = tuple(
+        _local(f"event[{i + 1}]", f"Changes its sign where {s.element} changes its formula") for i, s in enumerate(equations.switches)
     )
+    outputs = tuple(
+        replace(o, dependencies=with_rates(o.dependencies), following=known(found))
+        for o, found in zip(interface.outputs, columns, strict=True)
+    )
+    rates = tuple(rate for i in rated for rate in _rates(interface.inputs[i]))
+    return replace(
+        interface, outputs=outputs, rated=rated, rates=rates, states=states, derivatives=derivatives, indicators=indicators
+    )  # fmt: skip
+
+
+def _rates(given: Variable) -> tuple[Variable, Variable]:
+    """The first and second derivative of an input."""
+    unit = given.unit or "1"
+    return (
+        replace(given, name=f"der({given.name})", description=f"Derivative of {given.name}", unit=f"{unit}/s", start=0.0),
+        replace(given, name=f"der({given.name},2)", description=f"Second derivative of {given.name}", unit=f"{unit}/s^2", start=0.0),
+    )
+
+
+_STATES = ("An independent coordinate, chosen anew as the motion goes", "The rate of an independent coordinate")
+
+
+def _local(name: str, description: str, dependencies: tuple[int, ...] = ()) -> Variable:
+    return Variable(
+        name=name, causality="local", variability="continuous", description=description, unit=_PLAIN, start=None, dependencies=dependencies
+    )  # fmt: skip
 
 
 def _settings(run_file: Mapping[str, Any]) -> Iterator[Variable]:

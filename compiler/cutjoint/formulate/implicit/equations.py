@@ -128,9 +128,9 @@ class _System:
             with b.section(
                 "force_residual", joint.name, "F^c = M Zdd - Q + A^T (penalty Phi + lambda) + sum F^c,  S^T F^c - tau", joint.span.place
             ):
-                own = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
+                inertial = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
                 above = [carried[c] for c in carried if k.motions[c].tree_joint.parent == body]
-                carried[body] = b.name(b.sub(b.total([own, *above]), pulled[body]), "F", body)
+                carried[body] = b.name(b.sub(b.total([inertial, *above]), pulled[body]), "F", body)
                 if motion.b is not None:
                     value = b.mul(b.transpose(motion.b), carried[body])
                     if body in self.system.joint_forces:

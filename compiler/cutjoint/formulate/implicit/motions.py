@@ -103,9 +103,9 @@ class Motions:
             if frame.Z.op != "const":
                 changes[frame.Z] = b.add(b.scale(self.weights.damping, m.s), motion_cross(b, m.xi, b.sub(frame.Z, m.after)))
         q = b.symbol(f"q:{chart.joint}", chart.scalars + 4 * chart.ball, BindingTime.ITERATION)
-        own = b.symbol(f"v:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
+        speed = b.symbol(f"v:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
         damping, stiffness = (b.mul(b.number(m.share), weight) for weight in (self.weights.damping, self.weights.stiffness))
-        changes[own] = _unit(b, len(chart.speed_names), m.index, damping)
+        changes[speed] = _unit(b, len(chart.speed_names), m.index, damping)
         # only the scalars among a joint's coordinates: whatever depends on a quaternion does so through a rotation
         for i in range(chart.scalars):
             changes[b.element(q, i)] = stiffness if i == m.index else b.zero(1)
@@ -138,8 +138,8 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
     takes_pole_along = motion.tree_joint.joint.element.is_free and parent == GROUND
     vdot = b.symbol(f"vdot:{chart.joint}", motion.b.shape[1], BindingTime.ITERATION)
     before, A_before = k.frames[parent].Z, Zdd[parent]
-    for n, own in enumerate(elementary):
-        columns = dict(zip(own.places, parts[n], strict=True))
+    for n, part in enumerate(elementary):
+        columns = dict(zip(part.places, parts[n], strict=True))
         shifts = _shifts(k, motion, columns)
         if n == len(elementary) - 1:
             after, A_after = k.frames[body].Z, Zdd[body]
@@ -154,11 +154,11 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
             DV = b.add(b.scale(weights.damping, column), motion_cross(b, after, xi))
             c = b.add(column, b.scale(weights.damping, motion_cross(b, before, column)))
             c = b.sub(b.sub(c, motion_cross(b, xi, A_after)), motion_cross(b, DV, after))
-            which = (chart.speed_names[i], *([] if own.share == 1 else [str(n)]))
+            which = (chart.speed_names[i], *([] if part.share == 1 else [str(n)]))
             for block, symbol in ((xi, "xi"), (DV, "DV"), (c, "c")):
                 b.name(block, symbol, chart.joint, which=which)
             yield Motion(
-                body=body, row=chart.v + i, index=i, group=n, share=own.share, s=column, shift=shifts[i], xi=xi, after=after, DV=DV,
+                body=body, row=chart.v + i, index=i, group=n, share=part.share, s=column, shift=shifts[i], xi=xi, after=after, DV=DV,
                 c=c,
             )  # fmt: skip
         before, A_before = after, A_after
@@ -169,8 +169,8 @@ def _columns(b: Builder, motion: JointMotion) -> list[list[Block]]:
     columns = motion.b if motion.columns is None else motion.columns
     assert columns is not None
     elementary = elementary_motions(motion.tree_joint)
-    places = [own.places if motion.columns is None else (n,) for n, own in enumerate(elementary)]
-    return [[b.take(columns, (0, 6), (i, i + 1)) for i in own] for own in places]
+    places = [each.places if motion.columns is None else (n,) for n, each in enumerate(elementary)]
+    return [[b.take(columns, (0, 6), (i, i + 1)) for i in each] for each in places]
 
 
 def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) -> Mapping[int, Block]:

@@ -27,8 +27,8 @@ class SharedForces(BodySystem):
 
     def add_force(self, i: str, block: Block) -> None:
         """Q_i += block."""
-        own = self.wrenches.setdefault(self.source, {})
-        own[i] = self.builder.add(own[i], block) if i in own else block
+        wrenches = self.wrenches.setdefault(self.source, {})
+        wrenches[i] = self.builder.add(wrenches[i], block) if i in wrenches else block
         super().add_force(i, block)
 
 

@@ -104,7 +104,7 @@ class _Row:
         """Subtract a function of time."""
         b = self.b
         self.residual, self.rate, self.drift = (
-            b.sub(own, given) for own, given in zip((self.residual, self.rate, self.drift), (position, rate, acceleration), strict=True)
+            b.sub(term, given) for term, given in zip((self.residual, self.rate, self.drift), (position, rate, acceleration), strict=True)
         )
 
     def angle(self, node: Node, factor: Scalar) -> None:
@@ -189,8 +189,8 @@ class ConstraintMaker:
         shared = (Use(1, node.body, {node: 1}),)
         across = held_across(self._layout, group, node)
         if across is None:
-            own = Use(-1, group.name, combination(group, node.kind, node.place))
-            yield self._equal(group.name, node.name, (*shared, own))
+            node_use = Use(-1, group.name, combination(group, node.kind, node.place))
+            yield self._equal(group.name, node.name, (*shared, node_use))
         else:
             forms = [combination(group, NodeKind.VECTOR, t) for t in across]
             rows = [self._perpendicular(shared, (Use(1, group.name, form),)) for form in forms]

@@ -46,8 +46,8 @@ def require_force(model: Model, reaction: Reaction, joint: Joint, quantity: str)
 
 def slide_forces(layout: Layout, model: Model, joint: Joint) -> Iterator[tuple[Force, int]]:
     """The forces on displacements of a joint that is not guided, and their signs on the follower."""
-    own = (f for f in model.forces if f.joint_of == joint.name and joint.guide is None)
-    for force in own:
+    joint_forces = (f for f in model.forces if f.joint_of == joint.name and joint.guide is None)
+    for force in joint_forces:
         if force.coordinate_of not in joint.element.measures:
             yield force, 1 if layout.slide_ends(joint)[1] == joint.follower else -1
 

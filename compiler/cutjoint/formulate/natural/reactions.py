@@ -38,9 +38,9 @@ class ReactionMaker:
         b = self.motions.builder
         joint = next(j for j in self.model.joints if j.name == reaction.joint)
         require_force(self.model, reaction, joint, quantity)
-        own = [self._pulled(c, c.by_way) for c in self.constraints if c.element == joint.name and c.by_way is not None]
-        if own:
-            return b.sub(self._pushed(joint), b.total(own))
+        pulled = [self._pulled(c, c.by_way) for c in self.constraints if c.element == joint.name and c.by_way is not None]
+        if pulled:
+            return b.sub(self._pushed(joint), b.total(pulled))
         free_body = find_free_body(self.motions.layout, self.model, reaction, joint)
         force = self._holding(free_body) if free_body.held else self._moved(free_body)
         return force if free_body.sign > 0 else b.neg(force)

@@ -116,10 +116,10 @@ class BranchSystem:
             motion = self.k.motions[body]
             joint = motion.tree_joint.joint
             with b.section("condensation", joint.name, "M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S", joint.span.place):
-                own = b.sub(self.system.Q[body], b.mul(self.system.M[body], self._known_part(body)))
+                applied = b.sub(self.system.Q[body], b.mul(self.system.M[body], self._known_part(body)))
                 carried = [c for c in self.branch.bodies if self.k.motions[c].tree_joint.parent == body]
                 self._mass[body] = b.name(b.total([self.system.M[body], *(self._mass[c] for c in carried)]), "Mc", body)
-                self._force[body] = b.name(b.total([own, *(self._force[c] for c in carried)]), "Fc", body)
+                self._force[body] = b.name(b.total([applied, *(self._force[c] for c in carried)]), "Fc", body)
                 if body in self.subspaces:
                     self._rows[body] = b.name(b.mul(self._mass[body], self.subspaces[body]), "G", body, columns=motion.speed_names)
 

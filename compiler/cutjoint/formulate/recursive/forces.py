@@ -68,8 +68,8 @@ def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
     mass = k.translator.scalar(body.mass)
     c = b.name(k.point(body.name, body.centre_of_mass), "c", body.name)
     xx, yy, zz, xy, xz, yz = (k.translator.scalar(x) for x in body.inertia)
-    own = b.mirror(b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-    J = b.name(b.sandwich(k.frames[body.name].R, own), "J", body.name)
+    tensor = b.mirror(b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    J = b.name(b.sandwich(k.frames[body.name].R, tensor), "J", body.name)
     moment = b.scale(mass, c)
     corner = b.neg(b.skew(moment))
     M = b.stack([

@@ -77,8 +77,8 @@ class Reactions:
         for body, motion in reversed(self.kinematics.motions.items()):
             joint = motion.tree_joint.joint
             with b.section("reaction", joint.name, "W = M Zdd - Q + sum of A^T lambda + sum of W", joint.span.place):
-                own = b.sub(b.mul(self.M[body], self.Zdd[body]), self.Q[body])
+                inertial = b.sub(b.mul(self.M[body], self.Zdd[body]), self.Q[body])
                 outer = [carried[child] for child in carried if self.kinematics.motions[child].tree_joint.parent == body]
                 pulled = [wrenches[body] for wrenches in self._pulls if body in wrenches and body != GROUND]
-                carried[body] = b.name(b.sub(b.total([own, *outer]), b.total([b.zero(6), *pulled])), "W", body)
+                carried[body] = b.name(b.sub(b.total([inertial, *outer]), b.total([b.zero(6), *pulled])), "W", body)
         return carried

@@ -33,7 +33,7 @@ from cutjoint.program.blocks import Block, Builder
 class Pivot:
     """What the way back needs of an eliminated joint: zdd = L^-T D^-1 (g - sum_j Y_j Zdd_j).
 
-    A spherical joint has its centre's rows of the body's own matrix in ``own``, and the same formula with ``- own a_P`` gives the
+    A spherical joint has its centre's rows of the body's own matrix in ``centre``, and the same formula with ``- centre a_P`` gives the
     absolute angular acceleration.
     """
 
@@ -41,7 +41,7 @@ class Pivot:
     inverse: Block
     g: Block
     rows: dict[str, Block]
-    own: Block | None = None
+    centre: Block | None = None
 
 
 @dataclass(kw_only=True)
@@ -184,8 +184,8 @@ def _eliminate(system: BodySystem, body: str, motion: JointMotion, subspace: Blo
     g = b.forward(lower, generalised)
     rows = {j: b.mul(bT, system.coupling(body, j)) for j in others}
     if parent != GROUND:
-        own = b.mul(bT, M)
-        rows[parent] = b.add(own, rows[parent]) if parent in rows else own
+        coupling = b.mul(bT, M)
+        rows[parent] = b.add(coupling, rows[parent]) if parent in rows else coupling
     Y = {j: b.forward(lower, row) for j, row in rows.items()}
     _update_forces(system, body, motion, force, Y, b.weigh(inverse, g))
     system.add_mass(parent, M)
@@ -240,7 +240,7 @@ def _eliminate_ball(system: BodySystem, body: str, motion: JointMotion, centre: 
         rows = b.sub(b.take(system.coupling(body, j), (0, 3), (0, 6)), b.mul(b.transpose(U), b.weigh(inverse, Y[j])))
         system.couple(parent, j, b.stack([[rows], [b.mul(arm, rows)]]))
     _update_masses(system, Y, inverse)
-    return Pivot(lower=lower, inverse=inverse, g=g, rows=Y, own=U)
+    return Pivot(lower=lower, inverse=inverse, g=g, rows=Y, centre=U)
 
 
 def _moment_rows(builder: Builder, coupling: Block, arm: Block) -> Block:
@@ -286,12 +286,12 @@ def _solve(k: Kinematics, motion: JointMotion, pivot: Pivot, Zdd: dict[str, Bloc
     right = pivot.g
     for j, row in pivot.rows.items():
         right = b.sub(right, b.mul(row, Zdd[j]))
-    if pivot.own is None or motion.centre is None:
+    if pivot.centre is None or motion.centre is None:
         assert motion.b is not None
         unknown = b.backward(pivot.lower, b.weigh(pivot.inverse, right))
         return b.add(b.add(inner, motion.d), b.mul(motion.b, unknown)), unknown
     v, w = halves(b, inner)
-    right = b.sub(right, b.mul(pivot.own, b.add(v, b.cross(w, motion.centre))))
+    right = b.sub(right, b.mul(pivot.centre, b.add(v, b.cross(w, motion.centre))))
     total = b.backward(pivot.lower, b.weigh(pivot.inverse, right))
     relative = b.sub(total, w)
     step = b.stack([[b.add(v, b.cross(motion.centre, relative))], [total]])

@@ -53,9 +53,9 @@ def _require_body(reflection: Body, image: Body, plane: Plane, same: Same) -> No
     names = {"mass": "mass", "centre_of_mass": "centre of mass", "inertia": "inertia"}
     differ = [words for name, words in names.items() if not same(getattr(reflection, name), getattr(image, name))]
     if differ and not (reflection.is_massless and image.is_massless):
-        own = reflection.name == image.name
-        words = f"is not symmetric about the plane {plane}" if own else f"is not what the plane {plane} shows of '{image.name}'"
-        raise AsymmetryError(reflection.name, f"{words}: its {differ[0]}{' is not' if own else ' differs'}", reflection.span)
+        is_itself = reflection.name == image.name
+        words = f"is not symmetric about the plane {plane}" if is_itself else f"is not what the plane {plane} shows of '{image.name}'"
+        raise AsymmetryError(reflection.name, f"{words}: its {differ[0]}{' is not' if is_itself else ' differs'}", reflection.span)
 
 
 def _signs(pairs: Pairs, joint: Joint, image: Joint) -> Mapping[str, int]:
@@ -86,8 +86,8 @@ def _require_joint(joint: Joint, image: Joint, signs: Mapping[str, int], plane: 
     guides = zip(joint.element.coordinates, joint.guide or (), image.guide or (), strict=False)
     for coordinate, guide, other in guides:
         if not is_same(signs[coordinate] * guide, other):
-            own = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"
-            words = own if joint.name == image.name else f"is not guided as the plane {plane} shows '{image.name}'"
+            problem = f"has a guide of its {coordinate} that moves it out of the plane {plane}, and is not zero in this scene"
+            words = problem if joint.name == image.name else f"is not guided as the plane {plane} shows '{image.name}'"
             raise AsymmetryError(joint.name, words, joint.span)
 
 

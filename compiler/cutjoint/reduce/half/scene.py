@@ -57,8 +57,8 @@ def _require_image(half: Half, states: Mapping[str, Scalar], joint: Joint, compo
     image, sign = half.images.joints[joint.name], half.images.signs[joint.name][component]
     other = states.get(f"{image}.{component}")
     if other is None or not is_same(sign * states[f"{joint.name}.{component}"], other):
-        own = f"starts with a {component} that leaves the plane {half.plane}"
-        words = own if image == joint.name else f"does not start with the {component} that the plane {half.plane} shows of '{image}'"
+        problem = f"starts with a {component} that leaves the plane {half.plane}"
+        words = problem if image == joint.name else f"does not start with the {component} that the plane {half.plane} shows of '{image}'"
         raise AsymmetryError(joint.name, words, joint.span)
 
 

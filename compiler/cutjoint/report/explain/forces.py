@@ -33,12 +33,12 @@ def explain_forces(
 def _entry(forces: Sequence[Force], descriptions: Sequence[ForceDescription]) -> Entry:
     first = descriptions[0]
     shared = [item for item in first.constants if all(item in m.constants for m in descriptions)]
-    own = [[item for item in m.constants if item not in shared] for m in descriptions]
+    constants = [[item for item in m.constants if item not in shared] for m in descriptions]
     notes = [f"Constants: {', '.join(f'{name} = {value}' for name, value in shared)}."] if shared else []
-    headings = ("force", "line", *(name for name, _ in (*first.places, *own[0])))
+    headings = ("force", "line", *(name for name, _ in (*first.places, *constants[0])))
     rows = [
         (code(f.name), f.span.place, *(cell for _, cell in (*m.places, *numbers)))
-        for f, m, numbers in zip(forces, descriptions, own, strict=True)
+        for f, m, numbers in zip(forces, descriptions, constants, strict=True)
     ]  # fmt: skip
     names = [f.name for f in forces]
     return Entry(

@@ -57,7 +57,7 @@ def summarise(equations: RecursiveEquations, program: Program) -> Table:
         ("bodies", count_bodies(model)),
         ("joints", f"{len(topology.tree)} in the tree ({sum(1 for t in topology.tree if t.joint.guide is not None)} guided), "
                    f"{len(topology.cuts)} cut"),
-        ("loops", f"{len(topology.loops)}, widest couples {plural(widest, 'body', 'bodies')}"),
+        ("loops", f"{len(topology.loops)}, widest couples a body to {plural(widest, 'other')}"),
         *given_rows(equations),
         ("coordinates", f"{equations.coordinates}, quaternions with four each"),
         ("speeds", str(equations.speeds)),

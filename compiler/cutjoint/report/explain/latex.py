@@ -125,12 +125,12 @@ def _plain(m: Any) -> str:
 def variants(names: Sequence[str], formulas: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
     """Every different tuple of formulas once; if there are several, with the names it belongs to."""
     owners: dict[tuple[str, ...], list[str]] = {}
-    for name, own in zip(names, formulas, strict=True):
-        owners.setdefault(own, []).append(name)
+    for name, lines in zip(names, formulas, strict=True):
+        owners.setdefault(lines, []).append(name)
     if len(owners) < 2:
         return formulas[0]
     label = r"\text{{{}:}}"
-    return tuple(f for own, who in owners.items() for f in (label.format(", ".join(who).replace("_", " ")), *own))
+    return tuple(f for lines, who in owners.items() for f in (label.format(", ".join(who).replace("_", " ")), *lines))
 
 
 def sum_lines(name: str, law: Scalar, symbols: Symbols) -> str:

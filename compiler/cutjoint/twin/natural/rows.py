@@ -81,8 +81,8 @@ class _Rows:
         directions = held_across(self._layout, group, node)
         if directions is not None:
             for i, across in enumerate(directions, start=1):
-                own = Use(1, group.name, combination(group, NodeKind.VECTOR, across))
-                yield self._product(group.name, f"{node.name}.{i}", (shared,), (own,))
+                body_use = Use(1, group.name, combination(group, NodeKind.VECTOR, across))
+                yield self._product(group.name, f"{node.name}.{i}", (shared,), (body_use,))
         else:
             gap = (shared, Use(-1, group.name, combination(group, node.kind, node.place)))
             for i, axis in enumerate("xyz"):

@@ -14,23 +14,20 @@
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/start.hpp"
 #include "cutjoint/core/state.hpp"
+#include "cutjoint/core/stepping/over_stepper.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint {
 
 /// The integrator of a simulation (simulation.hpp) by a table of runge_kutta/tables.hpp.  Steps end where formulas change.
 template <Sized M, class Table>
-class ExplicitSteps {
+class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
  public:
   using Real = typename M::real_type;
 
   using Subject = M;
 
   static constexpr bool adaptive = Table::adaptive;
-  static constexpr bool finds_events = true;
-
-  /// The length of steps with a fixed point, which penalties follow: there is none.
-  static Real fixed_point_step(const SimulationSettings&) { return Real(0); }
 
   ExplicitSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>* roads)
       : dynamics_(mechanism, {switches_of<M>(), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance))),
@@ -50,8 +47,8 @@ class ExplicitSteps {
     stepper_.go_to(state.t, y_);
   }
 
-  /// Inputs are others from now on.
-  void heed_inputs(const StateOf<M>& state) { begin(state); }
+  /// Forces have jumped.
+  void heed_inputs(StateOf<M>& state) { begin(state); }
 
   /// Accelerations and multipliers of a state as it is, which is taken over.
   Fault accelerate(StateOf<M>& state, Starter<M>& starter) {
@@ -62,24 +59,6 @@ class ExplicitSteps {
 
   /// Close the loops of a state by moving the masses least.
   Fault close(StateOf<M>& state) { return dynamics_.projection().close(state); }
-
-  /// From the state to a time; without new accelerations.
-  Fault step(StateOf<M>& state, const SimulationSettings& settings, Real, Real until, long number) {
-    get_ready(settings, until);
-    const Fault fault = stepper_.advance(state.t, until, y_, number);
-    return finish(state, until, fault);
-  }
-
-  /// The same, or to where a force changes its formula, if that is earlier.
-  Fault step_to_event(StateOf<M>& state, const SimulationSettings& settings, Real until, long number) {
-    get_ready(settings, until);
-    const Fault fault = stepper_.advance_to_event(state.t, until, y_, number);
-    return finish(state, stepper_.time(), fault);
-  }
-
-  /// The switch of the last event.
-  std::size_t last_event() const { return stepper_.last_event(); }
-  long events() const { return stepper_.counts().events; }
 
   /// The state with its accelerations and multipliers, until the next call.
   const StateOf<M>& complete(const StateOf<M>& state) { return dynamics_.complete(state.t, y_); }
@@ -94,23 +73,9 @@ class ExplicitSteps {
   }
 
  private:
-  void get_ready(const SimulationSettings& settings, Real until) {
-    stepper_.limit(until);
-    if constexpr (adaptive) stepper_.bound(settings.most_steps);
-  }
+  friend stepping::OverStepper<ExplicitSteps, M>;
 
-  Fault finish(StateOf<M>& state, Real t, const Fault& fault) {
-    if (fault) {
-      begin(state);
-      return fault;
-    }
-    const auto middle = y_.begin() + state.q.size();
-    std::copy(y_.begin(), middle, state.q.begin());
-    std::copy(middle, y_.end(), state.v.begin());
-    state.t = t;
-    state.lambda = dynamics_.multipliers();
-    return {};
-  }
+  void keep(StateOf<M>& state) const { state.lambda = dynamics_.multipliers(); }
 
   runge_kutta::Watched<M> dynamics_;
   stepping::Stepper<runge_kutta::Scheme<runge_kutta::Watched<M>, Table>> stepper_;

@@ -32,6 +32,8 @@ enum class Cause : int {
   pose_singular = 24,             ///< equations of the loops depend on each other for a moment
   start_not_converged = 25,       ///< the iteration for the accelerations at the start does not end
   start_open = 26,                ///< the start does not satisfy the equations of the loops
+  stages_not_found = 27,          ///< Newton's iteration converges with no step, however small
+  stage_not_converged = 28,       ///< Newton's iteration does not end in a stage of a step of given length
 };
 
 /// The list in which what failed most has its place.
@@ -83,6 +85,8 @@ constexpr const char* text_of(Cause cause) {
     case Cause::pose_singular: return "the pose is singular, or nearly: equations depend on each other for a moment";
     case Cause::start_not_converged: return "the accelerations at the start do not converge";
     case Cause::start_open: return "the start does not satisfy an equation";
+    case Cause::stages_not_found: return "Newton's iteration converges with no step, however small";
+    case Cause::stage_not_converged: return "Newton's iteration did not converge in a stage";
   }
   return "unknown cause";
 }
@@ -106,6 +110,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::no_assembly:
     case Cause::speeds_contradict: return "check the joints' points, guides, and the given coordinates and speeds of this loop";
     case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line";
+    case Cause::stages_not_found:
     case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose; not tried: a larger tolerance";
     case Cause::stiff: return "stability limits the steps, as of a stiff model; not tried: method recursive-newton";
     case Cause::accelerations_not_finite: return "not tried: a smaller dt";
@@ -113,7 +118,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::masses_lost: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; not tried: a smaller penalty";
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
-    case Cause::no_equilibrium: return "check that every free direction has a spring or is held";
+    case Cause::no_equilibrium: return "check that springs carry the weight near this pose, that every free direction has one or is held, and which coordinates are given";
     case Cause::newton_not_converged:
     case Cause::newton_diverging:
     case Cause::newton_infinite: return advice_of_newton(fault);
@@ -127,6 +132,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::pose_singular: return "not tried: another dt, or the methods augmented and recursive, which can cross such poses";
     case Cause::start_not_converged: return "look for a force without bound; not tried: a larger penalty";
     case Cause::start_open: return "coordinates and speeds have to close the loops";
+    case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
   }
   return "";
 }

@@ -1,6 +1,7 @@
 // Steps of a simulation by the trapezoidal rule.
 #pragma once
 
+#include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/road.hpp"
@@ -26,13 +27,18 @@ class FixedPointSteps {
   static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
 
   FixedPointSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>*)
-      : steps_(mechanism, Real(settings.dt), settings.fixed_point) {}
+      : mechanism_(mechanism), steps_(mechanism, Real(settings.dt), settings.fixed_point), correction_(sizes_of(mechanism).equations) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
-  /// Take over a state; inputs are others from now on.
+  /// Take over a state.
   void begin(const StateOf<M>&) {}
-  void heed_inputs(const StateOf<M>&) {}
+
+  /// Forces have jumped: the next step begins with the accelerations that they give, by the multipliers before, which an evaluation corrects.
+  void heed_inputs(StateOf<M>& state) {
+    mechanism_.begin_step(state.t, Real(1));
+    mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction_.data());
+  }
 
   /// Accelerations and multipliers of a state as it is.
   Fault accelerate(StateOf<M>& state, Starter<M>& starter) {
@@ -60,7 +66,9 @@ class FixedPointSteps {
   void restore(const StateOf<M>&, const Memory&) {}
 
  private:
+  M& mechanism_;
   Trapezoidal<M> steps_;
+  Equations<M> correction_;
 };
 
 }  // namespace cutjoint

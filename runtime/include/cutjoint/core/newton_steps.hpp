@@ -42,7 +42,9 @@ class NewtonSteps {
 
   /// Take over a state that has accelerations and multipliers; inputs are others from now on.
   void begin(const StateOf<S>& state) { newton_.resume(state); }
-  void heed_inputs(const StateOf<S>&) {}
+
+  /// Forces have jumped: the next step begins with the accelerations that they give.
+  void heed_inputs(StateOf<S>& state) { newton_.follow_jump(state); }
 
   /// Accelerations and multipliers of a state as it is, which is taken over.
   Fault accelerate(StateOf<S>& state, Starter<M>&) { return newton_.go_on(state); }

@@ -71,7 +71,7 @@ struct HostInputs {
 /// An integrator has
 ///
 /// - `fixed_point_step` and `stabilise`, the settings and penalties that the mechanism is loaded with,
-/// - `begin`, which takes over a state as it is, `heed_inputs`, which does where inputs have changed, and `step`, which goes on from one; it
+/// - `begin`, which takes over a state as it is, `heed_inputs`, which does where inputs have jumped, and `step`, which goes on from one; it
 ///   `finds_events`, or is `adaptive`: its steps are as long as errors allow,
 /// - `accelerate`, which finds accelerations and multipliers of a state and takes it over, `complete`, a state that has them, and `close`, which closes
 ///   the loops of a state and moves the masses least,
@@ -108,18 +108,23 @@ class Simulation {
 
   /// The value of an input at the present time, as the next step begins with it.
   Real present_input(std::size_t i) {
-    drive_by(inputs_);
+    InputValues now;
+    read_inputs(inputs_, now);
     mechanism_.begin_step(state_.t, Real(1));
-    const Real value = mechanism_.last_inputs()[numbers_per_input * i];
-    drive_by(used_);
-    mechanism_.begin_step(state_.t, Real(1));
-    return value;
+    return now[numbers_per_input * i];
   }
 
   /// Coordinates and speeds to start with, and which of them are given.
   StateOf<M>& start_state() { return start_; }
   Coordinates<M, unsigned char>& given_coordinates() { return given_coordinates_; }
   SpeedFlags<M>& given_speeds() { return given_speeds_; }
+
+  /// Nothing is given to start with.
+  void forget_start() {
+    start_ = blank(mechanism_);
+    given_coordinates_.fill(0);
+    given_speeds_.fill(0);
+  }
 
   /// Find a consistent state.
   Fault start() {
@@ -217,6 +222,15 @@ class Simulation {
     heed_changes();
     mechanism_.begin_step(state_.t, Real(1));
     return initialisation_->starter().jacobian(state_);
+  }
+
+  /// The mechanism, its roads and its starter at a time, for those who seek states to go to.
+  M& mechanism() { return mechanism_; }
+  const Road<Real>* roads() const { return roads_; }
+  Starter<M>& starter_at(Real t) {
+    heed_changes();
+    mechanism_.begin_step(t, Real(1));
+    return initialisation_->starter();
   }
 
   /// The columns at the present state.
@@ -345,8 +359,30 @@ class Simulation {
   void heed_changes() {
     heed_parameters();
     if (inputs_ == used_) return;
+    const bool jump = inputs_jump();
     used_ = inputs_;
-    steps_->heed_inputs(state_);
+    if (jump) steps_->heed_inputs(state_);
+  }
+
+  /// Whether inputs have another value, rate or acceleration now than those of the last step.
+  bool inputs_jump() {
+    if constexpr (sizes.inputs > 0) {
+      InputValues now, before;
+      read_inputs(inputs_, now);
+      read_inputs(used_, before);
+      return !(now == before);
+    }
+    return false;
+  }
+
+  using InputValues = Fixed<Real, numbers_per_input * M::sizes.inputs>;
+
+  /// Inputs at the present time, as a host gives them; afterwards they are those of the last step.
+  void read_inputs(HostInputs<Real, M::sizes.inputs>& inputs, InputValues& values) {
+    drive_by(inputs);
+    mechanism_.begin_step(state_.t, Real(1));
+    std::copy_n(mechanism_.last_inputs(), values.size(), values.begin());
+    drive_by(used_);
   }
 
   /// Accelerations that belong to the state.

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cmath>
 #include <memory>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -12,12 +14,52 @@
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/row_by_row.hpp"
 #include "cutjoint/run_file.hpp"
-#include "cutjoint/sdirk/stages.hpp"
-#include "cutjoint/stepping/implicit_scheme.hpp"
+#include "cutjoint/core/sdirk/stages.hpp"
+#include "cutjoint/core/stepping/implicit_scheme.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 #include "cutjoint/stepping/summarise.hpp"
 
 namespace cutjoint::sdirk {
+
+/// The stages of a system as what goes from row to row, y being the system's coordinates and speeds.
+template <class S>
+class RowStages : public Stages<S, LinearSolver<typename S::real_type>> {
+  using Base = Stages<S, LinearSolver<typename S::real_type>>;
+
+ public:
+  using typename Base::Real;
+
+  RowStages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other, std::span<const SwitchPlace> switches, const Road<Real>* roads)
+      : Base(system, solver, other, switches, roads), row_(blank(system)) {}
+
+  /// Take over a start in relative coordinates.
+  std::vector<Real> begin(const State<Real>& start) {
+    row_.t = start.t;
+    system_.begin_step(start.t, Real(1));
+    system_.initial_coordinates(start.q.data(), start.v.data(), row_.q.data(), row_.v.data());
+    require(Base::begin(row_));
+    std::vector<Real> y(row_.q);
+    y.insert(y.end(), row_.v.begin(), row_.v.end());
+    return y;
+  }
+
+  /// The state with its accelerations and multipliers.
+  const State<Real>& complete(Real t, const std::vector<Real>& y) {
+    row_.t = t;
+    const auto middle = y.begin() + static_cast<std::ptrdiff_t>(row_.q.size());
+    std::copy(y.begin(), middle, row_.q.begin());
+    std::copy(middle, y.end(), row_.v.begin());
+    require(Base::complete(row_));
+    return row_;
+  }
+
+ private:
+  using Base::system_;
+
+  void require(const Fault& fault) const { require_none(fault, system_.description(), "recursive-newton"); }
+
+  State<Real> row_;
+};
 
 /// What the base needs made before it.
 template <class S>
@@ -26,20 +68,25 @@ struct Parts {
 
   Parts(S& system, const RunSettings& settings, const Json& file)
       : data(system.description(), file), solver(choose_solver(system, *settings.solver)), other(choose_solver(system, *settings.solver)),
-        switches(switches_of(system.description(), settings)), stages(system, *solver, *other, switches, data.roads()) {
+        switches(switches_of(system.description(), settings)), places(places_of(switches)), stages(system, *solver, *other, places, data.roads().data()) {
     data.load_system(system);
   }
 
   ModelData<Real> data;
   std::unique_ptr<LinearSolver<Real>> solver, other;
   const std::vector<Switch>& switches;
-  Stages<S> stages;
+  std::vector<SwitchPlace> places;
+  RowStages<S> stages;
 };
+
+/// The stepper over the stages of a system.
+template <class S>
+using Stepper = stepping::Stepper<stepping::ImplicitScheme<Stages<S, LinearSolver<typename S::real_type>>>>;
 
 /// A system in relative coordinates with steps of its own length, or with equal ones of "sdirk4-fixed".
 template <class S>
-class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::Stepper<stepping::ImplicitScheme<Stages<S>>>, S> {
-  using Base = RowByRow<Stages<S>, stepping::Stepper<stepping::ImplicitScheme<Stages<S>>>, S>;
+class ImplicitMethod : private Parts<S>, public RowByRow<RowStages<S>, Stepper<S>, S> {
+  using Base = RowByRow<RowStages<S>, Stepper<S>, S>;
 
  public:
   using Real = typename S::real_type;
@@ -50,7 +97,7 @@ class ImplicitMethod : private Parts<S>, public RowByRow<Stages<S>, stepping::St
   void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void prepare() {
-    const Tolerances<Real> tolerances{Real(this->settings().tolerance), Real(*this->settings().absolute_tolerance)};
+    const stepping::Tolerances<Real> tolerances{Real(this->settings().tolerance), Real(*this->settings().absolute_tolerance)};
     Base::prepare(tolerances, this->last_row(), this->settings().integrator == Integrator::sdirk4);
   }
 

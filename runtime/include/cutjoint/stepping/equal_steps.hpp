@@ -15,7 +15,7 @@
 
 namespace cutjoint::stepping {
 
-/// The stages of implicit_scheme.hpp by a rule of order 2, whose one stage is the end of a step.
+/// The stages of core/stepping/implicit_scheme.hpp by a rule of order 2, whose one stage is the end of a step.
 ///
 /// A rule has
 ///
@@ -70,7 +70,7 @@ class EqualSteps {
   }
 
   /// The attempted step counts: its end becomes the present state, and `before` the one before it.
-  void accept(Real h, State<Real>& before) {
+  Fault accept(Real h, State<Real>& before) {
     std::swap(before, start_);
     std::swap(start_, at_);
     if (h < Real(1e-4) * dt_)  // a difference of coordinates has their rounding, which a rate over so short a time must not have
@@ -78,6 +78,7 @@ class EqualSteps {
     else
       displacement<Real>(charts(), before.q.data(), start_.q.data(), moved_.data());
     keep();
+    return {};
   }
 
   const State<Real>& present() const { return start_; }
@@ -95,10 +96,11 @@ class EqualSteps {
     start_.v = state.v;
   }
 
-  /// Accelerations and multipliers of the present state, which forces that jump change.
-  void restart() {
+  /// Accelerations and multipliers of the present state, which forces that jump change.  Throws Failure, as the rule does.
+  Fault restart() {
     rule_.restart(start_);
     keep();
+    return {};
   }
 
   /// Go over to the regime of the present state.
@@ -128,13 +130,16 @@ class EqualSteps {
 
   Regime<Subject>& regime() { return regime_; }
 
-  /// Close the loops of a state that lies between steps.
-  void project(State<Real>& state) { rule_.project(state); }
+  /// Close the loops of a state that lies between steps.  Throws Failure, as the rule does.
+  Fault project(State<Real>& state) {
+    rule_.project(state);
+    return {};
+  }
 
   long evaluations() const { return rule_.evaluations(); }
 
-  /// Why the last attempt has no end.
-  const Failure& failure() const { return *failure_; }
+  /// Throws the Failure of the last attempt, which has no end.
+  [[noreturn]] Fault give_up(bool, bool, long, Real) const { throw Failure(*failure_); }
 
  private:
   /// To the end of a step; where that is not found, to where the last accelerations would lead.

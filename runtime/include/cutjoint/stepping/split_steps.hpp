@@ -9,7 +9,7 @@
 #include "cutjoint/row_by_row.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/stepping/equal_steps.hpp"
-#include "cutjoint/stepping/implicit_scheme.hpp"
+#include "cutjoint/core/stepping/implicit_scheme.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 #include "cutjoint/stepping/summarise.hpp"
 

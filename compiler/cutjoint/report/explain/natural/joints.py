@@ -164,13 +164,13 @@ def _entry(d: Derivation, joints: Sequence[Joint], equations: Sequence[Sequence[
     notes += [_ANGLE_NOTE] if any("cos" in e.residual for e in equations[0]) else []
     residual = rf"\Phi = {matrix([e.residual] for e in equations[0])}"
     guides = variants([j.name for j in joints], [explain_guide(j, d.full) for j in joints])
-    directions = [dict(pair for e in own for pair in e.directions) for own in equations]
+    directions = [dict(pair for e in group for pair in e.directions) for group in equations]
     pitch = ["pitch $h$"] if first.pitch is not None else []
     headings = ("joint", "line", "base", "follower", "point", *pitch, *(f"${symbol}$" for symbol in directions[0]))
     rows = [
         (code(j.name), j.span.place, code(j.base), code(j.follower), _ends(j, d), *([text(j.pitch, d.model)] if pitch else []),
-         *(clean_place(direction, d.model) for direction in own.values()))
-        for j, own in zip(joints, directions, strict=True)
+         *(clean_place(direction, d.model) for direction in by_symbol.values()))
+        for j, by_symbol in zip(joints, directions, strict=True)
     ]  # fmt: skip
     return Entry(
         title=f"{first.kind.value.capitalize().replace('_', ' ')}: {with_others([j.name for j in joints])}", notes=tuple(notes),

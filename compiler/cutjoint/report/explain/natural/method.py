@@ -82,8 +82,8 @@ def explain_method(method: str, numerics: Numerics) -> Chapter:
 
 
 def _settings(method: str, numerics: Numerics) -> str:
-    own, given = numerics.of_method(method), numerics.methods.get(method, {})
-    dt = rf"In this scene $\Delta t$ = {number(own.step, times='e{}')} s"
+    settings, given = numerics.of_method(method), numerics.methods.get(method, {})
+    dt = rf"In this scene $\Delta t$ = {number(settings.step, times='e{}')} s"
     if METHODS[method].saddle_point:
         return f"{dt}."
     penalty = f"= {number(given['penalty'], times='e{}')}" if "penalty" in given else "follows from masses and step"

@@ -80,12 +80,12 @@ def explain_shapes(d: Derivation, counterparts: Sequence[Counterparts]) -> Chapt
 
 def _shape(d: Derivation, g: Group) -> _Shape:
     """The constraints of a group: first those of its pairs, then those of its surplus nodes."""
-    own = [c for c in d.full.constraints if c.element == g.name]
+    constraints = [c for c in d.full.constraints if c.element == g.name]
     kept = tuple(
         _Kept(name=c.names[0], j=_index(g, u), k=_index(g, w), value=_product(u, w))
-        for (u, w), c in zip(g.pairs, own[: len(g.pairs)], strict=True)
+        for (u, w), c in zip(g.pairs, constraints[: len(g.pairs)], strict=True)
     )
-    return _Shape(group=g, kept=kept, held=tuple(zip(g.surplus, own[len(kept) :], strict=True)))
+    return _Shape(group=g, kept=kept, held=tuple(zip(g.surplus, constraints[len(kept) :], strict=True)))
 
 
 def _index(g: Group, way: Form) -> int:

@@ -90,6 +90,24 @@ class Newton : public Workspace<S, Solver> {
     return fault;
   }
 
+  /// Forces have jumped: accelerations of a state, by the factors of the step that ended there, or anew where there are none.  A singular pose keeps
+  /// those that it has.
+  void follow_jump(StateOf<S>& state) {
+    if (!factored_) {
+      whole_ = state;
+      if (!go_on(whole_)) state = whole_;
+      return;
+    }
+    system_.begin_step(state.t, Real(1));
+    time_ = state.t;
+    lambda_ = state.lambda;
+    this->dynamic_residual(state, Real(0));
+    for (std::size_t i = 0; i < n_; ++i) x_[i] = -this->f_[i];
+    if (this->solve()) return;
+    for (std::size_t i = 0; i < n_; ++i) state.vdot[i] += x_[i];
+    stay(state);
+  }
+
   /// Go on from a state that has accelerations and multipliers, with a tangent of its own.
   void resume(const StateOf<S>& state) {
     get_ready(state, Real(1));

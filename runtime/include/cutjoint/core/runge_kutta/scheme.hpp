@@ -41,7 +41,7 @@ class Scheme {
   void go_to(Real t, const Vector& y) {
     t_ = t;
     y_ = y;
-    restart();
+    formula_.restart();
   }
 
   Attempt attempt(Real h, bool, long) {
@@ -84,11 +84,14 @@ class Scheme {
     return fault;
   }
 
-  void restart() { formula_.restart(); }
+  Fault restart() {
+    formula_.restart();
+    return {};
+  }
 
-  void adopt() {
+  Fault adopt() {
     dynamics_.adopt(t_, y_);
-    restart();
+    return restart();
   }
 
   void read_end(StateOf<Subject>& state) { dynamics_.inspect(t_, y_, state); }

@@ -54,7 +54,8 @@ struct Progress {
 /// - `follow` puts the trial state at a share of the last step's length, which may be above 1, and returns its time,
 /// - `seek` seeks the switches that the trial state has out of the regime, `found` is the first of these (see Regime),
 /// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
-/// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state,
+/// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
+///   no accelerations,
 /// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
 /// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
 /// - `length` is that of the next step: the one that the error allows, or that of the last one.
@@ -89,6 +90,9 @@ class Stepper {
     scheme_.go_to(t, y);
     control_.restart();
   }
+
+  /// The same where the scheme has been given its state.
+  void go_on() { control_.restart(); }
 
   /// No step goes beyond from now on.
   void limit(Real limit) { now_.limit = limit; }
@@ -241,9 +245,8 @@ class Stepper {
     if (at_high > Real(0)) high = at_low > Real(0) ? low : find_end(low, high, at_low, at_high);
     if (scheme_.follow(high) > limit + shortest()) {
       scheme_.follow_to(limit);
-      const Fault fault = scheme_.finish();
-      scheme_.restart();
-      return fault;
+      if (const Fault fault = scheme_.finish()) return fault;
+      return scheme_.restart();
     }
     for (Real more = sharp() / 16; more < Real(1e-3); more *= 8) {  // settling must not take the state back
       scheme_.follow(high);
@@ -252,8 +255,7 @@ class Stepper {
       if (which < counts_.by_switch.size()) return change(which);
       high += more;
     }
-    scheme_.restart();
-    return {};
+    return scheme_.restart();
   }
 
   /// A step that rounding would swallow leaves the regime.
@@ -265,7 +267,7 @@ class Stepper {
 
   /// The regime of the state begins.
   Fault change(std::size_t which) {
-    scheme_.adopt();
+    if (const Fault fault = scheme_.adopt()) return fault;
     control_.restart();
     ++counts_.events;
     now_.switched = which;

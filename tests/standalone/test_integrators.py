@@ -1,4 +1,4 @@
-"""Simulations by explicit integrators."""
+"""Simulations whose steps end at events: those of Runge-Kutta methods, explicit and diagonally implicit."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from cutjoint.pipeline import compile_model, simulate
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.bouncing import bouncing_text, exact_bounces
 
-from .folders import HERE, RANDOM_CALLS, compile_object, foreign_symbols, link, run, standalone_of, write
+from .folders import DEFINITIONS, HERE, RANDOM_CALLS, compile_object, foreign_symbols, link, run, standalone_of, write
 
 pytestmark = needs_cpp
 
 PRESS = MODELS / "press.yaml"
-EXPLICIT = ("rk4", "dormand-prince")
+#: Methods and integrators with steps of a given length, and with ones of their own.
+EQUAL = (("recursive", "rk4"), ("recursive-newton", "sdirk4-fixed"))
+ADAPTIVE = (("recursive", "dormand-prince"), ("recursive-newton", "sdirk4"))
+RULES = EQUAL + ADAPTIVE
 
 PUSHED = """
 cutjoint: 1
@@ -37,32 +40,37 @@ scenes:
 """
 
 
-@pytest.mark.parametrize(("name", "dt"), [("press", 1e-3), ("four_bar", 2e-3)])
-def test_equal_steps_are_those_of_the_command_line_bit_by_bit(name: str, dt: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "dt", "method", "integrator"),
+    [("press", 1e-3, *EQUAL[0]), ("four_bar", 2e-3, *EQUAL[0]), ("press", 2e-3, *EQUAL[1]), ("andrews", 5e-5, *EQUAL[1])],
+)
+def test_equal_steps_are_those_of_the_command_line_bit_by_bit(name: str, dt: float, method: str, integrator: str) -> None:
     """The four-bar closes its loops in singular poses, where they are closed another way."""
-    known = simulate(compile_model(MODELS / f"{name}.yaml"), integrator="rk4", error=False, dt=dt)
-    sim = cutjoint.load(MODELS / f"{name}.yaml", integrator="rk4").reset(dt=dt)
+    path = MODELS / f"{name}.yaml"
+    known = simulate(compile_model(path, method=method), integrator=integrator, error=False, dt=dt)
+    sim = cutjoint.load(path, method=method, integrator=integrator).reset(dt=dt)
     for row, t in enumerate(known.t):
         sim.advance(t)
         assert list(sim.outputs.values()) == [known[column][row] for column in known.columns], t
 
 
-def test_a_tolerance_is_kept() -> None:
+@pytest.mark.parametrize(("method", "integrator"), ADAPTIVE)
+def test_a_tolerance_is_kept(method: str, integrator: str) -> None:
     known = simulate(compile_model(PRESS), integrator="rk4", error=False, dt=1e-4)
     off = []
     for tolerance in (1e-5, 1e-8):
-        sim = cutjoint.load(PRESS, integrator="dormand-prince").reset(tolerance=tolerance)
+        sim = cutjoint.load(PRESS, method=method, integrator=integrator).reset(tolerance=tolerance)
         sim.advance(known.t[-1])
         off.append(abs(sim.outputs["pin.angle"] - known["pin.angle"][-1]))
     assert off[0] < 1e-3
     assert off[1] < min(1e-6, off[0] / 30)
 
 
-@pytest.mark.parametrize("integrator", EXPLICIT)
-def test_steps_end_at_events(integrator: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("method", "integrator"), RULES)
+def test_steps_end_at_events(method: str, integrator: str, tmp_path: Path) -> None:
     path, damping, height = tmp_path / "bounce.yaml", 2.0, 0.5
     path.write_text(bouncing_text(damping, height), encoding="utf-8")
-    sim = cutjoint.load(path, integrator=integrator).reset(dt=5e-3 if integrator == "rk4" else None)
+    sim = cutjoint.load(path, method=method, integrator=integrator).reset(dt=5e-3 if (method, integrator) in EQUAL else None)
     _, switched = exact_bounces(np.array([0.0, 1.5]), damping, height)
     times = []
     while (event := sim.advance_to_event(1.5)) is not None:
@@ -75,20 +83,20 @@ def test_steps_end_at_events(integrator: str, tmp_path: Path) -> None:
     assert sim.outputs["mass.z"] == pytest.approx(heights[-1], abs=1e-4)
 
 
-@pytest.mark.parametrize("integrator", EXPLICIT)
-def test_restored_moments_go_on_the_same(integrator: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("method", "integrator"), RULES)
+def test_restored_moments_go_on_the_same(method: str, integrator: str, tmp_path: Path) -> None:
     path = tmp_path / "bounce.yaml"
     path.write_text(bouncing_text(2.0, 0.5), encoding="utf-8")
-    sim = cutjoint.load(path, integrator=integrator).reset()
+    sim = cutjoint.load(path, method=method, integrator=integrator).reset()
     for _ in range(5):
         sim.play(13)
         other = sim.copy()
         assert np.array_equal(sim.play(20), other.play(20))
 
 
-@pytest.mark.parametrize("integrator", EXPLICIT)
-def test_who_looks_on_changes_nothing(integrator: str) -> None:
-    sim = cutjoint.load(PRESS, integrator=integrator).reset(dt=2e-3)
+@pytest.mark.parametrize(("method", "integrator"), RULES)
+def test_who_looks_on_changes_nothing(method: str, integrator: str) -> None:
+    sim = cutjoint.load(PRESS, method=method, integrator=integrator).reset(dt=2e-3)
     other = sim.copy()
     for _ in range(50):
         sim.step()
@@ -99,11 +107,11 @@ def test_who_looks_on_changes_nothing(integrator: str) -> None:
     assert np.array_equal(sim.accelerations.array, other.accelerations.array)
 
 
-@pytest.mark.parametrize("integrator", EXPLICIT)
-def test_inputs_and_parameters_count_from_the_next_step_on(integrator: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("method", "integrator"), RULES)
+def test_inputs_and_parameters_count_from_the_next_step_on(method: str, integrator: str, tmp_path: Path) -> None:
     path = tmp_path / "pushed.yaml"
     path.write_text(PUSHED, encoding="utf-8")
-    sim = cutjoint.load(path, integrator=integrator).reset(dt=0.01)
+    sim = cutjoint.load(path, method=method, integrator=integrator).reset(dt=0.01)
     x = v = 0.0
     for k, push in enumerate((3.0, -1.0, 4.0, 0.0)):
         sim.inputs["push"] = push
@@ -116,10 +124,10 @@ def test_inputs_and_parameters_count_from_the_next_step_on(integrator: str, tmp_
     sim.step()
     sim.inputs["push"] = 2.0
     assert (sim.outputs["mass.ax"], sim.accelerations["slide.displacement_rate"], sim.present_input("push")) == (3.0, 3.0, 2.0)
-    press = cutjoint.load(PRESS, integrator=integrator).reset(dt=1e-3)
+    press = cutjoint.load(PRESS, method=method, integrator=integrator).reset(dt=1e-3)
     press.play(10)
     press.parameters["stiffness"] = 2000.0
-    other = cutjoint.load(PRESS, integrator=integrator).reset(dt=1e-3)
+    other = cutjoint.load(PRESS, method=method, integrator=integrator).reset(dt=1e-3)
     other.parameters["stiffness"] = 2000.0
     other.set_state(press.time, press.coordinates.array.copy(), press.speeds.array.copy())
     press.play(10)
@@ -130,7 +138,7 @@ def test_inputs_and_parameters_count_from_the_next_step_on(integrator: str, tmp_
 def test_what_an_integrator_has_not_is_refused() -> None:
     with pytest.raises(TypeError, match="iterations are of the trapezoidal rule"):
         cutjoint.load(PRESS, integrator="rk4").reset(iterations=3)
-    with pytest.raises(TypeError, match="a tolerance is of dormand-prince"):
+    with pytest.raises(TypeError, match="a tolerance is of integrators that choose their steps"):
         cutjoint.load(PRESS).reset(tolerance=1e-6)
     with pytest.raises(TypeError, match="go over events"):
         cutjoint.load(PRESS).reset().advance_to_event(1.0)
@@ -138,19 +146,20 @@ def test_what_an_integrator_has_not_is_refused() -> None:
         cutjoint.load(PRESS, integrator="sdirk4")
 
 
+@pytest.mark.parametrize(("method", "integrator"), ADAPTIVE)
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-def test_the_code_calls_mathematics_and_nothing_else(compiler: str, tmp_path: Path) -> None:
-    place = write(standalone_of("press", integrator="dormand-prince"), tmp_path)
+def test_the_code_calls_mathematics_and_nothing_else(compiler: str, method: str, integrator: str, tmp_path: Path) -> None:
+    place = write(standalone_of("press", integrator=integrator, method=method), tmp_path)
     assert not foreign_symbols(compile_object(place, "press", compiler=compiler), "press")
 
 
-@pytest.mark.parametrize("integrator", EXPLICIT)
-def test_random_calls_under_sanitizers(integrator: str, tmp_path: Path) -> None:
-    place = write(standalone_of("press", integrator=integrator), tmp_path)
+@pytest.mark.parametrize(("method", "integrator"), RULES)
+def test_random_calls_under_sanitizers(method: str, integrator: str, tmp_path: Path) -> None:
+    place = write(standalone_of("press", integrator=integrator, method=method), tmp_path)
     sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     compile_object(place, "press", flags=sanitize)
-    adaptive = ("-DADAPTIVE",) if integrator == "dormand-prince" else ()
-    program = link(place, "random", ["-I.", HERE / "random_calls.c", "press.o"], flags=(*sanitize, *adaptive))
+    adaptive = ("-DADAPTIVE",) if (method, integrator) in ADAPTIVE else ()
+    program = link(place, "random", ["-I.", HERE / "random_calls.c", "press.o"], flags=(*sanitize, *adaptive, *DEFINITIONS[method]))
     good, _, calls, _ = run(program, str(RANDOM_CALLS)).split()
     assert int(calls) == RANDOM_CALLS
     assert RANDOM_CALLS / 4 < int(good) < RANDOM_CALLS

@@ -5,22 +5,24 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <vector>
 
-#include "cutjoint/state.hpp"
-#include "cutjoint/stepping/interpolant.hpp"
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/stepping/interpolant.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint::stepping {
 
-/// The scheme of stepper.hpp over stages (sdirk/stages.hpp, equal_steps.hpp); steps are as long as the tolerance allows, where these
+/// The scheme of stepper.hpp over stages, such as those of sdirk/stages.hpp; steps are as long as the tolerance allows, where these
 /// estimate an error, or one a row.
 template <class Stages>
 class ImplicitScheme {
  public:
   using Real = typename Stages::Real;
   using Subject = typename Stages::Subject;
-  using Vector = std::vector<Real>;
+  using State = StateOf<Subject>;
+  using Vector = typename Interpolant<Subject>::Vector;
   using Attempt = stepping::Attempt<Real>;
 
   static constexpr int order = Stages::order;
@@ -36,7 +38,7 @@ class ImplicitScheme {
   auto& regime() { return stages_.regime(); }
 
   /// Short enough for the accelerations to change no speed by more than the root of what is allowed.
-  Real begin(Real, const std::vector<Real>&, Real left) const {
+  Real begin(Real, const Vector&, Real left) const {
     using std::abs, std::pow;
     Real h = left;
     for (std::size_t i = 0; i < present().v.size(); ++i) {
@@ -59,9 +61,8 @@ class ImplicitScheme {
 
   void advance(Real) { regime().advance(); }
 
-  /// Throws Failure, as what follows does, where loops do not close.
   Fault accept(Real h) {
-    stages_.accept(h, before_);
+    if (const Fault fault = stages_.accept(h, before_)) return fault;
     interpolant_.join(h, before_, present(), stages_.moved());
     h_last_ = h;
     trial_ = present();
@@ -82,34 +83,37 @@ class ImplicitScheme {
   std::size_t found() { return stages_.found(trial_); }
 
   Fault finish() {
-    stages_.project(trial_);
+    const Fault fault = stages_.project(trial_);
     stages_.go_to(trial_);
-    return {};
+    return fault;
   }
 
-  void restart() { stages_.restart(); }
+  Fault restart() { return stages_.restart(); }
 
-  void adopt() {
+  Fault adopt() {
     stages_.adopt();
-    stages_.restart();
+    return stages_.restart();
   }
 
-  void read_end(State<Real>& state) {
+  void read_end(State& state) {
     state = present();
     stages_.accelerate(state);
   }
 
-  void read_between(Real t, State<Real>& state) {
+  void read_between(Real t, State& state) {
     follow_to(t);
     state.q = trial_.q;
     state.v = trial_.v;
     stages_.accelerate(state);
   }
 
-  Fault read(Real t, bool lies_between, std::vector<Real>& y) {
+  Fault read(Real t, bool lies_between, Vector& y) {
     trial_ = present();
     if (lies_between) follow_to(t);
-    if constexpr (Stages::estimates) residuals_ = stages_.project(trial_);
+    if constexpr (Stages::estimates) {
+      if (const Fault fault = stages_.project(trial_)) return fault;
+      residuals_ = stages_.residuals();
+    }
     std::copy(trial_.v.begin(), trial_.v.end(), std::copy(trial_.q.begin(), trial_.q.end(), y.begin()));
     return {};
   }
@@ -119,21 +123,28 @@ class ImplicitScheme {
 
   const Residuals& residuals() const { return residuals_; }  ///< of the last row
 
-  [[noreturn]] Fault give_up(const Attempt& attempt, long, long number) const {
-    if constexpr (Stages::estimates) {
-      const char* what = attempt.found ? "no step is small enough for the tolerance"
-                         : adaptive_   ? "Newton's iteration converges with no step, however small"
-                                       : "Newton's iteration did not converge in a stage";
-      const char* advice = adaptive_ ? "look for a force without bound, or for a singular pose; not tried: a larger tolerance"
-                                     : "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
-      throw Failure(what, static_cast<double>(time()), number, stages_.worst(), static_cast<double>(attempt.size), advice);
-    } else {
-      throw Failure(stages_.failure());
-    }
+  Fault give_up(const Attempt& attempt, long, long number) const { return stages_.give_up(attempt.found, adaptive_, number, attempt.size); }
+
+  /// What the next steps and rows follow from.
+  struct Memory {
+    typename Stages::Memory stages;
+    typename Interpolant<Subject>::Memory interpolant;
+    Real before, h_last, share;
+  };
+
+  Memory memory() const { return {stages_.memory(), interpolant_.memory(), before_.t, h_last_, share_}; }
+
+  void restore(const Memory& memory) {
+    stages_.restore(memory.stages);
+    interpolant_.restore(memory.interpolant);
+    before_.t = memory.before;
+    h_last_ = memory.h_last;
+    trial_ = present();
+    if constexpr (Stages::estimates) take_share(memory.share);
   }
 
  private:
-  const State<Real>& present() const { return stages_.present(); }
+  const State& present() const { return stages_.present(); }
 
   /// Of equal steps: iterations of the next one end where they leave a small share of the error of a step, which may be far below the tolerance.
   void follow_error(Real size) {
@@ -155,7 +166,7 @@ class ImplicitScheme {
   }
 
   /// Coordinates and speeds at the share s of the last step.
-  void put(Real s, State<Real>& state) {
+  void put(Real s, State& state) {
     interpolant_.at(s, between_);
     const auto middle = between_.begin() + static_cast<std::ptrdiff_t>(state.q.size());
     std::copy(between_.begin(), middle, state.q.begin());
@@ -163,9 +174,9 @@ class ImplicitScheme {
   }
 
   Stages& stages_;
-  Interpolant<Real> interpolant_;
-  State<Real> before_, trial_;
-  std::vector<Real> between_;
+  Interpolant<Subject> interpolant_;
+  State before_, trial_;
+  Vector between_;
   Tolerances<Real> tolerances_;
   Residuals residuals_;
   Real h_last_{1}, share_{1};  ///< the last: of the tolerances, that equal steps use

@@ -2,20 +2,25 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <optional>
 #include <span>
-#include <string>
 #include <utility>
-#include <vector>
 
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/newton/closing.hpp"
 #include "cutjoint/core/newton/recursive_newton.hpp"
-#include "cutjoint/lagrangian/solver.hpp"
-#include "cutjoint/state.hpp"
+#include "cutjoint/core/newton/system.hpp"
+#include "cutjoint/core/newton/workspace.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
-#include "cutjoint/sdirk/table.hpp"
+#include "cutjoint/core/sdirk/table.hpp"
+#include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/regime.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"
 
@@ -33,10 +38,16 @@ using stepping::Tolerances;
 ///     (M + w C + w^2 K + alpha Phi_q^T Phi_q) dvdot = -(M vdot + Phi_q^T lambda - Q + alpha Phi_q^T Phidd),    lambda += alpha (Phidd + Phi_q dvdot)
 ///
 /// keeps its factors over stages and steps while they serve.  What steps leave of Phi and Phid is projected away.
-template <class S>
-class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
-  using Solver = LinearSolver<typename S::real_type>;
+template <class S, class Solver>
+class Stages : public Workspace<S, Solver> {
   using Base = Workspace<S, Solver>;
+
+  template <std::size_t count, class Numbers>
+  static std::array<Numbers, count> repeat(const Numbers& numbers) {
+    std::array<Numbers, count> all;
+    all.fill(numbers);
+    return all;
+  }
 
  public:
   using typename Base::Real;
@@ -45,43 +56,47 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
   static constexpr int order = Table::order;
   static constexpr bool estimates = true;  ///< an error
 
-  /// `other` solves for the accelerations of single states; `switches` are those at which steps end, all or none of the system's.
-  Stages(S& system, LinearSolver<Real>& solver, LinearSolver<Real>& other, const std::vector<Switch>& switches,
-         const std::vector<Road<Real>>& roads)
-      : Base(system, solver), d_(system.description()),
-        single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}), closing_(system),
-        places_(places_of(switches)), regime_(places_, roads.data()),
-        turns_(unit_turns(system)), row_(d_.coordinates.size(), n_, m_), start_(row_), at_(row_), probe_(row_), pose_(start_.q), moved_(pose_), push_(m_),
-        way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_), rates_(Table::stages + 1, delta_), slopes_(rates_),
-        forces_(Table::stages + 1, push_), middle_(2, delta_), middle_forces_(2, push_) {}
+  /// `other` solves for the accelerations of single states; `switches` are where those stand at which steps end, all or none of the system's, and
+  /// `roads` those of its tyres.
+  Stages(S& system, Solver& solver, Solver& other, std::span<const SwitchPlace> switches, const Road<Real>* roads)
+      : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
+        closing_(system), regime_(switches, roads), turns_(unit_turns(system)), row_(blank(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
+        moved_(pose_), push_(m_), way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_),
+        rates_(repeat<Table::stages + 1>(delta_)), slopes_(rates_), forces_(repeat<Table::stages + 1>(push_)), middle_(repeat<2>(delta_)),
+        middle_forces_(repeat<2>(push_)) {}
 
   std::size_t size() const { return pose_.size() + n_; }
-  std::span<const Chart> charts() const { return d_.charts; }
+  using Base::charts;
 
-  /// Take over a start in relative coordinates.
-  std::vector<Real> begin(const State<Real>& start) {
-    system_.begin_step(start.t, Real(1));
-    system_.initial_coordinates(start.q.data(), start.v.data(), start_.q.data(), start_.v.data());
-    start_.t = start.t;
-    require_none(single_.begin(start_, Real(1)), d_, "recursive-newton");
-    alpha_ = single_.step_weights().constraint;
-    last_h_ = Real(0);
-    keep_start();
-    adopt();
-    std::vector<Real> y(start_.q);
-    y.insert(y.end(), start_.v.begin(), start_.v.end());
-    return y;
+  /// Take over a start, whose accelerations and multipliers are found.
+  Fault begin(const StateOf<S>& start) {
+    start_ = start;
+    if (const Fault fault = single_.begin(start_, Real(1))) return fault;
+    take_over();
+    return {};
   }
 
-  /// The state with its accelerations and multipliers; what that takes is no part of a step.
-  const State<Real>& complete(Real t, const std::vector<Real>& y) {
-    row_.t = t;
-    const auto middle = y.begin() + static_cast<std::ptrdiff_t>(row_.q.size());
-    std::copy(y.begin(), middle, row_.q.begin());
-    std::copy(middle, y.end(), row_.v.begin());
-    require_none(single_.begin(row_, Real(1)), d_, "recursive-newton");
-    return row_;
+  /// Take over a state that has accelerations and multipliers, with weights of the equations of its own.
+  void resume(const StateOf<S>& state) {
+    start_ = state;
+    single_.resume(start_);
+    take_over();
   }
+
+  /// Put accelerations and multipliers into a state; what that takes is no part of a step.
+  Fault complete(StateOf<S>& state) { return single_.begin(state, Real(1)); }
+
+  /// The same of a state as it is, which is taken over.
+  Fault go_on(StateOf<S>& state) {
+    const Fault fault = single_.go_on(state);
+    if (fault) return fault;
+    start_ = state;
+    take_over();
+    return {};
+  }
+
+  /// Close the loops of a state away from any step, by moving the masses least.
+  Fault assemble(StateOf<S>& state) { return single_.assemble(state); }
 
   /// What the error of a step may be; Newton's iteration ends where it leaves a hundredth of that.
   void set_tolerances(const Tolerances<Real>& tolerances) { tolerances_ = tolerances; }
@@ -112,9 +127,9 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
   /// The size of the attempted step's error, 1 being what is allowed; infinite where it is no number.
   Real error(Real h) {
     using std::abs;
-    estimate(h);
+    if (estimate(h)) return std::numeric_limits<Real>::infinity();
     Real largest(0);
-    for (const Chart& chart : d_.charts)
+    for (const Chart& chart : charts())
       for (int i = 0; i < chart.scalars + (chart.ball ? 3 : 0); ++i) {
         const auto q = static_cast<std::size_t>(chart.q + i), v = static_cast<std::size_t>(chart.v + i);
         const Real place = i < chart.scalars ? std::max(abs(start_.q[q]), abs(at_.q[q])) : Real(1);
@@ -125,9 +140,9 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
   }
 
   /// The attempted step counts: its end becomes the present state, and `before` the one before it.
-  void accept(Real h, State<Real>& before) {
+  Fault accept(Real h, StateOf<S>& before) {
     at_.t = start_.t + h;
-    project(at_);
+    if (const Fault fault = project(at_)) return fault;
     last_h_ = h;
     middle_[0].swap(slopes_[4]);
     middle_[1].swap(slopes_[2]);
@@ -136,35 +151,48 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
     std::swap(before, start_);
     std::swap(start_, at_);
     keep_start();
+    return {};
   }
 
-  const State<Real>& present() const { return start_; }
+  const StateOf<S>& present() const { return start_; }
 
   /// Accelerations and multipliers of a state, where guides need them: those of the stages only come near to them.
-  void accelerate(State<Real>& state) {
-    if (!d_.driven) return;
+  void accelerate(StateOf<S>& state) {
+    if (!system_.description().driven) return;
     row_ = state;
     if (!single_.begin(row_, Real(1))) state = row_;  // a singular pose has none
   }
 
   /// The displacement by the last step before its end was projected, in the chart of its start.
-  const std::vector<Real>& moved() const { return delta_; }
+  const Speeds<S>& moved() const { return delta_; }
 
   /// Coordinates and speeds of another state, which closes the loops, become those of the present one; `restart` has to follow.
-  void go_to(const State<Real>& state) {
+  void go_to(const StateOf<S>& state) {
     start_.t = state.t;
     start_.q = state.q;
     start_.v = state.v;
   }
 
   /// Accelerations and multipliers of the present state, which forces that jump change; factors and what stages are guessed by are forgotten.
-  void restart() {
+  Fault restart() {
     const long evaluations = single_.evaluations(), factorisations = single_.factorisations();
-    require_none(single_.begin(start_, Real(1)), d_, "recursive-newton");
+    if (const Fault fault = single_.begin(start_, Real(1))) return fault;
     evaluations_ += single_.evaluations() - evaluations;
     factorisations_ += single_.factorisations() - factorisations;
     last_h_ = Real(0);
     factored_ = slow_ = false;
+    keep_start();
+    return {};
+  }
+
+  /// Inputs have jumped: where forces may have changed their formulas, accelerations and regime are those of the present state.
+  void heed_inputs() {
+    if (regime_.empty()) return;
+    adopt();
+    row_ = start_;
+    if (single_.begin(row_, Real(1))) return;  // a singular pose keeps what it has
+    start_ = row_;
+    last_h_ = Real(0);
     keep_start();
   }
 
@@ -176,14 +204,14 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
   }
 
   /// Seek the switches that a state has out of the regime; whether there are any.
-  bool seek(const State<Real>& state) {
+  bool seek(const StateOf<S>& state) {
     if (regime_.empty()) return false;
     switch_at(state);
     return regime_.seek();
   }
 
   /// The first of them that a state has out of the regime; as many as there are switches if there is none.
-  std::size_t found(const State<Real>& state) {
+  std::size_t found(const StateOf<S>& state) {
     if (regime_.empty()) return 0;
     switch_at(state);
     return regime_.found();
@@ -191,15 +219,18 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
 
   stepping::Regime<S>& regime() { return regime_; }
 
-  /// Close the loops of a state, positions first, then speeds.  Returns what is left.
-  Residuals project(State<Real>& state) {
+  /// Close the loops of a state, positions first, then speeds.
+  Fault project(StateOf<S>& state) {
+    residuals_ = {};
     if (m_ == 0) return {};
+    if (!has_factors_) return single_.assemble(state);
     time_ = state.t;
     system_.begin_step(state.t, Real(1));
-    Residuals left;
-    require(this->close_with(state, pose_, alpha_, closing_, way_, moved_, left));
-    return left;
+    return this->close_with(state, pose_, alpha_, closing_, way_, moved_, residuals_);
   }
+
+  /// What that left of the equations.
+  const Residuals& residuals() const { return residuals_; }
 
   long iterations() const { return iterations_; }
 
@@ -207,29 +238,87 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
   long evaluations() const { return Base::evaluations() + evaluations_; }
   long factorisations() const { return Base::factorisations() + factorisations_; }
 
-  /// The coordinate of the last attempt's largest error or change.
-  std::string worst() const { return std::string(d_.unknowns()[worst_]); }
+  /// Why the last attempt, whose stages were `found` or not, is not taken in a shorter step; `size` is that of its error.
+  Fault give_up(bool found, bool adaptive, long number, Real size) const {
+    const Cause cause = found ? Cause::tolerance_not_met : adaptive ? Cause::stages_not_found : Cause::stage_not_converged;
+    Fault fault = this->fault_in_row(cause, static_cast<int>(worst_), size);
+    fault.t = static_cast<double>(start_.t);
+    fault.step = number;
+    return fault;
+  }
+
+  /// What the next steps follow from, those of the regime and the solvers included; flags are as long as numbers, so that equal ones have equal bytes.
+  struct Memory {
+    StateOf<S> start;
+    std::array<Speeds<S>, 2> middle;
+    std::array<Equations<S>, 2> middle_forces;
+    Coordinates<S> pose;
+    Entries<S> tangent;
+    Real alpha, factored_w, last_h, share;
+    long has_factors, factored, slow;
+    typename stepping::Regime<S>::Memory regime;
+    typename Solver::Memory solver, other;
+    typename RecursiveNewton<S, Solver>::Memory single;
+  };
+
+  Memory memory() const {
+    return {start_, middle_, middle_forces_, pose_, tangent_, alpha_, factored_w_, last_h_, share_, has_factors_, factored_, slow_, regime_.memory(),
+            solver_.memory(), other_.memory(), single_.memory()};
+  }
+
+  void restore(const Memory& memory) {
+    start_ = memory.start;
+    middle_ = memory.middle;
+    middle_forces_ = memory.middle_forces;
+    pose_ = memory.pose;
+    tangent_ = memory.tangent;
+    alpha_ = memory.alpha;
+    factored_w_ = memory.factored_w;
+    last_h_ = memory.last_h;
+    share_ = memory.share;
+    has_factors_ = memory.has_factors;
+    factored_ = memory.factored;
+    slow_ = memory.slow;
+    regime_.restore(memory.regime);
+    single_.restore(memory.single);
+    if (has_factors_) solver_.restore(memory.solver, tangent_.data());
+    other_.restore(memory.other, single_.tangent().data());
+    keep_start();
+  }
+
+ protected:
+  using Base::system_;
 
  private:
-  using Base::f_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phid_, Base::phidd_, Base::system_, Base::time_, Base::x_;
+  using Base::f_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phid_, Base::phidd_, Base::solver_, Base::tangent_, Base::time_,
+      Base::x_;
 
-  /// Throws the Failure of a fault.
-  void require(const Fault& fault) const { require_none(fault, d_, "sdirk4"); }
+  void take_over() {
+    alpha_ = single_.step_weights().constraint;
+    last_h_ = Real(0);
+    has_factors_ = factored_ = slow_ = false;
+    keep_start();
+    adopt();
+  }
 
   void keep_start() {
     slopes_[0] = start_.vdot;
     forces_[0] = start_.lambda;
   }
 
-  void switch_at(const State<Real>& state) {
+  void switch_at(const StateOf<S>& state) {
     system_.begin_step(state.t, Real(1));
-    system_.events(state.q.data(), state.v.data(), regime_.values());
+    look_at(state);
+  }
+
+  void look_at(const StateOf<S>& state) {
+    if constexpr (stepping::Regime<S>::can_switch) system_.events(state.q.data(), state.v.data(), regime_.values());
   }
 
   /// Whether the attempt leaves the regime with the stage as it is, and shall end there.
   bool leaves() {
     if (regime_.empty()) return false;
-    system_.events(at_.q.data(), at_.v.data(), regime_.values());
+    look_at(at_);
     regime_.look(time_);
     return regime_.crossed() && !whole_;
   }
@@ -255,18 +344,19 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
   /// The difference (d, e) of the two orders in delta and v, into way_ and x_, without what is fast beside a step, which it overstates
   /// (Hairer, Wanner, section IV.8): (d', e') with e' = A^-1 (M e - w K d) and d' = d + w e', A being the tangent.  The balance of accelerations
   /// vdot + e/w at displacements -d is (M e - w K d)/w, but for what is of second order.
-  void estimate(Real h) {
+  Fault estimate(Real h) {
     const Real w = Table::gamma.as<Real>() * h;
     std::fill(way_.begin(), way_.end(), Real(0));
     add_slopes(h, Table::error, rates_, way_);
     probe_ = at_;
     add_slopes(h / w, Table::error, slopes_, probe_.vdot);
     for (std::size_t i = 0; i < n_; ++i) trial_[i] = -way_[i];
-    retract<Real>(d_.charts, at_.q.data(), trial_.data(), probe_.q.data());
+    retract<Real>(charts(), at_.q.data(), trial_.data(), probe_.q.data());
     this->dynamic_residual(probe_, Real(0));
     for (std::size_t i = 0; i < n_; ++i) x_[i] = w * f_[i];
-    require(this->solve());
+    if (const Fault fault = this->solve()) return fault;
     for (std::size_t i = 0; i < n_; ++i) way_[i] += w * x_[i];
+    return {};
   }
 
   /// Whether a stage is `found`; a fault where an iteration has no factors.
@@ -287,19 +377,21 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
     }
     guess_ = at_.vdot;
     if (const Fault fault = iterate(h, found); fault || !found) return fault;
-    chart_rates<Real>(d_.charts, delta_.data(), at_.v.data(), rates_[stage].data());
+    chart_rates<Real>(charts(), delta_.data(), at_.v.data(), rates_[stage].data());
     slopes_[stage] = at_.vdot;
     forces_[stage] = lambda_;
     return {};
   }
 
-  static void guess(std::size_t stage, const std::vector<std::vector<Real>>& known, std::vector<Real>& values) {
+  template <class Numbers>
+  static void guess(std::size_t stage, const std::array<Numbers, Table::stages + 1>& known, Numbers& values) {
     std::fill(values.begin(), values.end(), Real(0));
     add_slopes(Real(1), Table::guess[stage], known, values);
   }
 
   /// The first stage's: on the parabola through the last step's half, three quarters and end, unless that is far behind.
-  void extrapolate(Real h, const std::vector<Real>& end, const std::vector<std::vector<Real>>& middle, std::vector<Real>& values) const {
+  template <class Numbers>
+  void extrapolate(Real h, const Numbers& end, const std::array<Numbers, 2>& middle, Numbers& values) const {
     const Real s = last_h_ > Real(0) && h <= 2 * last_h_ ? h / last_h_ : Real(0);
     for (std::size_t i = 0; i < values.size(); ++i)
       values[i] = s * (s + 1) / 2 * middle[0][i] - s * (s + 2) * middle[1][i] + (s + 1) * (s + 2) / 2 * end[i];
@@ -343,7 +435,7 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
       this->linearise(at_, Real(0), {w, w * w, alpha_, turns_.data()});
       pose_ = at_.q;
       if (const Fault fault = this->factor()) return fault;
-      factored_ = true;
+      has_factors_ = factored_ = true;
       factored_w_ = w;
     } else {
       this->dynamic_residual(at_, Real(0));
@@ -365,7 +457,7 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
     for (std::size_t i = 0; i < n_; ++i) at_.v[i] = v_hat_[i] + w * at_.vdot[i];
     Real change(1);
     for (int pass = 0; pass < 40 && change > 4 * std::numeric_limits<Real>::epsilon(); ++pass) {
-      chart_rates<Real>(d_.charts, delta_.data(), at_.v.data(), trial_.data());
+      chart_rates<Real>(charts(), delta_.data(), at_.v.data(), trial_.data());
       change = Real(0);
       for (std::size_t i = 0; i < n_; ++i) {
         const Real next = delta_hat_[i] + w * trial_[i];
@@ -374,7 +466,7 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
       }
       if (turns_.empty()) change = Real(0);
     }
-    retract<Real>(d_.charts, start_.q.data(), delta_.data(), at_.q.data());
+    retract<Real>(charts(), start_.q.data(), delta_.data(), at_.q.data());
     return change <= 64 * std::numeric_limits<Real>::epsilon();
   }
 
@@ -389,21 +481,24 @@ class Stages : public Workspace<S, LinearSolver<typename S::real_type>> {
 
   static constexpr int most_iterations = 25;
 
-  const SystemDescription& d_;
+  Solver& other_;
   RecursiveNewton<S, Solver> single_;
   Closing<S> closing_;
-  std::vector<SwitchPlace> places_;
   stepping::Regime<S> regime_;
-  std::vector<Real> turns_;
-  State<Real> row_, start_, at_, probe_;  ///< of a row, at the step's start, of a stage, and beside it
-  std::vector<Real> pose_, moved_;    ///< that of the factors
-  std::vector<Real> push_, way_;
-  std::vector<Real> v_hat_, delta_hat_, delta_, trial_, guess_;
-  std::vector<std::vector<Real>> rates_, slopes_, forces_;  ///< at the start and of the stages: delta', accelerations and multipliers
-  std::vector<std::vector<Real>> middle_, middle_forces_;   ///< the last two at a half and three quarters of the step before
+  Turns<S> turns_;
+  StateOf<S> row_, start_, at_, probe_;  ///< room, at the step's start, of a stage, and beside it
+  Coordinates<S> pose_, moved_;          ///< that of the factors
+  Equations<S> push_;
+  Speeds<S> way_, v_hat_, delta_hat_, delta_, trial_, guess_;
+  std::array<Speeds<S>, Table::stages + 1> rates_, slopes_;  ///< at the start and of the stages: delta' and accelerations
+  std::array<Equations<S>, Table::stages + 1> forces_;       ///< the same of multipliers
+  std::array<Speeds<S>, 2> middle_;                          ///< the last two at a half and three quarters of the step before
+  std::array<Equations<S>, 2> middle_forces_;
+  Residuals residuals_;
   Tolerances<Real> tolerances_;
   Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5};  ///< the last: of a change by the iteration before
-  bool factored_ = false, slow_ = false, whole_ = false;
+  bool has_factors_ = false;  ///< of a stage since the start
+  bool factored_ = false, slow_ = false, whole_ = false;  ///< the first: whether these serve
   std::size_t worst_ = 0;
   long iterations_ = 0, evaluations_ = 0, factorisations_ = 0;
 };

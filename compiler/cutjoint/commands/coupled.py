@@ -1,0 +1,146 @@
+"""`cutjoint simulate --with`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from cutjoint.commands import options
+from cutjoint.commands.preparing import read_request, require_own
+from cutjoint.coupling.connections import Connections, connect
+from cutjoint.coupling.controller import ControllerFmu, open_controller
+from cutjoint.coupling.run import Plan, co_simulate
+from cutjoint.emit.standalone import STEPS
+from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.methods import Events, either
+from cutjoint.model.errors import nearest
+from cutjoint.model.records import Model, Scene
+from cutjoint.prepared import Request
+from cutjoint.report import tables
+from cutjoint.report.plots import plot_run
+from cutjoint.run.errors import RunError
+from cutjoint.run.result_files import write_error
+from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import require_settings
+from cutjoint.stepping.load import load_scene
+from cutjoint.stepping.simulation import SimulationError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coupled:
+    """What the options say of a controller: its file, PORT=NAME of each connection that is named, the step of communication (s)."""
+
+    path: Path | None
+    connections: tuple[str, ...]
+    step: float | None
+
+
+def run_coupled(
+    request: Request, parameters: Mapping[str, float], coupled: Coupled, beside: Mapping[str, object], *, out: Path, error: bool,
+    plots: Path | None,
+) -> None:  # fmt: skip
+    """Run a scene with a controller: the table into ``out``, what became of it on the terminal.
+
+    Raises:
+        RunError: there is no FMU, or what is asked for does not go with one; errors as of `open_controller`, `connect` and `co_simulate`.
+        SystemExit: the motion of the model cannot go on; a message says so.
+    """
+    if coupled.path is None:
+        raise RunError("--connect and --communication-step go with --with: a run without an FMU exchanges nothing")
+    model, scene, method = read_request(request)
+    _require_steps(request, method, beside)
+    with open_controller(coupled.path) as fmu:
+        plan = _plan(request, model, scene, method, parameters, fmu, coupled)
+        try:
+            with options.progress_bar(f"running {scene.name}") as progress:
+                run = co_simulate(plan, out=out, progress=progress, estimate=error)
+        except SimulationError as failure:
+            options.err.print(f"{request.model}: scene '{scene.name}': {options.describe_error(failure)}", markup=False)
+            raise SystemExit(1) from None
+        _report(plan, scene, run, out, error)
+    if plots is not None:
+        console = options.console_beside(out)
+        console.print(f"plots: {', '.join(str(p) for p in plot_run(run, f'{model.name}, {scene.name}', plots))}", markup=False)
+
+
+def _require_steps(request: Request, method: str, beside: Mapping[str, object]) -> None:
+    """Check that nothing is asked for that only a simulator does."""
+    asked = request.options
+    known = STEPS.get(method, {})
+    require_own(
+        "--with", f"steps the methods {either(STEPS)} as cutjoint.load does", implementation=request.implementation, solver=asked.solver,
+        precision=request.precision, method=None if known else method, closure=request.closure,
+        integrator=None if asked.integrator in known else asked.integrator,
+        events=None if asked.events == Events.CROSSED else asked.events, **beside,
+    )  # fmt: skip
+
+
+def _plan(
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], fmu: ControllerFmu, coupled: Coupled
+) -> Plan:  # fmt: skip
+    asked, connections = request.options, connect(fmu, model, scene, _named(coupled.connections))
+    require_settings(dt=asked.dt, end=asked.end, tolerance=asked.tolerance, iterations=asked.iterations)
+    _require_free(model, parameters, connections, fmu.path)
+    step, end = coupled.step or fmu.step, scene.end if asked.end is None else asked.end
+    if step is None or not step > 0:
+        raise RunError(f"{fmu.path}: the FMU does not say how long its steps are; say --communication-step")
+    if not scene.outputs:
+        raise RunError(f"{scene.span}: scene '{scene.name}' has no outputs; a table needs some")
+    with options.progress_bar(f"compiling {model.name}"):
+        simulation = load_scene(model, scene, method=method, integrator=asked.integrator)
+    settings, steps = simulation.library.settings, simulation.library.steps
+    if asked.tolerance is not None and not steps.adaptive:
+        able = either(name for known in STEPS.values() for name, kind in known.items() if kind.adaptive)
+        raise RunError(f"--tolerance: beside an FMU only {able} has one; take it, or --dt")
+    if asked.iterations is not None and not steps.is_iterated:
+        raise RunError("--iterations: only the trapezoidal rule of the method recursive has them")
+    return Plan(
+        simulation=simulation, fmu=fmu, connections=connections, step=step, end=end, output_step=scene.output_step,
+        dt=settings["dt"] if asked.dt is None else asked.dt, iterations=asked.iterations, parameters=parameters,
+        tolerance=(settings["tolerance"] if asked.tolerance is None else asked.tolerance) if steps.adaptive else None,
+    )  # fmt: skip
+
+
+def _named(connections: tuple[str, ...]) -> dict[str, str]:
+    """The names in the model by ports; names of the model have no equals sign, those of ports may."""
+    named: dict[str, str] = {}
+    for connection in connections:
+        port, _, name = connection.rpartition("=")
+        if not port or not name:
+            raise RunError(f"--connect {connection}: write PORT=NAME")
+        if named.setdefault(port, name) != name:
+            raise RunError(f"--connect {connection}: '{port}' is connected with '{named[port]}'; write one of the two")
+    return named
+
+
+def _require_free(model: Model, parameters: Mapping[str, float], connections: Connections, path: Path) -> None:
+    """Check that what --set names can be set."""
+    known = [p.name for p in (*open_parameters(model), *input_parameters(model))]
+    for name in parameters:
+        if name not in known:
+            raise RunError(f"--set {name}: model '{model.name}' has no such open parameter or input; {nearest(name, known, 'it has')}")
+        if name in connections.driven:
+            raise RunError(f"--set {name}: output '{connections.driven[name].name}' of {path} drives this input; leave out one of the two")
+
+
+def _report(plan: Plan, scene: Scene, run: Trajectory, out: Path, error: bool) -> None:
+    console = options.console_beside(out)
+    console.print(tables.facts(f"scene {scene.name} with {plan.fmu.path.name}, FMI {plan.fmu.version}", list(_facts(plan, run))))
+    if error:
+        console.print(tables.error_facts(run.error))
+    write_error(out, run.error if error else None)
+    console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
+
+
+def _facts(plan: Plan, run: Trajectory) -> list[tuple[str, str]]:
+    connected = plan.connections
+    factor = f"{plan.end / run.seconds:.0f} times real time" if run.seconds else "-"
+    return [
+        ("communication", f"{run.steps} steps of {plan.step:g} s"),
+        *([("driven", ", ".join(f"{name} by {port.name}" for name, port in connected.driven.items()))] if connected.driven else []),
+        *([("read", ", ".join(f"{name} as {port.name}" for name, port in connected.read))] if connected.read else []),
+        *([("follow the scene", ", ".join(connected.left))] if connected.left else []),
+        *([("stay at their start", f"{', '.join(connected.held)} of the FMU")] if connected.held else []),
+        ("run", f"{run.seconds:.4f} s for {plan.end:g} s: {factor}"),
+    ]  # fmt: skip

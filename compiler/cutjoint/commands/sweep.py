@@ -1,0 +1,97 @@
+"""`cutjoint sweep`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from cutjoint.commands import options
+from cutjoint.run.errors import RunError
+from cutjoint.run.outputs import OutputError, require_apart
+from cutjoint.run.result_files import write_whole
+from cutjoint.sweeps.reading import read_study
+from cutjoint.sweeps.records import Study
+from cutjoint.sweeps.run import Progress as Told
+from cutjoint.sweeps.run import Sweep, perform_study
+from cutjoint.view.views import require_view
+
+
+@click.command("sweep")
+@click.argument("study", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path),
+              help="Parquet file; STUDY's name with .parquet, in the present folder, otherwise.")
+@click.option("--scheduler", metavar="ADDRESS",
+              help="Of a Dask cluster, such as tcp://10.0.0.1:8786; this machine's processors otherwise.")
+@click.option("--threads", type=options.Setting("threads"), help="Of this machine; as many as processors otherwise.")
+@click.option("--view", type=click.Path(dir_okay=False, path_type=Path),
+              help="Page (.html) of the results: filters, Pareto fronts, the worst runs; with --replay that of the run (.html or .glb).")
+@click.option("--replay", metavar="NUMBER", type=options.WholeRange(min=0),
+              help="Write the page of this run instead, to see it in the viewer.")
+@options.reports_errors
+def command(
+    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None
+) -> None:  # fmt: skip
+    """Make all runs of STUDY, a file of variables, a design and objectives, and write a table with a row for each.
+
+    A call that was stopped goes on where it was when it is made again.
+    """
+    out = Path(f"{study.stem}.parquet") if out is None else out
+    if threads is not None and scheduler is not None:
+        raise RunError("--threads: they are those of this machine; the workers of --scheduler have their own")
+    read = read_study(study)
+    model = study.parent / read.model.span.file
+    require_apart({"the study": study, "the model": model}, documents=[("--out", out), ("--view", view)])
+    if replay is not None:
+        _replay(read, replay, Path(f"{study.stem}-run-{replay}.html") if view is None else view)
+        return
+    if view is not None and view.suffix != ".html":
+        raise OutputError(f"--view {view}: no such kind of file; write a name that ends in .html")
+    with _progress(read) as (told, note):
+        done = perform_study(read, out, scheduler=scheduler, threads=threads, progress=told, note=note)
+    _report(read, done)
+    if view is not None:
+        from cutjoint.sweeps.page import make_page
+
+        options.out.print(f"view: {write_whole(view, make_page(read, done, f'cutjoint sweep {study}'))}", markup=False)
+
+
+def _replay(study: Study, run: int, view: Path) -> None:
+    from cutjoint.sweeps.replay import replay
+
+    require_view(view, "--view")
+    with options.progress_bar(f"running {study.model.name}"):
+        replay(study, run, view)
+    options.out.print(f"view: {view}", markup=False)
+
+
+@contextmanager
+def _progress(study: Study) -> Iterator[tuple[Told, Callable[[str], None]]]:
+    """A bar with a forecast, and what writes a line above it."""
+    columns = (
+        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("runs,"), TimeElapsedColumn(),
+        TextColumn("passed,"), TimeRemainingColumn(), TextColumn("left"),
+    )  # fmt: skip
+    with Progress(*columns, console=options.err, transient=True) as bar:
+        task = bar.add_task(f"compiling {study.model.name}", total=None)
+
+        def told(done: int, runs: int) -> None:
+            bar.update(task, description=study.model.name, total=runs, completed=done)
+
+        yield told, lambda text: bar.console.print(text, markup=False)
+
+
+def _report(study: Study, done: Sweep) -> None:
+    failed = sum(failure is not None for failure in done.failures)
+    if done.performed:
+        each = done.seconds / done.performed
+        options.out.print(f"{done.performed} runs in {done.elapsed:.3g} s, {1e3 * each:.3g} ms of a worker each", markup=False)
+    else:
+        options.out.print("all runs were there", markup=False)
+    options.out.print(f"results: {done.path}, {study.runs} runs, {len(done.table.column_names)} columns", markup=False)
+    if failed:
+        first = next(i for i, failure in enumerate(done.failures) if failure is not None)
+        options.out.print(f"{failed} of them failed; run {first}: {done.failures[first]}", markup=False)

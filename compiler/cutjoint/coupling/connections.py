@@ -1,0 +1,94 @@
+"""What a controller's outputs drive in a model, and what it reads of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from cutjoint.coupling.controller import ControllerFmu, Port
+from cutjoint.formulate.inputs import guided_by, input_parameters
+from cutjoint.model.errors import nearest
+from cutjoint.model.quantities import unit_of
+from cutjoint.model.records import Model, Scene
+from cutjoint.model.units import measure
+from cutjoint.run.errors import RunError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Connections:
+    """Ports of an FMU by the model's names.
+
+    ``driven`` has the output that drives each input of the model, ``read`` pairs of an output of the model and the input of the FMU that
+    takes it.  ``left`` are inputs of the model that follow the scene, ``held`` inputs of the FMU that stay at their start.
+    """
+
+    driven: Mapping[str, Port]
+    read: tuple[tuple[str, Port], ...]
+    left: tuple[str, ...]
+    held: tuple[str, ...]
+
+
+def connect(fmu: ControllerFmu, model: Model, scene: Scene, named: Mapping[str, str]) -> Connections:
+    """Connect ports with what has their name in the model, or the name that ``named`` has for them.
+
+    Raises:
+        RunError: there is no such port, input or output, a unit is of another dimension, an input has two sources or moves a guide, or
+            nothing is connected.
+    """
+    inputs = {p.name: p.unit for p in input_parameters(model)}
+    outputs = {o.column: unit_of(model, o) for o in scene.outputs}
+    if unknown := [name for name in named if name not in fmu.ports]:
+        raise RunError(f"--connect {unknown[0]}: {fmu.path} has no such input or output; {nearest(unknown[0], fmu.ports, 'it has')}")
+    driven: dict[str, Port] = {}
+    for port, name in _matched(fmu, "output", inputs, named, f"input of model '{model.name}'"):
+        if name in driven:
+            raise RunError(f"{fmu.path}: both '{driven[name].name}' and '{port.name}' would drive input '{name}'; connect one of them")
+        _require_no_guide(fmu.path, model, name)
+        driven[name] = port
+    read = tuple((name, port) for port, name in _matched(fmu, "input", outputs, named, f"output of scene '{scene.name}'"))
+    if not driven and not read:
+        ports = ", ".join(fmu.ports) or "none"
+        raise RunError(
+            f"{fmu.path}: none of its inputs and outputs ({ports}) has the name of one of the model's outputs ({', '.join(outputs)}) and "
+            f"inputs ({', '.join(inputs) or 'none'}); say --connect PORT=NAME"
+        )
+    taken = {port.name for _, port in read}
+    return Connections(
+        driven=driven, read=read, left=tuple(name for name in inputs if name not in driven),
+        held=tuple(p.name for p in fmu.ports.values() if p.causality == "input" and p.name not in taken),
+    )  # fmt: skip
+
+
+def _matched(
+    fmu: ControllerFmu, causality: str, there: Mapping[str, str], named: Mapping[str, str], what: str
+) -> Iterator[tuple[Port, str]]:  # fmt: skip
+    """The ports of a kind with their names in the model, and checks of both."""
+    for port in (p for p in fmu.ports.values() if p.causality == causality):
+        name = named.get(port.name, port.name)
+        if name in there:
+            _require_fit(fmu.path, port, name, there[name])
+            yield port, name
+        elif port.name in named:
+            raise RunError(f"--connect {port.name}={name}: '{name}' is no {what}; {nearest(name, there, 'there is')}")
+
+
+def _require_fit(path: Path, port: Port, name: str, unit: str) -> None:
+    if port.fault:
+        raise RunError(f"{path}: '{port.name}' cannot be connected with '{name}': {port.fault}")
+    if port.unit is not None and port.unit.powers != _powers(unit):
+        raise RunError(f"{path}: '{port.name}' is in {port.unit.name} and '{name}' in {unit or '1'}, which is no unit of the same kind")
+
+
+def _powers(unit: str) -> tuple[object, ...]:
+    """Of kg, m, s, A, K, mol, cd."""
+    return tuple(measure(1.0, unit).dimension.exponents) if unit else (0,) * 7
+
+
+def _require_no_guide(path: Path, model: Model, name: str) -> None:
+    joint = guided_by(model, next(p for p in input_parameters(model) if p.name == name))
+    if joint is not None:
+        raise RunError(
+            f"{joint.span}: input '{name}' moves the guide of joint '{joint.name}'; {path} gives it no rate, so that the joint would "
+            "jump between communication points; let a force with a spring and a damper move it"
+        )

@@ -1,0 +1,214 @@
+"""A co-simulation FMU and its instances, by FMPy."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import Any
+
+from cutjoint.run.errors import RunError
+
+#: The types that are real numbers, in FMI 2 and 3.
+_REAL = ("Real", "Float64")
+_BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")
+_DISCARD = 2
+
+
+class ControllerError(RunError):
+    """A call that an FMU refused, or a step that it could not take."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A unit of an FMU: ``powers`` of kg, m, s, A, K, mol, cd; a value in SI units is ``factor`` times that of the FMU, plus ``offset``."""
+
+    name: str
+    powers: tuple[int, ...]
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Port:
+    """An input or output of an FMU.  ``unit`` is None where the FMU does not define it, and values are then in SI units; ``fault`` says why
+    it cannot be connected, "" if it can."""
+
+    name: str
+    reference: int
+    causality: str
+    unit: Unit | None
+    fault: str
+
+    def to_si(self, value: float) -> float:
+        """A value of the FMU in SI units."""
+        return value if self.unit is None else self.unit.factor * value + self.unit.offset
+
+    def from_si(self, value: float) -> float:
+        """A value in SI units as the FMU has it."""
+        return value if self.unit is None else (value - self.unit.offset) / self.unit.factor
+
+
+class ControllerFmu:
+    """An FMU that has been opened: its ``ports`` by name, ``step`` of its default experiment (s, None without one)."""
+
+    def __init__(self, path: Path, folder: Path, description: Any) -> None:
+        self.path, self._folder, self._description = path, folder, description
+        units = {unit.name: unit for unit in description.unitDefinitions}
+        variables = [v for v in description.modelVariables if v.causality in ("input", "output")]
+        self.ports = {v.name: _port(v, units) for v in variables}
+        experiment = description.defaultExperiment
+        self.step = None if experiment is None or experiment.stepSize is None else float(experiment.stepSize)
+
+    @property
+    def version(self) -> str:
+        """2 or 3."""
+        return str(self._description.fmiVersion)[0]
+
+    def instantiate(self) -> Controller:
+        """A new instance.
+
+        Raises:
+            ControllerError: the binary cannot be loaded, or makes no instance.
+        """
+        return Controller(self.path, self._folder, self._description)
+
+
+@contextmanager
+def open_controller(path: Path) -> Iterator[ControllerFmu]:
+    """Open a co-simulation FMU of FMI 2 or 3; its files lie in a temporary folder meanwhile.
+
+    Raises:
+        RunError: FMPy is not installed, the file is no FMU, or the FMU has no co-simulation or no binary for this machine.
+    """
+    fmpy = _fmpy()
+    if not path.is_file():
+        raise RunError(f"{path}: this is no file; an FMU is a ZIP archive")
+    with TemporaryDirectory(prefix="cutjoint-fmu-") as folder:
+        try:
+            fmpy.extract(str(path), unzipdir=folder)
+            description = fmpy.read_model_description(folder)
+        except zipfile.BadZipFile:
+            raise RunError(f"{path}: this is no FMU, which is a ZIP archive") from None
+        except Exception as error:  # of FMPy, which has no class for them
+            raise RunError(f"{path}: this is no FMU that can be read: {error}") from None
+        _require_co_simulation(path, Path(folder), description, fmpy)
+        yield ControllerFmu(path, Path(folder), description)
+
+
+def _fmpy() -> ModuleType:
+    try:
+        import fmpy
+    except ImportError:
+        raise RunError("--with needs FMPy: install cutjoint[fmu]") from None
+    return fmpy  # type: ignore[no-any-return]
+
+
+def _require_co_simulation(path: Path, folder: Path, description: Any, fmpy: ModuleType) -> None:
+    version = str(description.fmiVersion)
+    if version[0] not in ("2", "3"):
+        raise RunError(f"{path}: FMI {version} is not one of FMI 2 and 3")
+    if description.coSimulation is None:
+        kinds = {"model exchange": description.modelExchange, "scheduled execution": description.scheduledExecution}
+        has = " and ".join(name for name, found in kinds.items() if found is not None) or "nothing"
+        raise RunError(f"{path}: the FMU has no co-simulation but {has}; export it for co-simulation")
+    wanted = fmpy.platform_tuple if version[0] == "3" else fmpy.platform
+    name = f"{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+    if not (folder / "binaries" / wanted / name).is_file():
+        there = sorted(x.name for x in (folder / "binaries").glob("*")) or ["none"]
+        advice = f"'fmpy compile {path}' builds one from its sources" if (folder / "sources").is_dir() else "ask its maker for one"
+        raise RunError(f"{path}: the FMU has no binary for {wanted} (it has {', '.join(there)}); {advice}")
+
+
+def _port(variable: Any, units: Mapping[str, Any]) -> Port:
+    fault = "" if variable.type in _REAL else f"its type is {variable.type}, and only real numbers are connected"
+    if variable.dimensions:
+        fault = "it is an array, and only single numbers are connected"
+    name = variable.unit or (variable.declaredType.unit if variable.declaredType is not None else None) or ""
+    return Port(
+        name=variable.name, reference=variable.valueReference, causality=variable.causality, unit=_unit(units.get(name)), fault=fault
+    )  # fmt: skip
+
+
+def _unit(unit: Any) -> Unit | None:
+    if unit is None or unit.baseUnit is None:
+        return None
+    base = unit.baseUnit
+    powers = tuple(int(getattr(base, name) or 0) for name in _BASE_UNITS)
+    return Unit(name=unit.name, powers=powers, factor=float(base.factor or 1.0), offset=float(base.offset or 0.0))
+
+
+class Controller:
+    """An instance of an FMU: `begin`, `set` and `get`, `start`, then `step` after `step`.  Values are those of the FMU, in its units.
+
+    Raises:
+        ControllerError: the binary cannot be loaded, or makes no instance.  So do all methods where the FMU refuses a call.
+    """
+
+    def __init__(self, path: Path, folder: Path, description: Any) -> None:
+        self._path, self._is_2 = path, str(description.fmiVersion)[0] == "2"
+        self._messages: list[str] = []
+        from fmpy.simulation import instantiate_fmu
+
+        with self._calls("it cannot be instantiated"):
+            self._instance = instantiate_fmu(str(folder), description, "CoSimulation", logger=self._note, debug_logging=True)
+
+    def _note(self, *message: Any) -> None:
+        """What the FMU logs; the last three are status, category and text in both versions."""
+        status, _, text = message[-3:]
+        if status >= _DISCARD:
+            self._messages.append(text.decode(errors="replace") if isinstance(text, bytes) else str(text))
+
+    @contextmanager
+    def _calls(self, what: str) -> Iterator[None]:
+        """Errors of calls become those of this FMU, with what it logged last."""
+        try:
+            yield
+        except Exception as error:  # of FMPy, and of the loader
+            said = self._messages[-1] if self._messages else str(error)
+            raise ControllerError(f"{self._path}: {what}: {said}") from None
+
+    def begin(self, end: float) -> None:
+        """Initialise for a run from time 0 to ``end`` (s)."""
+        with self._calls("it cannot begin"):
+            if self._is_2:
+                self._instance.setupExperiment(startTime=0.0, stopTime=end)
+                self._instance.enterInitializationMode()
+            else:
+                self._instance.enterInitializationMode(startTime=0.0, stopTime=end)
+
+    def start(self) -> None:
+        """Initialisation is over."""
+        with self._calls("it cannot begin"):
+            self._instance.exitInitializationMode()
+
+    def set(self, ports: Sequence[Port], values: Sequence[float]) -> None:
+        """Give inputs."""
+        function = self._instance.setReal if self._is_2 else self._instance.setFloat64
+        with self._calls(f"inputs {', '.join(p.name for p in ports)} cannot be given"):
+            function([port.reference for port in ports], list(values))
+
+    def get(self, ports: Sequence[Port]) -> list[float]:
+        """The values of outputs."""
+        function = self._instance.getReal if self._is_2 else self._instance.getFloat64
+        with self._calls(f"outputs {', '.join(p.name for p in ports)} cannot be read"):
+            return list(function([port.reference for port in ports]))
+
+    def step(self, time: float, size: float) -> None:
+        """A communication step (s) from a time (s)."""
+        with self._calls(f"the step from {time:.6g} s failed"):
+            ended = self._instance.doStep(currentCommunicationPoint=time, communicationStepSize=size)
+        if not self._is_2 and ended[1]:
+            raise ControllerError(f"{self._path}: it ends the simulation at {time + size:.6g} s")
+
+    def close(self) -> None:
+        """End the instance, also after a call that failed."""
+        for end in (self._instance.terminate, self._instance.freeInstance):
+            try:
+                end()
+            except Exception:  # one that has failed may refuse
+                continue

@@ -1,0 +1,50 @@
+"""From a study to what runs it: a library for each scene."""
+
+from __future__ import annotations
+
+from cutjoint.formulate.inputs import input_parameters
+from cutjoint.model.records import Scene
+from cutjoint.pipeline import generate
+from cutjoint.run.errors import RunError
+from cutjoint.standalone import make_standalone
+from cutjoint.sweeps.code import with_runs
+from cutjoint.sweeps.kernel import Kernel
+from cutjoint.sweeps.records import Study
+from cutjoint.sweeps.target import find_target
+from cutjoint.toolchain.digests import digest_of
+
+
+def build_kernels(study: Study) -> tuple[Kernel, ...]:
+    """Compile a study for each of its scenes, or find the libraries in the cache.
+
+    Raises:
+        TopologyError, NoInertiaError, GuideError, RunError: the model is wrong, or the study asks for what its library does not have.
+        ToolchainError: the C++ side failed.
+    """
+    return tuple(_build(study, scene) for scene in study.scenes)
+
+
+def _build(study: Study, scene: Scene) -> Kernel:
+    equations, program, source = generate(study.model, scene, study.outputs, method=study.method)
+    alone = make_standalone(equations, program, source, integrator=study.integrator)
+    start = equations.mechanism
+    names = {
+        "parameter": [p.name for p in equations.parameters], "input": [p.name for p in input_parameters(study.model)],
+        "coordinate": start.coordinate_names, "speed": start.speed_names,
+    }  # fmt: skip
+    ready = with_runs(alone, study, scene, equations.columns, names)
+    row_step, end = float(ready.run_file["output_step"]), float(ready.run_file["end"])
+    rows = 1
+    while (rows - 1) * row_step < end * (1 - 1e-12):
+        rows += 1
+    if rows > _MOST_ROWS:
+        raise RunError(f"{scene.span}: scene '{scene.name}': {rows} rows are more than {_MOST_ROWS}; give the study a longer output_step")
+    return Kernel(
+        model=alone.name, scene=scene.name, source=digest_of(list(ready.files.values())),
+        content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), size=ready.size,
+        series=len(study.series), rows=rows, row_step=row_step,
+    )  # fmt: skip
+
+
+#: Rows of a run at most: a chunk of runs holds them all in memory.
+_MOST_ROWS = 10_000_000

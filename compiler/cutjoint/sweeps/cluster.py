@@ -1,0 +1,206 @@
+"""Workers of a sweep: those of a Dask cluster, by the address of its scheduler.
+
+A plugin brings the libraries to each worker, once, also to those that come later.  A chunk that was on a worker that died is performed
+on another one; rows follow from values alone, so that it does not matter how often.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from hashlib import sha256
+from queue import Empty, Queue
+from typing import Any
+
+from cutjoint.run.errors import RunError
+from cutjoint.sweeps.kernel import require_loadable
+from cutjoint.sweeps.work import Chunk, Rows, Work
+from cutjoint.version import __version__
+
+#: Seconds to wait for a scheduler.
+_PATIENCE = 10
+
+#: In each worker: what it performs, by digest.
+_works: dict[str, Work] = {}
+
+
+def dask() -> Any:
+    """Dask's `distributed`.
+
+    Raises:
+        RunError: it is not installed.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise RunError("--scheduler needs Dask: pip install 'cutjoint[dask]'") from None
+    return distributed
+
+
+class Bringer:
+    """Brings work to a worker: Dask calls ``setup`` on each."""
+
+    idempotent = False
+
+    def __init__(self, key: str, work: Work) -> None:
+        self.name = f"cutjoint-{key[:16]}"
+        self._key, self._work = key, work
+
+    def setup(self, worker: Any) -> None:
+        """Keep the work by its digest."""
+        _works[self._key] = self._work
+
+    def teardown(self, worker: Any) -> None:
+        """Nothing holds on to the worker."""
+
+
+def find_fault(key: str, version: str) -> str:
+    """Why this worker cannot perform the work of a client of that version; "" if it can."""
+    if version != __version__:
+        return f"it has cutjoint {__version__}, not {version}; install the same version"
+    if key not in _works:
+        return "it has not got the libraries"
+    return require_loadable(_works[key].kernels)
+
+
+def perform(key: str, version: str, chunk: Chunk) -> Rows | str:
+    """The rows of a chunk, or why this worker cannot make them."""
+    return find_fault(key, version) or _works[key].perform(chunk)
+
+
+class Cluster:
+    """The workers of a Dask cluster; ``note`` is told of those that are refused.
+
+    Raises:
+        RunError: Dask is not installed, there is no scheduler at the address, or none of its workers can run the libraries.
+    """
+
+    def __init__(self, work: Work, address: str, note: Callable[[str], None]) -> None:
+        self._dask, self._address, self._note = dask(), address, note
+        self._key = sha256("".join(kernel.digest for kernel in work.kernels).encode()).hexdigest()
+        self._done: Queue[Any] = Queue()
+        self._chunks: dict[Any, tuple[Chunk, frozenset[str]]] = {}
+        self._refused: dict[str, str] = {}
+        self._fit: set[str] = set()
+        try:
+            self._client = self._dask.Client(address, timeout=_PATIENCE, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise RunError(f"--scheduler {address}: no scheduler answers: {error}; start one with `dask scheduler`") from None
+        try:
+            with suppress(Exception):  # whatever a worker has against it is found out below, with its name
+                self._client.register_plugin(_plugin(self._dask, self._key, work), name=f"cutjoint-{self._key[:16]}")
+            self._client.wait_for_workers(1, timeout=_PATIENCE)
+            self._judge()
+        except TimeoutError:
+            self.close()
+            raise RunError(f"--scheduler {address}: it has no workers; start some with `dask worker {address}`") from None
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def number(self) -> int:
+        """How many chunks are performed at a time."""
+        threads = self._threads()
+        return max(1, sum(number for worker, number in threads.items() if worker in self._fit))
+
+    @property
+    def dashboard(self) -> str:
+        """Where Dask shows what its workers do."""
+        return str(self._client.dashboard_link)
+
+    def submit(self, chunk: Chunk) -> None:
+        """Have a chunk performed."""
+        allowed = frozenset(self._fit) if self._refused else frozenset()
+        future = self._client.submit(perform, self._key, __version__, chunk, workers=list(allowed) or None, pure=False)
+        self._chunks[future.key] = (chunk, allowed)
+        future.add_done_callback(self._done.put)
+
+    def take(self, seconds: float) -> Rows | None:
+        """The rows of a chunk that is done, None if there is none in this time.
+
+        Raises:
+            RunError: the scheduler has gone, or workers died of a chunk.
+        """
+        try:
+            future = self._done.get(timeout=seconds)
+        except Empty:
+            self._look()
+            return None
+        chunk, _ = self._chunks.pop(future.key)
+        try:
+            rows = future.result(timeout=60)
+        except self._dask.KilledWorker:
+            runs = f"runs {chunk.first} to {chunk.first + len(chunk.values) - 1}"
+            raise RunError(f"{runs}: several workers died of them, one after the other; their logs may say why") from None
+        except (CancelledError, OSError, TimeoutError):
+            raise RunError(f"--scheduler {self._address}: the scheduler has gone") from None
+        if isinstance(rows, str):
+            self._refuse(future, rows)
+            self.submit(chunk)
+            return None
+        assert isinstance(rows, Rows)
+        return rows
+
+    def close(self) -> None:
+        """Give the cluster back."""
+        self._client.close(timeout=2)
+
+    def _threads(self) -> dict[str, int]:
+        try:
+            return dict(self._client.nthreads())
+        except (OSError, TimeoutError, CancelledError):
+            raise RunError(f"--scheduler {self._address}: the scheduler has gone") from None
+
+    def _judge(self) -> None:
+        """Find out which workers can run the libraries.
+
+        Raises:
+            RunError: none can.
+        """
+        found = self._client.run(find_fault, self._key, __version__, on_error="return")
+        for worker, fault in found.items():
+            if said := str(fault):  # of an exception what it says
+                self._refused[worker] = said
+                self._note(f"worker {self._name(worker)} is refused: {said}")
+            else:
+                self._fit.add(worker)
+        if not self._fit:
+            raise self._none_fit()
+
+    def _none_fit(self) -> RunError:
+        refused = "; ".join(f"{self._name(worker)}: {why}" for worker, why in self._refused.items())
+        advice = "flags in the study, such as -O3 -march=x86-64-v2, build for other processors"
+        return RunError(f"--scheduler {self._address}: no worker can run the study: {refused}; {advice}")
+
+    def _name(self, worker: str) -> str:
+        """A worker's name and address."""
+        known = self._client.scheduler_info(n_workers=-1)["workers"].get(worker, {})
+        name = str(known.get("name", worker))
+        return worker if name == worker else f"'{name}' ({worker})"
+
+    def _look(self) -> None:
+        """See whether the scheduler is there; judge new workers, and have chunks performed anew whose workers have all gone."""
+        threads = self._threads()
+        if threads.keys() - self._fit - self._refused.keys():
+            self._judge()
+        lost = [(key, chunk) for key, (chunk, allowed) in self._chunks.items() if allowed and not allowed & threads.keys()]
+        for key, chunk in lost:
+            del self._chunks[key]
+            self.submit(chunk)
+
+    def _refuse(self, future: Any, why: str) -> None:
+        """A worker that a chunk was on cannot run the libraries."""
+        for worker in next(iter(self._client.who_has([future]).values()), ()):
+            self._fit.discard(worker)
+            if worker not in self._refused:
+                self._refused[worker] = why
+                self._note(f"worker {self._name(worker)} is refused: {why}")
+        if not self._fit:
+            raise self._none_fit()
+
+
+def _plugin(distributed: Any, key: str, work: Work) -> Any:
+    """A `Bringer` as Dask wants it."""
+    return type("WorkBringer", (Bringer, distributed.WorkerPlugin), {})(key, work)

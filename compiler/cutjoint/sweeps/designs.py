@@ -1,0 +1,91 @@
+"""Designs: which values the variables have, run by run.
+
+Sequences are SciPy's (scipy.stats.qmc) with the study's seed.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log, prod
+from typing import Any
+
+import numpy as np
+
+from cutjoint.run.errors import RunError
+from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol
+from cutjoint.sweeps.records import Array
+
+#: How many numbers SciPy's Sobol sequences have at most.
+MOST_DIMENSIONS = 21201
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extent:
+    """What a variable may be: one of ``levels``, or anything from ``low`` to ``high``, evenly by its logarithm or itself."""
+
+    levels: tuple[float, ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+    by_ratio: bool = False
+
+    def at(self, share: Array) -> Array:
+        """The values at shares of the range from 0 to 1."""
+        if self.levels:
+            places = np.minimum((share * len(self.levels)).astype(np.int64), len(self.levels) - 1)
+            return np.array(self.levels)[places]
+        if self.by_ratio:
+            return np.exp(log(self.low) + share * (log(self.high) - log(self.low)))
+        return self.low + share * (self.high - self.low)
+
+
+def spread(low: float, high: float, count: int, *, by_ratio: bool) -> tuple[float, ...]:
+    """So many levels from one number to another."""
+    values = np.geomspace(low, high, count) if by_ratio else np.linspace(low, high, count)
+    return tuple(map(float, values))
+
+
+def count_runs(design: Design, extents: Sequence[Extent]) -> int:
+    """How many runs a design has; of a table it is not known before that is read."""
+    match design:
+        case LatinHypercube():
+            return design.latin_hypercube
+        case Sobol():
+            return design.sobol
+        case Listed():
+            return len(design.list)
+    return prod(len(extent.levels) for extent in extents)
+
+
+def draw(design: Design, extents: Sequence[Extent]) -> Array:
+    """The values (runs, variables) of a grid, whose last variable changes from run to run, or of a sequence.
+
+    Raises:
+        RunError: SciPy is not installed.
+    """
+    if isinstance(design, (LatinHypercube, Sobol)):
+        shares = _shares(design, len(extents))
+        return np.stack([extent.at(shares[:, i]) for i, extent in enumerate(extents)], axis=1)
+    shape = [len(extent.levels) for extent in extents]
+    places = np.indices(shape).reshape(len(shape), -1)
+    return np.stack([np.array(extent.levels)[at] for extent, at in zip(extents, places, strict=True)], axis=1)
+
+
+def _shares(design: LatinHypercube | Sobol, dimensions: int) -> Array:
+    qmc = _qmc()
+    if isinstance(design, LatinHypercube):
+        shares: Array = qmc.LatinHypercube(dimensions, rng=design.seed).random(design.latin_hypercube)
+        return shares
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # numbers of points that are no power of two are as the user wants them
+        shares = qmc.Sobol(dimensions, rng=design.seed).random(design.sobol)
+    return shares
+
+
+def _qmc() -> Any:
+    try:
+        from scipy.stats import qmc
+    except ImportError:
+        raise RunError("latin_hypercube and sobol need SciPy: pip install 'cutjoint[sweep]'") from None
+    return qmc

@@ -1,0 +1,157 @@
+"""The shape of a study file, as pydantic classes; names, numbers and units are resolved in `reading`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
+
+from cutjoint.emit.standalone import INTEGRATORS_OF_CORE, STEPS
+from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, shape_error, told_by
+
+#: Runs that a study has at most.
+MOST_RUNS = 10**8
+
+Count = Annotated[StrictInt, Field(ge=1, le=MOST_RUNS)]
+Seed = Annotated[StrictInt, Field(ge=0, le=2**63 - 1)]
+
+
+class Between(Part):
+    """A range of numbers; ``count`` of them in a grid, spaced evenly or by equal ratios."""
+
+    from_: Number = Field(alias="from")
+    to: Number
+    count: Annotated[StrictInt, Field(ge=2, le=MOST_RUNS)] | None = None
+    scale: Literal["linear", "log"] = "linear"
+
+
+Values: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")]
+    | Annotated[tuple[Number, ...], Tag("<list>"), Field(min_length=1)]
+    | Annotated[Between, Tag("<range>")],
+    told_by(
+        {**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>", **dict.fromkeys(("from", "to"), "<range>")},
+        "needs a number, a list of numbers or {from: ..., to: ...}",
+    ),
+]
+
+
+class LatinHypercube(Part):
+    """Points of which each variable has one in each of equal parts of its range."""
+
+    latin_hypercube: Count
+    seed: Seed = 0
+
+
+class Sobol(Part):
+    """Points of a scrambled Sobol sequence."""
+
+    sobol: Count
+    seed: Seed = 0
+
+
+class Csv(Part):
+    """Rows of a table: names of variables above columns of numbers (SI units)."""
+
+    csv: StrictStr
+
+
+class Listed(Part):
+    """Values of all variables, run by run."""
+
+    list: Annotated[tuple[dict[StrictStr, Number], ...], Field(min_length=1)]
+
+
+Design: TypeAlias = Annotated[
+    Annotated[Literal["grid"], Tag("<grid>")]
+    | Annotated[LatinHypercube, Tag("<latin_hypercube>")]
+    | Annotated[Sobol, Tag("<sobol>")]
+    | Annotated[Csv, Tag("<csv>")]
+    | Annotated[Listed, Tag("<list>")],
+    told_by(
+        {str: "<grid>", **{key: f"<{key}>" for key in ("latin_hypercube", "sobol", "csv", "list")}},
+        "needs grid, {latin_hypercube: runs}, {sobol: runs}, {csv: file} or {list: [...]}",
+    ),
+]
+
+#: What an objective makes of an expression over time; each is a key of the file.
+REDUCTIONS = (
+    "end", "minimum", "maximum", "range", "mean", "rms", "deviation", "integral", "percentile", "crossing", "frequency", "amplitude",
+)  # fmt: skip
+
+
+class Objective(Part):
+    """A number of each run: one reduction of an expression over outputs, in a window of time."""
+
+    end: Number | None = None
+    minimum: Number | None = None
+    maximum: Number | None = None
+    range: Number | None = None
+    mean: Number | None = None
+    rms: Number | None = None
+    deviation: Number | None = None
+    integral: Number | None = None
+    percentile: Number | None = None
+    crossing: Number | None = None
+    frequency: Number | None = None
+    amplitude: Number | None = None
+    at: Number | None = None
+    direction: Literal["up", "down", "any"] | None = None
+    from_: Number | None = Field(default=None, alias="from")
+    to: Number | None = None
+    goal: Literal["smaller", "larger"] | None = None
+    unit: StrictStr | None = None
+
+    @model_validator(mode="after")
+    def _one_reduction(self) -> Objective:
+        given = [name for name in REDUCTIONS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise shape_error(f"has {' and '.join(given) or 'no reduction'}", f"write one of {', '.join(REDUCTIONS)}")
+        if (self.at is not None) != (given[0] in ("percentile", "crossing")):
+            words = "percentile and crossing need 'at'" if self.at is None and given[0] in ("percentile", "crossing") else ""
+            if words or self.at is not None:
+                raise shape_error(words or "'at' belongs to percentile and crossing", "write for example {percentile: x, at: 95}")
+        if self.direction is not None and self.crossing is None:
+            raise shape_error("'direction' belongs to crossing", "leave it away")
+        return self
+
+    @property
+    def reduction(self) -> str:
+        """The name of the reduction."""
+        return next(name for name in REDUCTIONS if getattr(self, name) is not None)
+
+
+class Trajectories(Part):
+    """Expressions whose values over time stand in the table, each ``every`` rows and the last."""
+
+    outputs: Annotated[tuple[StrictStr, ...], Field(min_length=1, max_length=MAX_PIECES)]
+    every: Annotated[StrictInt, Field(ge=1)] = 1
+
+
+class Document(Part):
+    """A study."""
+
+    cutjoint_study: Literal[1]
+    model: StrictStr
+    scenes: Annotated[tuple[StrictStr, ...], Field(min_length=1)] | None = None
+    open: tuple[StrictStr, ...] = ()
+    method: Annotated[str, OneOf(STEPS)] = DEFAULT_METHOD
+    integrator: Annotated[str, OneOf(INTEGRATORS_OF_CORE)] | None = None
+    dt: Number | None = None
+    end: Number | None = None
+    output_step: Number | None = None
+    tolerance: Number | None = None
+    flags: StrictStr | None = None
+    parameters: dict[StrictStr, Values] = Field(default={})
+    positions: dict[StrictStr, Values] = Field(default={})
+    rates: dict[StrictStr, Values] = Field(default={})
+    design: Design = "grid"
+    objectives: Annotated[dict[Name, Objective], Field(max_length=MAX_PIECES)] = Field(default={})
+    trajectories: Trajectories | None = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Document:
+        if not self.objectives and self.trajectories is None:
+            raise shape_error("there are no objectives and no trajectories", "write for example objectives: {peak: {maximum: body.z}}")
+        return self

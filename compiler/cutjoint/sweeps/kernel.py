@@ -1,0 +1,119 @@
+"""The library of a study in one scene: bytes that any worker loads, and what it makes of runs."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import tempfile
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutjoint.sweeps.records import Array, Counts
+from cutjoint.sweeps.target import Target
+
+#: Characters of what is said of a run that failed.
+_TEXT = 400
+
+
+@dataclass(frozen=True, kw_only=True)
+class Left:
+    """What runs leave: ``series`` (runs, series, rows), of which each run ``reached`` so many rows; why runs failed by their places, and
+    the ``times`` of that, s, NaN for none."""
+
+    series: Array
+    reached: Counts
+    failures: dict[int, str]
+    times: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kernel:
+    """The runs of a study in one scene as a library.
+
+    ``content`` is the library, ``size`` the bytes that a simulation takes.  A run has ``rows`` rows, ``row_step`` (s) apart.
+    """
+
+    model: str
+    scene: str
+    source: str
+    content: bytes
+    target: Target
+    size: int
+    series: int
+    rows: int
+    row_step: float
+
+    @cached_property
+    def digest(self) -> str:
+        """Of the library."""
+        return sha256(self.content).hexdigest()
+
+    @property
+    def times(self) -> Array:
+        """The times of the rows, s."""
+        return np.arange(self.rows, dtype=np.float64) * self.row_step
+
+    def run(self, values: Array) -> Left:
+        """Runs with values (runs, variables).
+
+        Raises:
+            OSError: the library cannot be loaded here.
+        """
+        values, runs = np.ascontiguousarray(values, dtype=np.float64), len(values)
+        series, memory = np.empty((runs, self.series, self.rows)), np.zeros(self.size // 8)
+        status, reached = np.zeros(runs, dtype=np.intc), np.zeros(runs, dtype=np.int64)
+        times, texts = np.zeros(runs), np.zeros((runs, _TEXT), dtype=np.uint8)
+        _function(self)(
+            memory.ctypes.data, self.size, runs, self.rows, self.row_step, values.ctypes.data, series.ctypes.data, status.ctypes.data,
+            reached.ctypes.data, times.ctypes.data, texts.ctypes.data, _TEXT,
+        )  # fmt: skip
+        times[status == 0] = np.nan
+        failures = {int(run): _said(texts[run]) for run in np.flatnonzero(status)}
+        return Left(series=series, reached=reached, failures=failures, times=times)
+
+
+def require_loadable(kernels: Sequence[Kernel]) -> str:
+    """Why this machine cannot run libraries; "" if it can."""
+    for kernel in kernels:
+        if fault := kernel.target.fault():
+            return fault
+        try:
+            _function(kernel)
+        except (OSError, AttributeError) as error:
+            return f"the library cannot be loaded: {error}"
+    return ""
+
+
+def _said(text: Any) -> str:
+    return bytes(text).partition(b"\0")[0].decode("utf-8", "replace")
+
+
+_loaded: dict[str, Any] = {}
+_lock = threading.Lock()
+
+
+def _function(kernel: Kernel) -> Any:
+    """The function of a library that runs a study.  The file is removed once it is loaded: nothing stays behind, however a worker ends."""
+    with _lock:
+        if kernel.digest not in _loaded:
+            with tempfile.TemporaryDirectory(prefix="cutjoint-") as folder:
+                file = Path(folder) / f"lib{kernel.digest[:16]}.so"
+                file.write_bytes(kernel.content)
+                _loaded[kernel.digest] = _declared(ctypes.CDLL(os.fspath(file)), f"{kernel.model}_study")
+        return _loaded[kernel.digest]
+
+
+def _declared(library: Any, name: str) -> Any:
+    function, pointer = getattr(library, name), ctypes.c_void_p
+    function.restype = None
+    function.argtypes = (
+        pointer, ctypes.c_size_t, ctypes.c_long, ctypes.c_long, ctypes.c_double, *([pointer] * 6), ctypes.c_size_t,
+    )  # fmt: skip
+    return function

@@ -1,0 +1,56 @@
+"""Workers of a sweep: the threads of this process.  The libraries' code runs beside Python's."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import Future, ThreadPoolExecutor
+from queue import Empty, Queue
+from typing import Protocol
+
+from cutjoint.sweeps.work import Chunk, Rows, Work
+
+
+class Workers(Protocol):
+    """What performs chunks, several at a time."""
+
+    @property
+    def number(self) -> int:
+        """How many chunks are performed at a time."""
+
+    def submit(self, chunk: Chunk) -> None:
+        """Have a chunk performed."""
+
+    def take(self, seconds: float) -> Rows | None:
+        """The rows of a chunk that is done, None if there is none in this time; what went wrong with one is raised."""
+
+    def close(self) -> None:
+        """Begin no more chunks."""
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+class Threads:
+    """Threads of this process."""
+
+    def __init__(self, work: Work, number: int) -> None:
+        self.number = number
+        self._work, self._done = work, Queue[Future[Rows]]()
+        self._pool = ThreadPoolExecutor(number)
+
+    def submit(self, chunk: Chunk) -> None:
+        """Have a chunk performed."""
+        self._pool.submit(self._work.perform, chunk).add_done_callback(self._done.put)
+
+    def take(self, seconds: float) -> Rows | None:
+        """The rows of a chunk that is done, None if there is none in this time."""
+        try:
+            return self._done.get(timeout=seconds).result()
+        except Empty:
+            return None
+
+    def close(self) -> None:
+        """Begin no more chunks, and wait for those that were begun."""
+        self._pool.shutdown(cancel_futures=True)

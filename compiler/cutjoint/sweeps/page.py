@@ -1,0 +1,105 @@
+"""The results of a sweep as a page: one HTML file that holds all it needs."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from itertools import permutations
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.locations import templates_folder
+from cutjoint.sweeps.records import Array, Kind, Objective, Study
+from cutjoint.sweeps.run import Sweep
+from cutjoint.view.page import as_data, script_hash
+
+#: Bytes of numbers that a page has at most; of more runs it shows some.
+_BYTES = 300_000
+
+#: How many of the best and the worst runs of each objective, and of the runs that failed, a page always has.
+_EXTREME, _FAILED = 20, 20
+
+
+def make_page(study: Study, done: Sweep, command: str) -> str:
+    """The page of a table; ``command`` begins the command that replays a run."""
+    columns = [(v.name, "variable", v.unit) for v in study.variables] + [(o.name, "objective", o.unit) for o in study.objectives]
+    numbers = [_numbers(study, done, name) for name, _, _ in columns]
+    goals = {o.name: o.goal for o in study.objectives}
+    scenes = {v.name for v in study.variables if v.kind is Kind.SCENE}
+    shown = choose_runs(study, done, max(1, _BYTES // (4 * (len(columns) + 1))))
+    failures = [(i, failure) for i, failure in enumerate(done.failures) if failure is not None]
+    about = {
+        "title": study.model.name, "note": _note(study, len(shown), len(failures)), "shown": len(shown), "command": command,
+        "failures": [{"number": number, "reason": reason} for number, reason in failures[:_FAILED]],
+        "columns": [
+            {"name": name, "role": role, "unit": unit, "goal": goals.get(name, ""),
+             "labels": [scene.name for scene in study.scenes] if name in scenes else None}
+            for name, role, unit in columns
+        ],
+    }  # fmt: skip
+    content = shown.astype("<i4").tobytes() + b"".join(values[shown].astype("<f4").tobytes() for values in numbers)
+    folder = templates_folder()
+    script = (folder / "sweep/page.js").read_text(encoding="utf-8")
+    page: str = _environment().get_template("page.html.jinja").render(
+        title=escape(f"{study.model.name}: {study.runs} runs"), about=as_data(about), numbers=base64.b64encode(content).decode(),
+        script=script, hash=script_hash(script),
+        styles=[(folder / name).read_text(encoding="utf-8") for name in ("view/page.css", "sweep/page.css")],
+    )  # fmt: skip
+    return page
+
+
+def _numbers(study: Study, done: Sweep, name: str) -> Array:
+    """A column as numbers; of scenes their places."""
+    values = done[name]
+    if values.dtype == object:
+        places = {scene.name: i for i, scene in enumerate(study.scenes)}
+        return np.array([places[value] for value in values], dtype=float)
+    return np.asarray(values, dtype=float)
+
+
+def choose_runs(study: Study, done: Sweep, most: int) -> NDArray[np.int64]:
+    """The numbers of the runs that a page shows, in order.
+
+    All if it can; else those at the ends of each objective and on the Pareto front of each two, and evenly some of the others.
+    """
+    if study.runs <= most:
+        return np.arange(study.runs)
+    values = {o.name: _numbers(study, done, o.name) for o in study.objectives}
+    always: set[int] = set()
+    for number in values.values():
+        order = np.argsort(number, kind="stable")[: int((~np.isnan(number)).sum())]
+        always.update(map(int, [*order[:_EXTREME], *order[-_EXTREME:]]))
+    for one, other in permutations(study.objectives, 2):
+        if one.name < other.name:
+            always.update(pareto_front([one, other], [values[one.name], values[other.name]]))
+    certain = sorted(always)[:most]
+    others = np.setdiff1d(np.arange(study.runs), certain)
+    left = others[np.linspace(0, len(others) - 1, most - len(certain)).astype(np.int64)] if most > len(certain) else others[:0]
+    return np.union1d(certain, left).astype(np.int64)
+
+
+def pareto_front(objectives: Sequence[Objective], values: Sequence[Array]) -> list[int]:
+    """The runs of which none is better in one of two objectives without being worse in the other."""
+    first, second = (v if o.goal == "smaller" else -v for o, v in zip(objectives, values, strict=True))
+    order = np.lexsort((second, first))
+    order = order[~np.isnan(first[order] + second[order])]
+    least = np.minimum.accumulate(second[order]) if order.size else order
+    on_front = np.concatenate([[True], second[order][1:] < least[:-1]]) if order.size else np.zeros(0, dtype=bool)
+    return [int(run) for run in order[on_front]]
+
+
+def _note(study: Study, shown: int, failed: int) -> str:
+    words = [f"{study.runs} runs", ", ".join(scene.name for scene in study.scenes)]
+    if shown < study.runs:
+        words.append(f"shown are {shown}: the best, the worst, the Pareto fronts, and evenly some of the others")
+    if failed:
+        words.append(f"{failed} failed")
+    return " · ".join(words)
+
+
+def _environment() -> jinja2.Environment:
+    loader = jinja2.FileSystemLoader(templates_folder() / "sweep")
+    return jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)

@@ -1,0 +1,194 @@
+"""From a study file to a `Study`: all names resolved, all numbers in SI units, all problems at once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from math import inf, isnan
+from pathlib import Path
+
+import numpy as np
+
+from cutjoint.locations import AnyPath
+from cutjoint.model.errors import ModelError, Problems, nearest
+from cutjoint.model.operations import ExpressionError
+from cutjoint.model.ranges import fault_of_setting
+from cutjoint.model.records import Model, Scene
+from cutjoint.model.scope import Directory, Element, Scope
+from cutjoint.model.shape import check_part
+from cutjoint.model.source import Path as Keys
+from cutjoint.model.source import Source, parse_yaml, read_text
+from cutjoint.model.units import TIME
+from cutjoint.run.options import Options
+from cutjoint.run.scenes import find_scene
+from cutjoint.run.settings import with_options
+from cutjoint.sweeps.document import Document, Listed
+from cutjoint.sweeps.document import Objective as ObjectivePart
+from cutjoint.sweeps.expressions import Reader
+from cutjoint.sweeps.records import Array, Objective, Series, Study
+from cutjoint.sweeps.variables import TAKEN, Variables
+from cutjoint.toolchain.build import FLAGS
+from cutjoint.topology.reading import read_model, read_model_text
+
+#: What the sections of variables and the others are called in messages.
+_LABELS = {"parameters": "parameter", "positions": "position", "rates": "rate", "objectives": "objective"}
+
+def element_of(path: Keys) -> tuple[str, int]:
+    """The part of a study that a path leads into, in words, and how many keys lead to it."""
+    if len(path) >= 2 and path[0] in _LABELS:
+        return f"{_LABELS[str(path[0])]} '{path[1]}'", 2
+    return ("design", 1) if path[:1] == ("design",) else ("study", 0)
+
+
+def read_study(path: AnyPath) -> Study:
+    """Read a study file and the model that it names.
+
+    Raises:
+        ModelError: the study or its model is wrong; it has all problems.
+        RunError: a library that the design needs is not installed.
+    """
+    return read_study_text(read_text(Path(path)), str(path))
+
+
+def read_study_text(text: str, file: str) -> Study:
+    """The same from a study's text; ``file`` is the name that messages carry, and paths in the study start from its folder."""
+    source, problems = parse_yaml(text, file), Problems()
+    document = check_part(source, problems, Document, element_of)
+    if document is None:
+        raise problems.error()
+    return _Reading(source, problems, document).study()
+
+
+class _Reading:
+    """The steps of reading one study."""
+
+    def __init__(self, source: Source, problems: Problems, document: Document) -> None:
+        self.source, self.problems, self.document = source, problems, document
+        self.folder = Path(source.file).parent
+        scope = Scope(source=source, problems=problems, directory=Directory(frozenset(), {}, frozenset()), names={}, values={})
+        self.where = Element(scope, "study", "", ())
+        self.series: list[Series] = []
+
+    def study(self) -> Study:
+        """The study; raises ModelError with all problems."""
+        document, model = self.document, self._model()
+        scenes, reader, shown = self._scenes(model), Reader(model), document.trajectories
+        design = Variables(self.where, document, model, self.folder).design(scenes)
+        names = {v.name for v in design.variables}
+        objectives = [self._objective(name, part, reader, names, scenes) for name, part in document.objectives.items()]
+        kept = [] if shown is None else [self._trajectory(i, text, reader) for i, text in enumerate(shown.outputs)]
+        if self.problems:
+            raise self.problems.error()
+        return Study(
+            file=self.source.file, model=model, scenes=scenes, method=document.method, integrator=document.integrator,
+            opened=document.open, flags=FLAGS if document.flags is None else tuple(document.flags.split()),
+            variables=design.variables, values=design.values, outputs=tuple(reader.outputs.values()), series=tuple(self.series),
+            objectives=tuple(objectives), trajectories=tuple(kept), every=1 if shown is None else shown.every,
+            design=_described(document), span=self.source.key_span(("design",)), digest=_digest(self.source, design.values),
+        )  # fmt: skip
+
+    def at(self, keys: Keys) -> Element:
+        """What reads the values of a part."""
+        return replace(self.where, label=element_of(keys)[0])
+
+    def _model(self) -> Model:
+        path = self.folder / self.document.model
+        if not path.is_file():
+            self.where.fail(f"model: there is no file {path}", "write its path from the folder of the study", ("model",))
+            raise self.problems.error()
+        try:  # what is generated names the model as the study does, wherever that is called from
+            return read_model_text(read_text(path), self.document.model, opened=self.document.open)
+        except ModelError:
+            return read_model(path, opened=self.document.open)
+
+    def _scenes(self, model: Model) -> tuple[Scene, ...]:
+        """The scenes with the settings of the study."""
+        names = self.document.scenes
+        if names is None:
+            if len(model.scenes) > 1:
+                known = ", ".join(model.scenes)
+                self.where.fail(f"the model has several scenes: {known}", "name some of them: scenes: [...]", ("model",))
+                raise self.problems.error()
+            return (self._with_settings(find_scene(model, None)),)
+        for i, name in enumerate(names):
+            if name not in model.scenes:
+                self.where.fail(f"scenes: the model has no scene '{name}'", nearest(name, model.scenes, "scenes"), ("scenes", i))
+            elif name in names[:i]:
+                self.where.fail(f"scenes: '{name}' stands twice", "remove one", ("scenes", i))
+        if self.problems:
+            raise self.problems.error()
+        return tuple(self._with_settings(model.scenes[name]) for name in names)
+
+    def _with_settings(self, scene: Scene) -> Scene:
+        document, times = self.document, {}
+        for name in ("dt", "end", "output_step", "tolerance"):
+            value = getattr(document, name)
+            if value is not None:
+                times[name] = number = self.where.number(value, None if name == "tolerance" else TIME, (name,))
+                if not isnan(number) and (fault := fault_of_setting(name, number)):
+                    self.where.fail(f"{name}: {fault}", "", (name,))
+        if self.problems:
+            raise self.problems.error()
+        scene = replace(scene, output_step=times.get("output_step", scene.output_step))
+        return with_options(scene, document.method, Options(dt=times.get("dt"), end=times.get("end"), tolerance=times.get("tolerance")))
+
+    # What becomes of runs.
+
+    def _objective(self, name: str, part: ObjectivePart, reader: Reader, variables: set[str], scenes: Sequence[Scene]) -> Objective:
+        keys, where = ("objectives", name), self.at(("objectives", name))
+        if name in TAKEN or name in variables:
+            where.fail("the name stands for another column of the table", "rename the objective", keys, at_key=True)
+        place = self._series(getattr(part, part.reduction), (*keys, part.reduction), reader)
+        begin = -inf if part.from_ is None else where.number(part.from_, TIME, (*keys, "from"))
+        end = inf if part.to is None else where.number(part.to, TIME, (*keys, "to"))
+        last = min(scene.end for scene in scenes)
+        if not (begin < end and begin <= last and end >= 0) and not isnan(begin + end):
+            where.fail("the window of time is empty", f"write from and to between 0 and {last:g} s", keys, at_key=True)
+        at = 0.0 if part.at is None else where.number(part.at, None, (*keys, "at"))
+        if part.reduction == "percentile" and not 0 <= at <= 100:
+            where.fail("a percentile lies between 0 and 100", "write for example at: 95", (*keys, "at"))
+        return Objective(
+            name=name, reduction=part.reduction, series=place, at=at, direction=part.direction or "any", begin=begin, end=end,
+            goal=part.goal or "smaller", unit=part.unit or _unit(part.reduction, self.series[place].unit if self.series else ""),
+        )  # fmt: skip
+
+    def _trajectory(self, i: int, text: str, reader: Reader) -> int:
+        return self._series(text, ("trajectories", "outputs", i), reader)
+
+    def _series(self, value: int | float | str, keys: Keys, reader: Reader) -> int:
+        """The place of an expression among the series; what is wrong with it is noted."""
+        try:
+            expression, unit = reader.read(value, self.source.value_span(keys))
+        except ExpressionError as error:
+            self.at(keys).fail(f"'{value}': {error.message}", error.hint, keys)
+            return 0
+        series = Series(text=str(value), value=expression, unit=unit)
+        if series not in self.series:
+            self.series.append(series)
+        return self.series.index(series)
+
+
+def _unit(reduction: str, unit: str) -> str:
+    if reduction in ("crossing", "frequency"):
+        return "s" if reduction == "crossing" else "Hz"
+    return f"{unit}*s" if reduction == "integral" and unit else unit
+
+
+def _described(document: Document) -> Mapping[str, object]:
+    """The design in plain data."""
+    match document.design:
+        case str():
+            return {"grid": True}
+        case Listed():
+            return {"list": True}
+    return document.design.model_dump(warnings=False)
+
+
+def _digest(source: Source, values: Array) -> str:
+    """Of all that a study asks for of its model, and of the numbers that follow from its design."""
+    asked = json.dumps({key: value for key, value in source.data.items() if key != "model"})
+    return sha256(asked.encode() + np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()
+
+

@@ -1,0 +1,42 @@
+"""A run of a sweep once more, by the simulator of the command line, to be seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import sympy
+
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.errors import RunError
+from cutjoint.standalone import choose_steps
+from cutjoint.sweeps.records import Kind, Study
+from cutjoint.topology.reading import read_model
+from cutjoint.view.views import show_run, write_shown
+
+
+def replay(study: Study, run: int, view: Path) -> Path:
+    """Write the page or glTF file of a run.
+
+    Raises:
+        RunError: the study has no such run.
+        ModelError, ToolchainError, SimulatorError, OutputError: as of `simulate` and `write_view`.
+    """
+    if not 0 <= run < study.runs:
+        raise RunError(f"--replay {run}: the study has no such run; its runs are 0 to {study.runs - 1}")
+    scene, values = study.scene_of(run), study.settings_of(run)
+    kinds = {v.name: v.kind for v in study.variables}
+    given = {kind: {name: sympy.Float(value, 17) for name, value in values.items() if kinds[name] is kind} for kind in Kind}
+    scene = replace(
+        scene, outputs=study.outputs, positions={**scene.positions, **given[Kind.POSITION]}, rates={**scene.rates, **given[Kind.RATE]}
+    )
+    parameters = {name: value for name, value in values.items() if kinds[name] in (Kind.PARAMETER, Kind.INPUT)}
+    steps = choose_steps(scene, study.method, study.integrator)
+    model = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
+    done = simulate(
+        compile_scene(model, scene, method=study.method, flags=study.flags), parameters=parameters, dt=scene.numerics.step,
+        integrator=steps.integrator, events=steps.events, coordinates=True, error=False, check=False,
+    )  # fmt: skip
+    if done.failure is not None and not done.t.size:
+        raise RunError(f"--replay {run}: it failed before its first row, so that there is nothing to show: {done.failure}")
+    return write_shown(view, show_run(model, scene, study.method, parameters, done))

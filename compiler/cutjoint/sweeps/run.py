@@ -1,0 +1,238 @@
+"""Sweeps from end to end: read this first.
+
+    study.yaml -> Study -> libraries -> chunks -> parts -> table
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import islice
+from math import ceil
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from cutjoint.locations import AnyPath
+from cutjoint.run.errors import RunError
+from cutjoint.run.settings import require_settings
+from cutjoint.run.stopping import StopRequest, stop_requests
+from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.local import Threads, Workers, processors
+from cutjoint.sweeps.manifest import make_manifest
+from cutjoint.sweeps.reading import read_study, read_study_text
+from cutjoint.sweeps.records import Kind, Study
+from cutjoint.sweeps.table import MANIFEST, Layout, Parts, arrow, is_whole, missing, require_file, require_room
+from cutjoint.sweeps.work import Chunk, Work
+
+#: Seconds of work that a chunk has, if there are runs enough: at least, and usually.
+LEAST_WORK, USUAL_WORK = 0.1, 0.25
+
+#: Chunks a second that a scheduler and one client are given, usually and towards the end; with more workers chunks are larger.
+_USUAL_RATE, _LAST_RATE = 64, 256
+
+#: Seconds of work after which it is known how long a run takes.
+_ENOUGH = 0.02
+
+#: Bytes of rows that a chunk sends at most, unless one run has more.
+_MOST_BYTES = 32_000_000
+
+#: The addresses that schedulers of Dask have.
+_ADDRESS = re.compile(r"(?:tcp|tls|ucx|ws|wss)://(?:[\w.-]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}", re.ASCII)
+
+#: Told of progress: how many of how many runs are done.
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """The table of a sweep: ``sweep["objective"]`` is a column (runs,), SI units; of trajectories a list of arrays.
+
+    ``seconds`` is the work of all workers in this call, ``performed`` how many runs it made, the others were there.
+    """
+
+    path: Path
+    performed: int
+    seconds: float
+    elapsed: float
+
+    @cached_property
+    def table(self) -> Any:
+        """The whole table, PyArrow's."""
+        return arrow().parquet.read_table(self.path)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of columns that have one."""
+        fields = [(f.name, f.metadata or {}) for f in self.table.schema]
+        return {name: data[b"unit"].decode() for name, data in fields if b"unit" in data}
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """What the table is of: digests, versions, design."""
+        found: dict[str, Any] = json.loads(self.table.schema.metadata[MANIFEST])
+        return found
+
+    @property
+    def failures(self) -> list[str | None]:
+        """Why each run failed, None of those that did not."""
+        found: list[str | None] = self.table["failure"].to_pylist()
+        return found
+
+    def __getitem__(self, name: str) -> Any:
+        column = self.table[name]
+        if not arrow().types.is_list(column.type):
+            return column.to_numpy()
+        return [np.asarray(values) for values in column.to_pylist()]
+
+    def __repr__(self) -> str:
+        return f"<Sweep of {self.table.num_rows} runs: {', '.join(self.table.column_names)}>"
+
+
+def sweep(
+    study: AnyPath | Mapping[str, Any], out: AnyPath, *, scheduler: str | None = None, threads: int | None = None,
+    progress: Progress | None = None, note: Callable[[str], None] | None = None,
+) -> Sweep:  # fmt: skip
+    """Make all runs of a study, a file or what would stand in one, and write their table to ``out``.
+
+    They run in ``threads`` of this process, as many as processors by default, or on the workers of the Dask cluster whose ``scheduler`` is
+    at an address such as "tcp://10.0.0.1:8786".  A call that did not come to its end is gone on with.  ``note`` is told what is done.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError, RunError: the study or its model is wrong, or the cluster cannot run it.
+        ToolchainError: the C++ side failed.
+        OutputError: the table cannot be written, or rows of another sweep are in its place.
+        Interrupted, Terminated: a signal has ended the sweep; the runs that are done stay.
+    """
+    require_settings(threads=threads)
+    if threads is not None and scheduler is not None:
+        raise RunError("threads are those of this process; the workers of a scheduler have their own")
+    read = read_study_text(json.dumps(dict(study)), "study") if isinstance(study, Mapping) else read_study(study)
+    return perform_study(read, Path(out), scheduler=scheduler, threads=threads, progress=progress, note=note)
+
+
+def perform_study(
+    study: Study, out: Path, *, scheduler: str | None = None, threads: int | None = None, progress: Progress | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Sweep:  # fmt: skip
+    """The same of a study that was read."""
+    say, begin = note or (lambda text: None), perf_counter()
+    arrow()
+    require_address(scheduler)
+    require_file(out)
+    require_room(Layout(study=study, manifest={}), out)
+    kernels = build_kernels(study)
+    layout = Layout(study=study, manifest=make_manifest(study, kernels))
+    if is_whole(out, layout):
+        return Sweep(path=out, performed=0, seconds=0.0, elapsed=perf_counter() - begin)
+    work = Work(
+        kernels=kernels, has_scenes=any(v.kind is Kind.SCENE for v in study.variables), objectives=study.objectives,
+        trajectories=study.trajectories, every=study.every,
+    )  # fmt: skip
+    with ExitStack() as stack:
+        parts = Parts(out, layout)
+        stack.callback(parts.close)
+        request = stack.enter_context(stop_requests())
+        done = parts.ranges()
+        if done:
+            say(f"{sum(last - first for first, last in done)} of {study.runs} runs are in {parts.folder}: going on")
+        workers = _workers(work, scheduler, threads, say)
+        stack.callback(workers.close)
+        driver = _Driver(study, work, parts, workers, layout.row_bytes, progress)
+        driver.perform(missing(done, study.runs), request)
+        parts.finish()
+    return Sweep(path=out, performed=driver.performed, seconds=driver.seconds, elapsed=perf_counter() - begin)
+
+
+def require_address(scheduler: str | None) -> None:
+    """Check the form of a scheduler's address.
+
+    Raises:
+        RunError: it is none.
+    """
+    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
+        raise RunError(f"--scheduler {scheduler[:60]!a}: not an address; write for example tcp://10.0.0.1:8786")
+
+
+def _workers(work: Work, scheduler: str | None, threads: int | None, say: Callable[[str], None]) -> Workers:
+    if scheduler is None:
+        return Threads(work, threads or processors())
+    from cutjoint.sweeps.cluster import Cluster
+
+    cluster = Cluster(work, scheduler, say)
+    say(f"{cluster.number} threads of workers at {scheduler}; Dask's dashboard: {cluster.dashboard}")
+    return cluster
+
+
+@dataclass
+class _Driver:
+    """Cuts runs into chunks, has them performed and writes their rows."""
+
+    study: Study
+    work: Work
+    parts: Parts
+    workers: Workers
+    row_bytes: int
+    progress: Progress | None
+    performed: int = 0
+    seconds: float = 0.0
+    _largest: int = field(default=1, init=False)
+
+    def perform(self, ranges: list[tuple[int, int]], request: StopRequest) -> None:
+        """Make the runs of all ranges, each from the first to the one before the last."""
+        left = sum(last - first for first, last in ranges)
+        waiting, done, chunks = 0, self.study.runs - left, self._chunks(ranges)
+        try:
+            while done < self.study.runs:
+                for chunk in islice(chunks, max(0, self._most_waiting() - waiting)):
+                    self.workers.submit(chunk)
+                    waiting += 1
+                if request.number is not None:
+                    raise request.error("interrupted")
+                if (rows := self.workers.take(1.0)) is not None:
+                    waiting, done = waiting - 1, done + len(rows.values)
+                    self._learn(len(rows.values), rows.seconds)
+                    self.parts.write(rows)
+                    if self.progress is not None:
+                        self.progress(done, self.study.runs)
+        except BaseException as error:
+            error.add_note(f"{done} of {self.study.runs} runs are in {self.parts.folder}; the same call goes on from there")
+            raise
+
+    def _learn(self, runs: int, seconds: float) -> None:
+        self.performed += runs
+        self.seconds += seconds
+        self._largest = max(self._largest, runs)
+
+    def _chunks(self, ranges: list[tuple[int, int]]) -> Iterator[Chunk]:
+        """The runs in order, in chunks of as much work as known so far."""
+        left = sum(last - first for first, last in ranges)
+        for first, last in ranges:
+            while first < last:
+                number = min(last - first, self._size(left))
+                yield Chunk(first=first, values=np.ascontiguousarray(self.study.values[first : first + number]))
+                first, left = first + number, left - number
+
+    def _is_known(self) -> bool:
+        """Whether it is known how long a run takes."""
+        return self.seconds >= _ENOUGH
+
+    def _most_waiting(self) -> int:
+        """How many chunks are under way at most: each worker has the next one, or a few try how long a run takes."""
+        return 2 * self.workers.number if self._is_known() else min(4, 2 * self.workers.number)
+
+    def _size(self, left: int) -> int:
+        """How many runs the next chunk has; towards the end chunks are smaller, so that all workers end at about the same time."""
+        if not self.performed:
+            return 1
+        most = max(1, min(self.study.runs if self._is_known() else 16 * self._largest, _MOST_BYTES // self.row_bytes))
+        each, workers = self.seconds / self.performed, self.workers.number
+        usual, least = max(USUAL_WORK, workers / _USUAL_RATE), max(LEAST_WORK, workers / _LAST_RATE)
+        work = max(least, min(usual, each * left / (2 * workers)))
+        return max(1, min(most, ceil(work / each)))

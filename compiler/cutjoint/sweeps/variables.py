@@ -1,0 +1,221 @@
+"""The variables of a study: what of the model they change, what they may be, and their values run by run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from math import isnan, nan
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.model.errors import nearest
+from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.ranges import fault_of
+from cutjoint.model.records import COORDINATES, Binding, Model, Parameter, Scene, Span
+from cutjoint.model.scope import Element
+from cutjoint.model.source import Path as Keys
+from cutjoint.model.starts import read_states
+from cutjoint.model.units import measure
+from cutjoint.sweeps import designs
+from cutjoint.sweeps.designs import Extent
+from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, Values
+from cutjoint.sweeps.records import Array, Kind, Variable
+from cutjoint.sweeps.tables import read_numbers
+
+#: Reads a number as it is written at a place, in SI units; NaN, with a problem noted, where the model cannot have it.
+Read: TypeAlias = Callable[[int | float | str, Keys], float]
+
+#: The column that says which scene a run has.
+SCENE = "scene"
+
+#: What else a table has that no variable or objective can be called.
+TAKEN = ("run", "failure", "failure_time")
+
+_SECTIONS = ("parameters", "positions", "rates")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """The variables of a study, and their ``values`` (runs, variables)."""
+
+    variables: tuple[Variable, ...]
+    values: Array
+
+
+class Variables:
+    """Reads the variables of a study of a model, which ``where`` names in messages; ``folder`` is that of the study."""
+
+    def __init__(self, where: Element, document: Document, model: Model, folder: Path) -> None:
+        self._where, self._document, self._folder = where, document, folder
+        self._source, self._problems = where.scope.source, where.scope.problems
+        self._joints = {joint.name: joint for joint in model.joints}
+        self._constants = {p.name: p for p in model.parameters if p.binding is Binding.CONST}
+        self._parameters: Mapping[str, Parameter] = {p.name: p for p in (*open_parameters(model), *input_parameters(model))}
+        self._inputs = {p.name for p in input_parameters(model)}
+        self._states = {
+            f"{joint.name}.{component}": unit for joint in model.joints if not joint.cut
+            for component, unit in JOINT_QUANTITIES[joint.kind].items()
+        }  # fmt: skip
+
+    def design(self, scenes: tuple[Scene, ...]) -> Design:
+        """The variables and their values.
+
+        Raises:
+            ModelError: something of them is wrong.
+            RunError: a library that the design needs is not installed.
+        """
+        design = self._document.design
+        if isinstance(design, (Csv, Listed)):
+            return self._of_table(design, scenes)
+        found = [(self._scene(), Extent(levels=tuple(map(float, range(len(scenes))))))] if len(scenes) > 1 else []
+        for section in _SECTIONS:
+            for name, values in getattr(self._document, section).items():
+                found.append(self._variable(section, name, values))
+        self._require_names([v for v, _ in found])
+        if not found:
+            self._fail(("design",), "there is no variable", "write for example parameters: {stiffness: {from: 1, to: 2}}")
+        self._end()
+        runs = designs.count_runs(design, [extent for _, extent in found])
+        if runs > MOST_RUNS:
+            self._fail(("design",), f"{runs} runs are more than {MOST_RUNS:g}", "write smaller counts, or a sequence such as {sobol: 1000}")
+        self._end()
+        bytes_needed, free = 24 * runs * len(found), os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        if bytes_needed > free:
+            needed = f"{runs} runs need {bytes_needed / 1e9:.3g} GB of memory for their values, of which {free / 1e9:.3g} GB are free"
+            self._fail(("design",), needed, "write several studies")
+        self._end()
+        return Design(variables=tuple(v for v, _ in found), values=designs.draw(design, [extent for _, extent in found]))
+
+    def _at(self, keys: Keys) -> Element:
+        label = {"parameters": "parameter", "positions": "position", "rates": "rate"}.get(str(keys[0]))
+        return replace(self._where, label=f"{label} '{keys[1]}'" if label and len(keys) > 1 else str(keys[0]))
+
+    def _fail(self, keys: Keys, message: str, hint: str = "", *, at_key: bool = False) -> None:
+        self._at(keys).fail(message, hint, keys, at_key=at_key)
+
+    def _end(self) -> None:
+        if self._problems:
+            raise self._problems.error()
+
+    def _scene(self) -> Variable:
+        return Variable(name=SCENE, kind=Kind.SCENE, unit="", span=self._source.key_span(("scenes",)))
+
+    def _variable(self, section: str, name: str, values: Values) -> tuple[Variable, Extent]:
+        """A variable of a section, and what it may be."""
+        keys: Keys = (section, name)
+        known = self._parameters if section == "parameters" else self._states
+        if name not in known:
+            self._fail(keys, *self._unknown(name, known), at_key=True)
+        variable, read = self._named(name, section, self._source.key_span(keys))
+        return variable, self._extent(values, keys, read)
+
+    def _unknown(self, name: str, known: Mapping[str, object]) -> tuple[str, str]:
+        if name in self._constants:
+            return "the parameter has binding const", f"write binding: param at {self._constants[name].span}"
+        return "the model has none of this name", nearest(name, known, "it has") or "give a parameter binding: param, or open: ['*.mass']"
+
+    def _named(self, name: str, section: str, span: Span) -> tuple[Variable, Read]:
+        """A variable by its name, and what reads its numbers."""
+        if section != "parameters":
+            kind = Kind.POSITION if section == "positions" else Kind.RATE
+            return Variable(name=name, kind=kind, unit=self._states.get(name, ""), span=span), self._state_reader(section, name)
+        unit = self._parameters[name].unit if name in self._parameters else ""
+        kind = Kind.INPUT if name in self._inputs else Kind.PARAMETER
+        return Variable(name=name, kind=kind, unit=unit, span=span), self._number_reader(unit)
+
+    def _number_reader(self, unit: str) -> Read:
+        dimension = measure(1.0, unit).dimension if unit else None
+
+        def read(value: int | float | str, keys: Keys) -> float:
+            number = self._at(keys).number(value, dimension, keys)
+            if not isnan(number) and (fault := fault_of(number)):
+                self._fail(keys, fault)
+            return number
+
+        return read
+
+    def _state_reader(self, section: str, name: str) -> Read:
+        """By the rules of a scene's start."""
+
+        def read(value: int | float | str, keys: Keys) -> float:
+            at = replace(self._where, label=self._at(keys).label)
+            states = read_states(at, {name: value}, section, self._joints) if name in self._states else {}
+            return float(states[name]) if states and not self._problems else nan
+
+        return read
+
+    def _extent(self, values: Values, keys: Keys, read: Read) -> Extent:
+        """What a variable may be, in the form that the design needs."""
+        if isinstance(values, tuple):
+            return Extent(levels=tuple(read(value, (*keys, i)) for i, value in enumerate(values)))
+        if not isinstance(values, Between):
+            return Extent(levels=(read(values, keys),))
+        low, high = read(values.from_, (*keys, "from")), read(values.to, (*keys, "to"))
+        by_ratio, is_grid = values.scale == "log", self._document.design == "grid"
+        if not low < high and not isnan(low + high):
+            self._fail((*keys, "to"), f"the range from {low:g} to {high:g} is empty", "write the smaller number first")
+        if by_ratio and not low > 0 and not isnan(low):
+            self._fail((*keys, "from"), "a range by ratios begins above zero", "write scale: linear, or another beginning")
+        if is_grid and values.count is None:
+            self._fail(keys, "a grid needs the number of values", "write count: 10 beside from and to", at_key=True)
+        if not is_grid and values.count is not None:
+            self._fail((*keys, "count"), "'count' belongs to a grid", "leave it away: the design has the number of runs", at_key=True)
+        if self._problems or values.count is None:
+            return Extent(low=low, high=high, by_ratio=by_ratio)
+        return Extent(levels=designs.spread(low, high, values.count, by_ratio=by_ratio))
+
+    def _require_names(self, variables: list[Variable]) -> None:
+        seen = set(TAKEN)
+        for v in variables:
+            if v.name in seen:
+                why = "stands for a column of the table" if v.name in TAKEN else "stands twice"
+                self._problems.add(v.span, f"{v.kind} '{v.name}'", f"the name {why}", "rename it in the model, or remove one")
+            seen.add(v.name)
+
+    # Tables and lists, which name what they set.
+
+    def _of_table(self, design: Csv | Listed, scenes: tuple[Scene, ...]) -> Design:
+        for section in _SECTIONS:
+            if getattr(self._document, section):
+                self._fail((section,), f"{section}: the design has all values", "leave this section away", at_key=True)
+        self._end()
+        variables, rows = self._csv(design) if isinstance(design, Csv) else self._list(design)
+        self._require_names(variables)
+        self._end()
+        if len(scenes) == 1:
+            return Design(variables=tuple(variables), values=rows)
+        number = np.repeat(np.arange(len(scenes), dtype=float), len(rows))[:, np.newaxis]
+        return Design(variables=(self._scene(), *variables), values=np.hstack([number, np.tile(rows, (len(scenes), 1))]))
+
+    def _found(self, name: str, keys: Keys) -> tuple[Variable, Read]:
+        """The variable of a column; a name that the model does not have is noted."""
+        joint, _, component = name.rpartition(".")
+        if name in self._parameters or name not in self._states:
+            section = "parameters"
+            if name not in self._parameters:
+                self._fail(keys, f"'{name}': {(said := self._unknown(name, {**self._parameters, **self._states}))[0]}", said[1])
+        else:
+            section = "positions" if component in COORDINATES[self._joints[joint].kind] else "rates"
+        return self._named(name, section, self._source.value_span(keys))
+
+    def _list(self, design: Listed) -> tuple[list[Variable], Array]:
+        first, keys = design.list[0], ("design", "list")
+        found = {name: self._found(name, (*keys, 0, name)) for name in first}
+        rows = []
+        for i, row in enumerate(design.list):
+            if row.keys() != first.keys():
+                names = f"run {i} sets {', '.join(row) or 'nothing'}, but run 0 {', '.join(first) or 'nothing'}"
+                self._fail((*keys, i), names, "set the same names in each")
+            else:
+                rows.append([found[name][1](row[name], (*keys, i, name)) for name in first])
+        return [v for v, _ in found.values()], np.array(rows, dtype=float).reshape(len(rows), len(first))
+
+    def _csv(self, design: Csv) -> tuple[list[Variable], Array]:
+        keys = ("design", "csv")
+        names, rows = read_numbers(self._folder / design.csv, lambda message, hint: self._fail(keys, message, hint))
+        self._end()
+        return [self._found(name, keys)[0] for name in names], rows

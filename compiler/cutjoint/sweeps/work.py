@@ -1,0 +1,95 @@
+"""What workers do: chunks of runs, from values to rows.  A worker needs this module, the libraries and NumPy, and no compiler."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from cutjoint.sweeps.kernel import Kernel, Left
+from cutjoint.sweeps.objectives import reduce_series
+from cutjoint.sweeps.records import Array, Counts, Objective
+
+#: Bytes of series that a worker holds at a time, unless one run has more.
+_HELD = 32_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chunk:
+    """Runs from the number ``first`` on, with their ``values`` (runs, variables)."""
+
+    first: int
+    values: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """What a chunk leaves: ``objectives`` (runs, objectives), NaN for none; why and when (s) runs failed; of each trajectory the values run
+    by run, and how many each run has (runs,); ``seconds`` of work."""
+
+    first: int
+    values: Array
+    objectives: Array
+    failures: Sequence[str | None]
+    times: Array
+    trajectories: Sequence[Array]
+    lengths: Counts
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """What is done with each run of a study: its library, by the number of the scene, which is the first of its values where
+    ``has_scenes``, and what is made of its series."""
+
+    kernels: tuple[Kernel, ...]
+    has_scenes: bool
+    objectives: tuple[Objective, ...]
+    trajectories: tuple[int, ...]
+    every: int
+
+    def perform(self, chunk: Chunk) -> Rows:
+        """The rows of a chunk.
+
+        Raises:
+            OSError: a library cannot be loaded here.
+        """
+        begin, values, runs = perf_counter(), chunk.values, len(chunk.values)
+        scenes = values[:, 0].astype(int) if self.has_scenes else np.zeros(runs, dtype=int)
+        objectives, times = np.full((runs, len(self.objectives)), np.nan), np.full(runs, np.nan)
+        failures: list[str | None] = [None] * runs
+        longest = max(len(self._thinned(kernel)) for kernel in self.kernels)
+        shown, lengths = np.full((len(self.trajectories), runs, longest), np.nan), np.zeros(runs, dtype=np.int64)
+        for number in np.unique(scenes):
+            kernel, places = self.kernels[number], np.flatnonzero(scenes == number)
+            for at in np.array_split(places, -(-len(places) // self._at_once(kernel))):
+                left = kernel.run(values[at])
+                self._reduce(kernel, left, objectives, at)
+                times[at] = left.times
+                for run, failure in left.failures.items():
+                    failures[at[run]] = failure
+                if self.trajectories:
+                    rows = self._thinned(kernel)
+                    shown[:, at, : len(rows)] = left.series[:, self.trajectories][:, :, rows].transpose(1, 0, 2)
+                    lengths[at] = np.searchsorted(rows, left.reached)
+        there = np.arange(longest) < lengths[:, np.newaxis]
+        return Rows(
+            first=chunk.first, values=values, objectives=objectives, failures=failures, times=times,
+            trajectories=[values[there] for values in shown], lengths=lengths, seconds=perf_counter() - begin,
+        )  # fmt: skip
+
+    def _at_once(self, kernel: Kernel) -> int:
+        return max(1, _HELD // (8 * kernel.rows * max(1, kernel.series)))
+
+    def _reduce(self, kernel: Kernel, left: Left, objectives: Array, at: Counts) -> None:
+        """The objectives of runs that came to their ends."""
+        done = [run for run in range(len(at)) if run not in left.failures] if left.failures else slice(None)
+        for j, objective in enumerate(self.objectives):
+            objectives[at[done], j] = reduce_series(objective, left.series[done, objective.series], kernel.times, kernel.row_step)
+
+    def _thinned(self, kernel: Kernel) -> Counts:
+        """The rows of a trajectory that stay: each so many, and the last."""
+        rows: Counts = np.unique([*range(0, kernel.rows, self.every), kernel.rows - 1])
+        return rows

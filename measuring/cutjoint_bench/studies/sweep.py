@@ -1,0 +1,251 @@
+"""Sweeps in figures: what a run costs beside its own work, throughput beside the cores' sum, and what a cluster's scheduler adds.
+
+    python -m cutjoint_bench.studies.sweep [--share 0.1] [--only overhead|throughput|tasks]
+
+``--share`` is that of the runs: 1 for 1e6 of a pendulum, 1e5 of a press and 1e4 of the Iltis.  Beside elapsed times stand processor times
+of client, scheduler and workers together, which other work on the machine does not change much.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+from statistics import median
+from tempfile import TemporaryDirectory
+from time import perf_counter, process_time, sleep, thread_time
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from cutjoint.batch import compile_scene_batch, simulate_batch
+from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.cluster import dask
+from cutjoint.sweeps.local import processors
+from cutjoint.sweeps.manifest import make_manifest
+from cutjoint.sweeps.reading import read_study_text
+from cutjoint.sweeps.records import Study
+from cutjoint.sweeps.run import Sweep, perform_study
+from cutjoint.sweeps.table import Layout, Parts
+from cutjoint.sweeps.work import Chunk, Work
+from cutjoint_bench.studies.checkout import MODELS
+from cutjoint_bench.studies.provenance import provenance
+
+#: A pendulum for a hundredth of a second: ten steps.
+PENDULUM = """
+cutjoint_study: 1
+model: {models}/pendulum.yaml
+end: 10 ms
+output_step: 10 ms
+rates: {{pin.angle_rate: {{from: -5, to: 5}}}}
+design: {{sobol: {runs}}}
+objectives: {{last: {{end: bob.x}}, speed: {{rms: bob.vx}}}}
+"""
+
+#: A press for two seconds.
+PRESS = """
+cutjoint_study: 1
+model: {models}/press.yaml
+parameters: {{stiffness: {{from: 1 kN/m, to: 4 kN/m}}}}
+rates: {{pin.angle_rate: {{from: 5, to: 10}}}}
+design: {{sobol: {runs}}}
+objectives: {{top: {{maximum: slider.x}}, speed: {{rms: slider.vx}}, load: {{percentile: abs(spring.force), at: 95}}}}
+"""
+
+#: The Iltis for ten seconds over the road of simul1, with its own outputs.
+ILTIS = """
+cutjoint_study: 1
+model: {models}/iltis.yaml
+scenes: [simul1]
+parameters: {{tyre_stiffness: {{from: 400 kN/m, to: 480 kN/m}}}}
+dt: 7.5 ms
+design: {{sobol: {runs}}}
+objectives: {{ride: {{rms: chassis.vz}}, low: {{minimum: chassis.z}}, high: {{maximum: chassis.z}}}}
+"""
+
+
+def read(text: str, runs: int) -> Study:
+    """A study of so many runs."""
+    return read_study_text(text.format(models=MODELS, runs=runs), "study")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Performed:
+    """A sweep, and the seconds that it took without its compiling: elapsed, and of processors."""
+
+    sweep: Sweep
+    elapsed: float
+    processors: float
+
+
+def perform(study: Study, folder: Path, **how: Any) -> Performed:
+    """Make the runs of a study."""
+    clocks: tuple[Callable[[], float], ...] = (perf_counter, lambda: processor_seconds(how.get("scheduler")))
+    began = [clock() for clock in clocks]
+    build_kernels(study)
+    built = [clock() for clock in clocks]
+    done = perform_study(study, folder / f"{len(list(folder.iterdir()))}.parquet", **how)
+    elapsed, used = (clock() - 2 * b + a for clock, a, b in zip(clocks, began, built, strict=True))
+    return Performed(sweep=done, elapsed=elapsed, processors=used)
+
+
+def processor_seconds(scheduler: str | None) -> float:
+    """Seconds of processors so far: of this process, and of a cluster."""
+    if scheduler is None:
+        return process_time()
+    with dask().Client(scheduler, set_as_default=False) as client:
+        workers = client.run(process_time)
+        return float(process_time() + sum(workers.values()) + client.run_on_scheduler(process_time))
+
+
+def library_seconds(study: Study, runs: int) -> float:
+    """Processor seconds of a run in one thread: of the library alone."""
+    kernel, = build_kernels(study)
+    values = study.values[:runs]
+    kernel.run(values[:2])
+    return float(median(_seconds(lambda: kernel.run(values), thread_time) for _ in range(5)) / len(values))
+
+
+def _seconds(call: Callable[[], object], clock: Callable[[], float] = perf_counter) -> float:
+    begin = clock()
+    call()
+    return clock() - begin
+
+
+def measure_overhead(console: Console, folder: Path, share: float) -> None:
+    """What a run of microseconds costs, from a thousand runs to a million."""
+    perform(read(PENDULUM, 100), folder, threads=1)  # imports what it needs
+    table = Table("runs", "a run of the library, us", "of a sweep in one thread, us", "the difference, us", title="A pendulum, ten steps")
+    for runs in (10**3, 10**4, 10**5, 10**6):
+        study = read(PENDULUM, max(100, int(runs * share)))
+        alone, each = library_seconds(study, 2000), perform(study, folder, threads=1).processors / study.runs
+        table.add_row(f"{study.runs}", *(f"{1e6 * x:.2f}" for x in (alone, each, each - alone)))
+    console.print(table)
+
+
+def measure_throughput(console: Console, folder: Path, share: float) -> None:
+    """Runs a second by all ways, beside the cores' sum: as many times a core's own work as there are cores."""
+    cores = processors()
+    columns = "study", "way", "runs", "runs/s", f"of {cores} cores' sum", "processor ms a run", "of it the library", "file"
+    table = Table(*columns, title="Throughput")
+    for name, text, runs in (("press", PRESS, 10**5), ("Iltis, simul1", ILTIS, 10**4)):
+        study = read(text, max(20, int(runs * share)))
+        alone = library_seconds(study, 200 if name == "press" else 20)
+        table.add_row(name, "the library alone, one thread", "", f"{1 / alone:.4g}", "", f"{1e3 * alone:.3g}", "", "")
+        with ExitStack() as stack:
+            ways: dict[str, dict[str, Any]] = {"one thread": {"threads": 1}, f"{cores} threads": {"threads": cores}}
+            ways["LocalCluster"] = {"scheduler": stack.enter_context(local_cluster(cores))}
+            ways["dask scheduler, dask worker"] = {"scheduler": stack.enter_context(process_cluster(cores, folder))}
+            for way, how in ways.items():
+                done, number = perform(study, folder, **how), 1 if way == "one thread" else cores
+                parts = (f"{100 * alone * study.runs / x:.0f} %" for x in (number * done.elapsed, done.processors))
+                each = f"{1e3 * done.processors / study.runs:.3g}"
+                digest = sha256(done.sweep.path.read_bytes()).hexdigest()[:8]
+                table.add_row(name, way, str(study.runs), f"{study.runs / done.elapsed:.4g}", next(parts), each, next(parts), digest)
+        batch, seconds = compile_scene_batch(study.model, study.scenes[0]), []
+        held = [v.name for v in study.variables if v.kind == "parameter"]
+        cases = [{name: study.settings_of(i)[name] for name in held} for i in range(min(study.runs, 256))]
+        for _ in range(3):
+            seconds.append(_seconds(lambda: simulate_batch(batch, cases, threads=cores, check=False), _children))  # noqa: B023
+        lanes = 1e3 * median(seconds) / len(cases)
+        table.add_row(name, "--batch, eight lanes", str(len(cases)), "", "", f"{lanes:.3g}", "", "")
+    console.print(table)
+
+
+def _children() -> float:
+    """Processor seconds of processes that have ended."""
+    used = getrusage(RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def measure_tasks(console: Console, folder: Path) -> None:
+    """What a task of a scheduler costs, with a chunk's values and rows."""
+    distributed = dask()
+    table = Table("bytes there and back", "tasks/s", title="Tasks of nothing, one scheduler")
+    local = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+    with local as cluster, distributed.Client(cluster) as client:
+        for size in (1_000, 100_000):
+            data = np.zeros(size // 8)
+            client.gather([client.submit(_same, data, pure=False) for _ in range(50)])
+            elapsed = _seconds(lambda: client.gather([client.submit(_same, data, pure=False) for _ in range(1000)]))  # noqa: B023
+            table.add_row(str(size), f"{1000 / elapsed:.0f}")
+    console.print(table)
+    study = read(PRESS, 1000)
+    kernels = build_kernels(study)
+    work = Work(kernels=kernels, has_scenes=False, objectives=study.objectives, trajectories=(), every=1)
+    parts = Parts(folder / "parts.parquet", Layout(study=study, manifest=make_manifest(study, kernels)))
+    rows = work.perform(Chunk(first=0, values=study.values[:250]))
+    each = median(_seconds(lambda: parts.write(rows)) for _ in range(200))
+    parts.close()
+    sizes = ", ".join(f"{k.scene} {len(k.content) / 1e3:.0f} kB" for k in kernels)
+    console.print(f"a chunk of 250 runs written: {1e3 * each:.2f} ms; the library of the press, {sizes}")
+
+
+def _same(data: Any) -> Any:
+    return data
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[str]:
+    """The address of a cluster of processes that this one started."""
+    with dask().LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
+        yield str(cluster.scheduler_address)
+
+
+@contextmanager
+def process_cluster(workers: int, folder: Path) -> Iterator[str]:
+    """The address of a scheduler and workers that were started by their commands."""
+    with TemporaryDirectory() as place, ExitStack() as stack:
+        file = Path(place) / "scheduler.json"
+        options = ["--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0", "--scheduler-file", str(file)]
+        stack.enter_context(_process("scheduler", *options))
+        while not file.exists() or not file.stat().st_size:
+            sleep(0.1)
+        for _ in range(workers):
+            options = ["--nthreads", "1", "--no-dashboard", "--local-directory", place]
+            stack.enter_context(_process("worker", "--scheduler-file", str(file), *options))
+        address = str(json.loads(file.read_text(encoding="utf-8"))["address"])
+        with dask().Client(address) as client:
+            client.wait_for_workers(workers, timeout=60)
+        yield address
+
+
+@contextmanager
+def _process(*words: str) -> Iterator[None]:
+    command = [sys.executable, "-m", "dask", *words]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        try:
+            yield
+        finally:
+            process.terminate()
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--share", type=float, default=1.0)
+    parser.add_argument("--only", choices=("overhead", "throughput", "tasks"))
+    asked = parser.parse_args()
+    console = Console(highlight=False, width=140)
+    console.print(provenance(), markup=False)
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        if asked.only in (None, "overhead"):
+            measure_overhead(console, folder, asked.share)
+        if asked.only in (None, "throughput"):
+            measure_throughput(console, folder, asked.share)
+        if asked.only in (None, "tasks"):
+            measure_tasks(console, folder)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,255 @@
+// The motion of a mechanism in as many coordinates as it has degrees of freedom.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <span>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/start.hpp"
+#include "cutjoint/core/state.hpp"
+
+namespace cutjoint {
+
+/// Independent coordinates z of a mechanism and their rates, x = (z, z'), from which all others follow by its loops.
+///
+/// All coordinates are counted by the delta of `retract` from a reference, in which scalars are nought: a scalar is itself, a ball has its rotation
+/// vector.  Of these, one for each speed, `freedoms` are independent; the others follow from closed loops by Newton's method, and their rates from
+/// loops that stay closed.  Which are independent is chosen anew where loops give others a better hold.
+template <Sized M, std::size_t freedoms>
+class MinimalCoordinates {
+ public:
+  using Real = typename M::real_type;
+
+  /// What is independent, how fast others may follow (their largest rate for a unit rate of one), and a pose near which states are.
+  struct Choice {
+    Coordinates<M> reference, pose;
+    Speeds<M, unsigned char> independent;
+    Real gain{0};
+  };
+
+  const Choice& choice() const { return choice_; }
+  void restore(const Choice& choice) { choice_ = choice; }
+
+  /// Choose in the pose of a state; `begin_step` has been called for its time.
+  Fault choose(Starter<M>& starter, const StateOf<M>& state) {
+    Choice chosen;
+    chosen.independent.fill(1);
+    chosen.reference = chosen.pose = state.q;
+    for (const Chart& chart : charts())
+      for (int i = 0; i < chart.scalars; ++i) chosen.reference[static_cast<std::size_t>(chart.q + i)] = Real(0);
+    if constexpr (m > 0) {
+      find_jacobian(starter, state, chosen.reference);
+      const auto squares = decomposed();
+      if (squares.rank() != n - freedoms) return singular(state);
+      for (std::size_t k = 0; k < squares.rank(); ++k) chosen.independent[squares.column_at(k)] = 0;
+    }
+    const Choice before = choice_;
+    choice_ = chosen;
+    if (const Fault fault = find_gain(starter, state, choice_.gain)) {
+      choice_ = before;
+      return fault;
+    }
+    return {};
+  }
+
+  /// States are near the pose of this one from now on.
+  void settle(const StateOf<M>& state) { choice_.pose = state.q; }
+
+  /// Whether others would better be independent in the pose of a state, or a ball has turned far.
+  bool is_poor(Starter<M>& starter, const StateOf<M>& state) {
+    displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
+    for (const Chart& chart : charts())
+      for (int i = chart.scalars; i < chart.scalars + (chart.ball ? 3 : 0); ++i)
+        if (!(magnitude(delta_[static_cast<std::size_t>(chart.v + i)]) < Real(1))) return true;
+    Real gain(0);
+    return find_gain(starter, state, gain) || !(gain <= 4 * std::max(Real(1), choice_.gain));
+  }
+
+  /// The numbers of a state.
+  void read(const StateOf<M>& state, Real* x) {
+    displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
+    chart_rates<Real>(charts(), delta_.data(), state.v.data(), rate_.data());
+    put(delta_, x);
+    put(rate_, x + freedoms);
+  }
+
+  /// Their derivatives, of a state with accelerations.
+  void derive(const StateOf<M>& state, Real* x) {
+    displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
+    chart_rates<Real>(charts(), delta_.data(), state.v.data(), rate_.data());
+    put(rate_, x);
+    chart_accelerations<Real>(charts(), delta_.data(), state.v.data(), state.vdot.data(), rate_.data());
+    put(rate_, x + freedoms);
+  }
+
+  /// The coordinates and speeds of numbers, which follow from these and the pose near which they are; the state stays where loops do not close.
+  Fault close(M& mechanism, Starter<M>& starter, const Real* x, StateOf<M>& state) {
+    StateOf<M> found = state;
+    displacement<Real>(charts(), choice_.reference.data(), choice_.pose.data(), delta_.data());
+    take(x, delta_);
+    if (const Fault fault = close_positions(mechanism, starter, found)) return fault;
+    rate_.fill(Real(0));
+    take(x + freedoms, rate_);
+    if (const Fault fault = close_speeds(mechanism, found)) return fault;
+    state = found;
+    return {};
+  }
+
+ private:
+  static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations;
+  static_assert(freedoms <= n);
+
+  static std::span<const Chart> charts() { return M::charts; }
+  static Real magnitude(Real x) { return x < Real(0) ? -x : x; }
+
+  void put(const Speeds<M>& values, Real* x) const {
+    for (std::size_t i = 0; i < n; ++i)
+      if (choice_.independent[i]) *x++ = values[i];
+  }
+
+  void take(const Real* x, Speeds<M>& values) const {
+    for (std::size_t i = 0; i < n; ++i)
+      if (choice_.independent[i]) values[i] = *x++;
+  }
+
+  /// The Jacobian of the loops' equations by the delta from a reference.
+  void find_jacobian(Starter<M>& starter, const StateOf<M>& state, const Coordinates<M>& reference) {
+    std::copy_n(starter.jacobian(state), m * n, matrix_.begin());
+    displacement<Real>(charts(), reference.data(), state.q.data(), room_.data());
+    turn_matrices<Real>(charts(), room_.data(), turns_.data());
+    const Real* T = turns_.data();
+    for (const Chart& chart : charts()) {
+      if (!chart.ball) continue;
+      Real* columns = matrix_.data() + static_cast<std::size_t>(chart.v + chart.scalars) * m;
+      for (std::size_t i = 0; i < m; ++i) {
+        const Real row[3] = {columns[i], columns[m + i], columns[2 * m + i]};
+        for (std::size_t j = 0; j < 3; ++j) columns[j * m + i] = row[0] * T[j] + row[1] * T[3 + j] + row[2] * T[6 + j];
+      }
+      T += 9;
+    }
+  }
+
+  /// That by dependent ones, decomposed.
+  dense::LeastSquares<Real> decomposed_by_dependent() {
+    for (std::size_t j = 0; j < n; ++j)
+      if (choice_.independent[j]) std::fill_n(matrix_.begin() + j * m, m, Real(0));
+    return decomposed();
+  }
+
+  dense::LeastSquares<Real> decomposed() {
+    dense::LeastSquares<Real> squares({matrix_.data(), m, n}, order_.data(), left_.data(), beside_.data());
+    squares.decompose(Real(1e-7));
+    return squares;
+  }
+
+  /// The dependent ones of a solution of J x = b with independent ones nought.
+  void solve(const dense::LeastSquares<Real>& squares, Equations<M>& b) { squares.solve(b.data(), step_.data(), room_.data()); }
+
+  Fault find_gain(Starter<M>& starter, const StateOf<M>& state, Real& gain) {
+    gain = Real(0);
+    if constexpr (m > 0) {
+      find_jacobian(starter, state, choice_.reference);
+      all_ = matrix_;
+      const auto squares = decomposed_by_dependent();
+      if (squares.rank() != n - freedoms) return singular(state);
+      for (std::size_t j = 0; j < n; ++j) {
+        if (!choice_.independent[j]) continue;
+        std::copy_n(all_.begin() + j * m, m, phi_.begin());
+        solve(squares, phi_);
+        gain = std::max(gain, Real(largest(step_)));
+      }
+    }
+    return {};
+  }
+
+  Fault close_positions(M& mechanism, Starter<M>& starter, StateOf<M>& state) {
+    Real before = std::numeric_limits<Real>::infinity();
+    for (int iteration = 0;; ++iteration) {
+      retract<Real>(charts(), choice_.reference.data(), delta_.data(), state.q.data());
+      if constexpr (m == 0) return {};
+      mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
+      const Real gap = largest(phi_);
+      find_jacobian(starter, state, choice_.reference);
+      if (gap <= Real(1e-14) || (gap <= Real(1e-9) && !(gap < before / 2))) return {};
+      if (iteration == 50 || !(gap < std::numeric_limits<Real>::infinity())) return open(Cause::loops_open, state, phi_);
+      before = gap;
+      const auto squares = decomposed_by_dependent();
+      if (squares.rank() != n - freedoms) return singular(state);
+      solve(squares, phi_);
+      const Real share = std::min(Real(1), Real(0.5) / std::max(Real(largest(step_)), Real(1e-30)));
+      for (std::size_t i = 0; i < n; ++i)
+        if (!choice_.independent[i]) delta_[i] -= share * step_[i];
+    }
+  }
+
+  /// Speeds of the rates of independent ones; the matrix is that of the pose.
+  Fault close_speeds(M& mechanism, StateOf<M>& state) {
+    if constexpr (m > 0) {
+      const auto squares = decomposed_by_dependent();
+      if (squares.rank() != n - freedoms) return singular(state);
+      for (std::size_t i = 0; i < n; ++i)
+        if (!choice_.independent[i]) rate_[i] = Real(0);
+      chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
+      mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
+      const Real gap = largest(phid_);
+      solve(squares, phid_);
+      for (std::size_t i = 0; i < n; ++i)
+        if (!choice_.independent[i]) rate_[i] -= step_[i];
+      chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
+      mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
+      if (!(largest(phid_) <= Real(1e-9) * (Real(1) + gap))) return open(Cause::speeds_open, state, phid_);
+    } else {
+      chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
+    }
+    return {};
+  }
+
+  static Fault singular(const StateOf<M>& state) { return {.cause = Cause::pose_singular, .t = static_cast<double>(state.t)}; }
+
+  static Fault open(Cause cause, const StateOf<M>& state, const Equations<M>& gap) {
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < m; ++i)
+      if (magnitude(gap[i]) > magnitude(gap[worst]) || gap[i] != gap[i]) worst = i;
+    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
+            .value = static_cast<double>(largest(gap))};
+  }
+
+  Choice choice_;
+  Array<M, n * m> matrix_, all_;
+  Array<M, 3 * n> turns_;
+  Speeds<M> delta_, rate_, step_, room_, left_, beside_;
+  Speeds<M, std::size_t> order_;
+  Equations<M> phi_, phid_;
+};
+
+/// Values that change their sign where a mechanism goes over to other formulas, one for each switch: of a place along a road the way to the nearest
+/// break, with another sign beyond each.
+template <Sized M>
+void event_values(M& mechanism, const StateOf<M>& state, const Road<typename M::real_type>* roads, typename M::real_type* values) {
+  if constexpr (M::sizes.switches > 0) {
+    mechanism.events(state.q.data(), state.v.data(), values);
+    const auto places = switches_of<M>();
+    Array<M, M::sizes.switches> known;
+    std::copy_n(values, places.size(), known.begin());
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      if (places[i].road < 0) continue;
+      using Real = typename M::real_type;
+      const auto breaks = roads[places[i].road].breaks(places[i].across >= 0 ? known[static_cast<std::size_t>(places[i].across)] : Real(0));
+      const auto next = std::upper_bound(breaks.begin(), breaks.end(), known[i]);
+      Real way = breaks.empty() ? Real(1) : std::numeric_limits<Real>::max();
+      if (next != breaks.end()) way = std::min(way, *next - known[i]);
+      if (next != breaks.begin()) way = std::min(way, known[i] - *(next - 1));
+      values[i] = (next - breaks.begin()) % 2 ? -way : way;
+    }
+  }
+}
+
+}  // namespace cutjoint

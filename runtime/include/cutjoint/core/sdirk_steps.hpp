@@ -1,0 +1,81 @@
+// Steps of a simulation by the diagonally implicit method.
+#pragma once
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/newton/dense_solver.hpp"
+#include "cutjoint/core/newton/guarded_solver.hpp"
+#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/sdirk/stages.hpp"
+#include "cutjoint/core/simulation_settings.hpp"
+#include "cutjoint/core/start.hpp"
+#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/stepping/implicit_scheme.hpp"
+#include "cutjoint/core/stepping/over_stepper.hpp"
+#include "cutjoint/core/stepping/stepper.hpp"
+
+namespace cutjoint {
+
+/// The integrator of a simulation (simulation.hpp) by the stages of sdirk/stages.hpp, over a system in the coordinates of the mechanism M that starts:
+/// steps as long as errors allow, or of the settings' length.  They end where formulas change.
+template <Sized M, Sized S, bool of_own_length>
+class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length>, S> {
+ public:
+  using Subject = S;
+  using Real = typename S::real_type;
+
+  static constexpr bool adaptive = of_own_length;
+
+  SdirkSteps(S& system, const SimulationSettings& settings, const Road<Real>* roads)
+      : solver_(system), other_(system), stages_(system, solver_, other_, switches_of<S>(), roads),
+        stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end), adaptive), y_(stages_.size()), row_(blank(system)) {}
+
+  static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
+
+  /// Take over a state that has accelerations and multipliers.
+  void begin(const StateOf<S>& state) {
+    stages_.resume(state);
+    stepper_.go_on();
+  }
+
+  void heed_inputs(StateOf<S>&) { stages_.heed_inputs(); }
+
+  /// Accelerations and multipliers of a state as it is, which is taken over.
+  Fault accelerate(StateOf<S>& state, Starter<M>&) {
+    stepper_.go_on();
+    return stages_.go_on(state);
+  }
+
+  /// Close the loops of a state by moving the masses least.
+  Fault close(StateOf<S>& state) { return stages_.assemble(state); }
+
+  /// The state with its accelerations and multipliers, until the next call; those of a singular pose are the stages'.
+  const StateOf<S>& complete(const StateOf<S>& state) {
+    row_ = state;
+    return stages_.complete(row_) ? state : row_;
+  }
+
+  using Solver = GuardedSolver<S, DenseSolver<S>>;
+  using Stepper = stepping::Stepper<stepping::ImplicitScheme<sdirk::Stages<S, Solver>>>;
+  using Memory = typename Stepper::Memory;
+
+  Memory memory() const { return stepper_.memory(); }
+  void restore(const StateOf<S>&, const Memory& memory) { stepper_.restore(memory); }
+
+ private:
+  friend stepping::OverStepper<SdirkSteps, S>;
+
+  void keep(StateOf<S>& state) const {
+    state.vdot = stages_.present().vdot;
+    state.lambda = stages_.present().lambda;
+  }
+
+  Solver solver_, other_;
+  sdirk::Stages<S, Solver> stages_;
+  Stepper stepper_;
+  typename Stepper::Vector y_;
+  StateOf<S> row_;
+};
+
+}  // namespace cutjoint

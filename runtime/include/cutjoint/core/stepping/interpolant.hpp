@@ -1,0 +1,85 @@
+// What lies between the ends of a step.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <span>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/state.hpp"
+
+namespace cutjoint::stepping {
+
+/// The polynomial of degree 5 through displacements, their rates and second derivatives at both ends of a step, in the chart of its start; speeds
+/// are those of its derivative, the cubic through rates and second derivatives and what the displacement is more than the integral of that one.
+/// Of that surplus a speed has the h-th part, so that it must not have the rounding of coordinates: it is that of the displacement as the stages
+/// found it.
+template <class S>
+class Interpolant {
+ public:
+  using Real = typename S::real_type;
+  using Vector = Array<S, static_sizes<S>().coordinates + static_sizes<S>().speeds>;  ///< y = (q, v)
+
+  /// For states as long as `like`.
+  Interpolant(std::span<const Chart> charts, const StateOf<S>& like)
+      : charts_(charts), now_{like.q, like.v, like.v, {like.v, like.v, like.v}, {like.v, like.v, like.v}, Real(1)}, delta_(like.v), rate_(like.v) {}
+
+  /// Between two states with accelerations, a step of h apart; `found` is the displacement as the stages found it.
+  void join(Real h, const StateOf<S>& start, const StateOf<S>& end, const Speeds<S>& found) {
+    now_.q = start.q;
+    now_.h = h;
+    auto &way = now_.parts[0], &slope = now_.parts[1], &bend = now_.parts[2], &second = delta_;
+    displacement<Real>(charts_, start.q.data(), end.q.data(), way.data());
+    chart_rates<Real>(charts_, way.data(), end.v.data(), rate_.data());
+    chart_accelerations<Real>(charts_, way.data(), end.v.data(), end.vdot.data(), second.data());
+    slope = start.v;
+    bend = start.vdot;
+    for (std::size_t i = 0; i < way.size(); ++i) {  // Taylor's polynomial, and what the three conditions at the end ask of powers 3 to 5
+      const Real v = h * slope[i], a = h * h * bend[i] / 2;
+      const Real gap = way[i] - v - a, rate = h * rate_[i] - v - 2 * a, curve = h * h * second[i] - 2 * a;
+      const Real change = rate_[i] - slope[i], surplus = found[i] - h * (slope[i] + rate_[i]) / 2 - h * h * (bend[i] - second[i]) / 12;
+      now_.rates[0][i] = 3 * change - 2 * h * bend[i] - h * second[i];
+      now_.rates[1][i] = h * (bend[i] + second[i]) - 2 * change;
+      now_.rates[2][i] = 30 * surplus / h;
+      way[i] = 10 * gap - 4 * rate + curve / 2;
+      slope[i] = -15 * gap + 7 * rate - curve;
+      bend[i] = 6 * gap - 3 * rate + curve / 2;
+    }
+    now_.v = start.v;
+    now_.vdot = start.vdot;
+  }
+
+  /// The state at the share s of the step: y = (q, v).
+  void at(Real s, Vector& y) {
+    const auto& [q, speed, vdot, parts, rates, h] = now_;
+    for (std::size_t i = 0; i < delta_.size(); ++i) {
+      const Real a = parts[0][i], b = parts[1][i], c = parts[2][i], v = h * speed[i], half = h * h * vdot[i] / 2;
+      delta_[i] = s * (v + s * (half + s * (a + s * (b + s * c))));
+      rate_[i] = speed[i] + s * (h * vdot[i] + s * (rates[0][i] + s * rates[1][i] + (1 - s) * (1 - s) * rates[2][i]));
+    }
+    retract<Real>(charts_, q.data(), delta_.data(), y.data());
+    chart_speeds<Real>(charts_, delta_.data(), rate_.data(), y.data() + q.size());
+  }
+
+  /// The last step: coordinates, speeds and accelerations of its start, the factors of s^3, s^4, s^5 in displacements, those of s^2, s^3 and
+  /// s^2 (1 - s)^2 in rates, and its length.
+  struct Memory {
+    Coordinates<S> q;
+    Speeds<S> v, vdot;
+    std::array<Speeds<S>, 3> parts, rates;
+    Real h;
+  };
+
+  const Memory& memory() const { return now_; }
+  void restore(const Memory& memory) { now_ = memory; }
+
+ private:
+  std::span<const Chart> charts_;
+  Memory now_;
+  Speeds<S> delta_, rate_;
+};
+
+}  // namespace cutjoint::stepping

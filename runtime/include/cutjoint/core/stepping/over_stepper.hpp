@@ -1,0 +1,67 @@
+// What integrators of a simulation share that go on by a stepper.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/simulation_settings.hpp"
+#include "cutjoint/core/state.hpp"
+
+namespace cutjoint::stepping {
+
+/// Steps of an integrator (simulation.hpp) over coordinates and speeds of S.  `Own` has the `stepper_` of stepper.hpp, room `y_` for its values, `begin`, and
+/// `keep`, which puts accelerations or multipliers of the steps into a state.
+template <class Own, class S>
+class OverStepper {
+ public:
+  using Real = typename S::real_type;
+
+  static constexpr bool finds_events = true;
+
+  /// The length of steps with a fixed point, which penalties follow: there is none.
+  static Real fixed_point_step(const SimulationSettings&) { return Real(0); }
+
+  /// From the state to a time; the state stays where it fails.
+  Fault step(StateOf<S>& state, const SimulationSettings& settings, Real, Real until, long number) {
+    get_ready(settings, until);
+    const Fault fault = own().stepper_.advance(state.t, until, own().y_, number);
+    return finish(state, until, fault);
+  }
+
+  /// The same, or to where a force changes its formula, if that is earlier.
+  Fault step_to_event(StateOf<S>& state, const SimulationSettings& settings, Real until, long number) {
+    get_ready(settings, until);
+    const Fault fault = own().stepper_.advance_to_event(state.t, until, own().y_, number);
+    return finish(state, own().stepper_.time(), fault);
+  }
+
+  /// The switch of the last event.
+  std::size_t last_event() const { return own().stepper_.last_event(); }
+  long events() const { return own().stepper_.counts().events; }
+
+ private:
+  Own& own() { return static_cast<Own&>(*this); }
+  const Own& own() const { return static_cast<const Own&>(*this); }
+
+  void get_ready(const SimulationSettings& settings, Real until) {
+    own().stepper_.limit(until);
+    if constexpr (Own::adaptive) own().stepper_.bound(settings.most_steps);
+  }
+
+  Fault finish(StateOf<S>& state, Real t, const Fault& fault) {
+    if (fault) {
+      own().begin(state);
+      return fault;
+    }
+    const auto& y = own().y_;
+    const auto middle = y.begin() + state.q.size();
+    std::copy(y.begin(), middle, state.q.begin());
+    std::copy(middle, y.end(), state.v.begin());
+    state.t = t;
+    own().keep(state);
+    return {};
+  }
+};
+
+}  // namespace cutjoint::stepping

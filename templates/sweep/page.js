@@ -1,0 +1,287 @@
+'use strict';
+(() => {
+const $ = (id) => document.getElementById(id);
+const about = JSON.parse($('about').textContent);
+const bytes = Uint8Array.from(atob($('numbers').textContent), (c) => c.charCodeAt(0));
+const rows = about.shown, all = new Float64Array(rows).fill(0);
+const table = new Float32Array(bytes.buffer, 0, bytes.length / 4);
+const run = new Int32Array(bytes.buffer, 0, rows);
+const columns = about.columns.map((column, i) => {
+  const values = table.subarray((i + 1) * rows, (i + 2) * rows);
+  let low = Infinity, high = -Infinity;
+  for (const v of values) if (v === v) { low = Math.min(low, v); high = Math.max(high, v); }
+  if (!(low < high)) { const half = Math.abs(low) * 0.05 || 0.5; low = (low === Infinity ? 0 : low) - half; high = low + 2 * half; }
+  return {...column, values, low, high};
+});
+const filters = new Map();  // from the number of a column to its least and largest value
+let kept = Array.from(all.keys()), chosen = -1;
+
+const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const stops = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+const colour = (share, alpha) => {
+  if (share !== share) return style('--faint');  // of a run that failed
+  const at = Math.max(0, Math.min(0.9999, share)) * 4, i = Math.floor(at), f = at - i;
+  return `rgba(${stops[i].map((a, k) => Math.round(a + (stops[i + 1][k] - a) * f)).join(',')},${alpha})`;
+};
+const share = (column, v) => (v - column.low) / (column.high - column.low);
+const text = (v) => (v !== v ? '–' : Math.abs(v) >= 1e5 || (v && Math.abs(v) < 1e-3) ? v.toExponential(2) : String(+v.toPrecision(4)));
+const shown = (column, v) => (column.labels ? column.labels[Math.round(v)] : text(v));
+const title = (column) => (column.unit ? `${column.name}, ${column.unit}` : column.name);
+const canvas = (id) => {
+  const c = $(id), ratio = window.devicePixelRatio || 1, box = c.parentElement.getBoundingClientRect();
+  c.width = box.width * ratio; c.height = box.height * ratio;
+  const g = c.getContext('2d');
+  g.scale(ratio, ratio); g.clearRect(0, 0, box.width, box.height);
+  return {g, width: box.width, height: box.height};
+};
+
+// All columns side by side.
+const top = 66, bottom = 26;
+const across = (i, width) => 70 + (columns.length > 1 ? i * (width - 140) / (columns.length - 1) : 0);
+const drawLines = () => {
+  const {g, width, height} = canvas('lines'), span = height - top - bottom, z = columns[+$('z').value];
+  const isKept = new Uint8Array(rows);
+  for (const r of kept) isKept[r] = 1;
+  const line = (r) => {
+    g.beginPath();
+    let down = false;
+    columns.forEach((c, i) => {
+      const v = c.values[r];
+      if (v !== v) { down = false; return; }
+      const x = across(i, width), y = top + span * (1 - share(c, v));
+      if (down) g.lineTo(x, y); else g.moveTo(x, y);
+      down = true;
+    });
+    g.stroke();
+  };
+  g.lineWidth = 1; g.strokeStyle = style('--line'); g.globalAlpha = Math.min(1, 600 / rows);
+  if (kept.length < rows) for (let r = 0; r < rows; ++r) if (!isKept[r]) line(r);
+  g.globalAlpha = Math.max(0.05, Math.min(0.8, 300 / Math.max(1, kept.length)));
+  for (const r of kept) { g.strokeStyle = colour(share(z, z.values[r]), 1); line(r); }
+  g.globalAlpha = 1;
+  if (chosen >= 0) { g.lineWidth = 3; g.strokeStyle = style('--alarm'); line(chosen); }
+  g.strokeStyle = style('--faint'); g.lineWidth = 1;
+  columns.forEach((_, i) => { const x = across(i, width); g.beginPath(); g.moveTo(x, top); g.lineTo(x, top + span); g.stroke(); });
+};
+const placeAxes = () => {
+  const box = $('parallel').getBoundingClientRect(), span = box.height - top - bottom;
+  $('axes').replaceChildren(...columns.map((column, i) => {
+    const axis = document.createElement('div'), name = document.createElement('b');
+    axis.className = `axis ${column.role}`; axis.style.left = `${across(i, box.width)}px`; axis.dataset.column = i;
+    name.textContent = title(column).replaceAll('_', '_\u200b');  // where a long name may be broken
+    const ticks = column.labels ? column.labels.map((_, k) => k) : [column.high, column.low];
+    const marks = ticks.map((v) => {
+      const mark = document.createElement('i');
+      mark.textContent = shown(column, v);
+      mark.style.top = column.labels ? `${top + span * (1 - share(column, v)) - 8}px` : v === column.high ? `${top - 18}px` : `${top + span + 3}px`;
+      return mark;
+    });
+    axis.append(name, ...marks);
+    const filter = filters.get(i);
+    if (filter) {
+      const brush = document.createElement('u');
+      const [from, to] = filter.map((v) => top + span * (1 - share(column, v)));
+      brush.style.top = `${to}px`; brush.style.height = `${Math.max(3, from - to)}px`;
+      axis.append(brush);
+    }
+    return axis;
+  }));
+};
+const valueAt = (column, y) => {
+  const box = $('parallel').getBoundingClientRect(), span = box.height - top - bottom;
+  const part = 1 - (y - box.top - top) / span;
+  return column.low + Math.max(-0.01, Math.min(1.01, part)) * (column.high - column.low);
+};
+let drag = null;
+$('axes').addEventListener('pointerdown', (event) => {
+  const axis = event.target.closest('.axis');
+  if (!axis) return;
+  drag = {i: +axis.dataset.column, from: event.clientY, moved: false};
+  $('axes').setPointerCapture(event.pointerId);
+});
+$('axes').addEventListener('pointermove', (event) => {
+  if (!drag || Math.abs(event.clientY - drag.from) < 3 && !drag.moved) return;
+  drag.moved = true;
+  const ends = [valueAt(columns[drag.i], drag.from), valueAt(columns[drag.i], event.clientY)];
+  filters.set(drag.i, [Math.min(...ends), Math.max(...ends)]);
+  refresh();
+});
+$('axes').addEventListener('pointerup', () => {
+  if (drag && !drag.moved) { filters.delete(drag.i); refresh(); }
+  drag = null;
+});
+
+// Two columns and a colour.
+const margin = {left: 74, right: 96, top: 14, bottom: 46};
+const better = (column, a, b) => (column.goal === 'larger' ? a > b : a < b);
+const front = (x, y) => {
+  const order = kept.filter((r) => x.values[r] === x.values[r] && y.values[r] === y.values[r]);
+  order.sort((a, b) => (x.values[a] === x.values[b] ? (better(y, y.values[a], y.values[b]) ? -1 : 1) : better(x, x.values[a], x.values[b]) ? -1 : 1));
+  const found = [];
+  for (const r of order) if (!found.length || better(y, y.values[r], y.values[found[found.length - 1]])) found.push(r);
+  return found;
+};
+const marks = (low, high) => {
+  const raw = (high - low) / 5, power = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].find((s) => s * power >= raw) * power;
+  const list = [];
+  for (let v = Math.ceil(low / step) * step; v <= high + step * 1e-9; v += step) list.push(Math.abs(v) < step * 1e-9 ? 0 : v);
+  return list;
+};
+let plane = null;
+const drawPoints = () => {
+  const {g, width, height} = canvas('points');
+  const [x, y, z] = ['x', 'y', 'z'].map((id) => columns[+$(id).value]);
+  const w = width - margin.left - margin.right, h = height - margin.top - margin.bottom;
+  const px = (v) => margin.left + w * (0.02 + 0.96 * share(x, v)), py = (v) => margin.top + h * (0.98 - 0.96 * share(y, v));
+  plane = {px, py, x, y};
+  g.font = '12px system-ui, sans-serif'; g.fillStyle = style('--faint'); g.strokeStyle = style('--line');
+  g.textAlign = 'center';
+  for (const v of x.labels ? x.labels.keys() : marks(x.low, x.high)) {
+    g.beginPath(); g.moveTo(px(v), margin.top); g.lineTo(px(v), margin.top + h); g.stroke();
+    g.fillText(shown(x, v), px(v), margin.top + h + 16);
+  }
+  g.textAlign = 'right';
+  for (const v of y.labels ? y.labels.keys() : marks(y.low, y.high)) {
+    g.beginPath(); g.moveTo(margin.left, py(v)); g.lineTo(margin.left + w, py(v)); g.stroke();
+    g.fillText(shown(y, v), margin.left - 8, py(v) + 4);
+  }
+  g.fillStyle = style('--ink'); g.textAlign = 'center';
+  g.fillText(title(x), margin.left + w / 2, height - 10);
+  g.save(); g.translate(16, margin.top + h / 2); g.rotate(-Math.PI / 2); g.fillText(title(y), 0, 0); g.restore();
+  if ($('surface').checked) drawCells(g, x, y, z, px, py);
+  else for (const r of kept) {
+    const a = x.values[r], b = y.values[r];
+    if (a !== a || b !== b) continue;
+    g.fillStyle = colour(share(z, z.values[r]), 0.75);
+    g.beginPath(); g.arc(px(a), py(b), kept.length > 2000 ? 2 : 3, 0, 7); g.fill();
+  }
+  const hasFront = x.role === 'objective' && y.role === 'objective' && x !== y;
+  $('with-front').hidden = !hasFront;
+  if (hasFront && $('front').checked) drawFront(g, front(x, y), x, y, px, py);
+  if (chosen >= 0) {
+    g.strokeStyle = style('--alarm'); g.lineWidth = 2.5;
+    g.beginPath(); g.arc(px(x.values[chosen]), py(y.values[chosen]), 7, 0, 7); g.stroke(); g.lineWidth = 1;
+  }
+  for (let i = 0; i < 100; ++i) { g.fillStyle = colour(i / 99, 1); g.fillRect(width - 62, margin.top + 40 + 1.4 * (99 - i), 12, 1.6); }
+  g.fillStyle = style('--ink'); g.textAlign = 'center';
+  title(z).split(', ').forEach((word, i) => g.fillText(word.slice(0, 14), width - 50, margin.top + 12 + 14 * i));
+  g.fillStyle = style('--faint');
+  g.textAlign = 'left'; g.fillText(shown(z, z.high), width - 46, margin.top + 50); g.fillText(shown(z, z.low), width - 46, margin.top + 178);
+};
+const drawCells = (g, x, y, z, px, py) => {
+  const n = Math.max(6, Math.min(24, Math.round(Math.sqrt(kept.length) / 1.5))), sums = new Float64Array(n * n), counts = new Float64Array(n * n);
+  const cell = (c, v) => Math.min(n - 1, Math.floor(share(c, v) * n));
+  for (const r of kept) {
+    const [a, b, c] = [x.values[r], y.values[r], z.values[r]];
+    if (a !== a || b !== b || c !== c) continue;
+    const at = cell(x, a) * n + cell(y, b);
+    sums[at] += c; counts[at] += 1;
+  }
+  const edge = (c, i) => c.low + (c.high - c.low) * i / n;
+  for (let i = 0; i < n; ++i) for (let j = 0; j < n; ++j) {
+    const at = i * n + j;
+    if (!counts[at]) continue;
+    const left = px(edge(x, i)), below = py(edge(y, j));
+    g.fillStyle = colour(share(z, sums[at] / counts[at]), 1);
+    g.fillRect(left, py(edge(y, j + 1)), px(edge(x, i + 1)) - left + 0.5, below - py(edge(y, j + 1)) + 0.5);
+  }
+};
+const drawFront = (g, found, x, y, px, py) => {
+  g.strokeStyle = style('--ink'); g.lineWidth = 1.5;
+  g.beginPath();
+  found.forEach((r, i) => {
+    if (i) { g.lineTo(px(x.values[r]), py(y.values[found[i - 1]])); g.lineTo(px(x.values[r]), py(y.values[r])); }
+    else g.moveTo(px(x.values[r]), py(y.values[r]));
+  });
+  g.stroke(); g.lineWidth = 1;
+  g.fillStyle = style('--ink');
+  for (const r of found) { g.beginPath(); g.arc(px(x.values[r]), py(y.values[r]), 2.5, 0, 7); g.fill(); }
+};
+const nearest = (event) => {
+  if (!plane) return -1;
+  const box = $('points').getBoundingClientRect(), a = event.clientX - box.left, b = event.clientY - box.top;
+  let best = -1, least = 14;
+  for (const r of kept) {
+    const away = Math.hypot(plane.px(plane.x.values[r]) - a, plane.py(plane.y.values[r]) - b);
+    if (away < least) { least = away; best = r; }
+  }
+  return best;
+};
+$('plane').addEventListener('pointermove', (event) => {
+  const r = nearest(event), tip = $('tip');
+  tip.hidden = r < 0;
+  if (r < 0) return;
+  const box = $('plane').getBoundingClientRect();
+  tip.textContent = `run ${run[r]}: ${shown(plane.x, plane.x.values[r])}, ${shown(plane.y, plane.y.values[r])}`;
+  tip.style.left = `${Math.min(event.clientX - box.left + 12, box.width - 200)}px`; tip.style.top = `${event.clientY - box.top + 12}px`;
+});
+$('plane').addEventListener('pointerleave', () => { $('tip').hidden = true; });
+$('plane').addEventListener('click', (event) => choose(nearest(event)));
+
+// Single runs.
+const choose = (r) => {
+  chosen = r;
+  $('run').hidden = r < 0;
+  if (r >= 0) {
+    $('number').textContent = `Run ${run[r]}`;
+    $('values').replaceChildren(...columns.map((c) => {
+      const line = document.createElement('tr');
+      for (const word of [title(c), shown(c, c.values[r])]) line.appendChild(document.createElement('td')).textContent = word;
+      return line;
+    }));
+    $('command').textContent = `${about.command} --replay ${run[r]}`;
+  }
+  draw();
+};
+const listWorst = () => {
+  const column = columns[+$('worst').value];
+  const order = kept.filter((r) => column.values[r] === column.values[r]);
+  order.sort((a, b) => (better(column, column.values[a], column.values[b]) ? 1 : better(column, column.values[b], column.values[a]) ? -1 : run[a] - run[b]));
+  const head = document.createElement('tr');
+  for (const word of ['run', title(column)]) head.appendChild(document.createElement('th')).textContent = word;
+  $('list').tHead.replaceChildren(head);
+  $('list').tBodies[0].replaceChildren(...order.slice(0, 10).map((r) => {
+    const line = document.createElement('tr');
+    line.className = r === chosen ? 'chosen' : '';
+    for (const word of [String(run[r]), shown(column, column.values[r])]) line.appendChild(document.createElement('td')).textContent = word;
+    line.addEventListener('click', () => choose(r));
+    return line;
+  }));
+};
+$('copy').addEventListener('click', () => navigator.clipboard?.writeText($('command').textContent));
+
+const draw = () => { placeAxes(); drawLines(); drawPoints(); listWorst(); };
+const refresh = () => {
+  kept = Array.from(all.keys()).filter((r) => [...filters].every(([i, [low, high]]) => columns[i].values[r] >= low && columns[i].values[r] <= high));
+  if (chosen >= 0 && !kept.includes(chosen)) { chosen = -1; $('run').hidden = true; }
+  $('left').textContent = filters.size ? `${kept.length} of ${rows} pass the filters` : '';
+  $('reset').disabled = !filters.size;
+  draw();
+};
+$('reset').addEventListener('click', () => { filters.clear(); refresh(); });
+const objectives = columns.flatMap((c, i) => (c.role === 'objective' ? [i] : []));
+const fill = (id, list, value) => {
+  $(id).replaceChildren(...list.map((i) => new Option(columns[i].name, i)));
+  $(id).value = value;
+  $(id).addEventListener('change', draw);
+};
+const every = [...columns.keys()], [first, second] = [objectives[0] ?? 0, objectives[1] ?? 0];
+fill('x', every, first); fill('y', every, objectives.length > 1 ? second : every[0]); fill('z', every, objectives[2] ?? every[0]);
+fill('worst', objectives.length ? objectives : every, first);
+for (const id of ['surface', 'front']) $(id).addEventListener('change', draw);
+$('title').textContent = about.title; $('subtitle').textContent = about.note;
+$('failed').hidden = !about.failures.length;
+$('failures').replaceChildren(...about.failures.map(({number, reason}) => {
+  const item = document.createElement('li');
+  item.textContent = `${number}: ${reason}`;
+  return item;
+}));
+window.addEventListener('resize', draw);
+window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
+window.sweep = {
+  kept: () => kept.map((r) => run[r]), front: () => front(columns[+$('x').value], columns[+$('y').value]).map((r) => run[r]),
+  point: (number) => { const r = run.indexOf(number), box = $('points').getBoundingClientRect(); return [box.left + plane.px(plane.x.values[r]), box.top + plane.py(plane.y.values[r])]; },
+};
+refresh();
+document.body.dataset.ready = 'yes';
+})();

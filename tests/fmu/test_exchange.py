@@ -1,0 +1,264 @@
+"""Model exchange: minimal coordinates, events, derivatives, against closed forms, the command line and FMPy's CVode."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.results import Trajectory
+from cutjoint.run.scenes import find_scene
+from tests.conftest import needs_cpp, with_heavy
+from tests.mechanisms.bouncing import exact_bounces
+
+from .exchange import Array, Exchange
+from .slaves import DISCARD, ERROR, OK, Slave, advanced, fmu_of, started, text_of, write
+
+pytestmark = needs_cpp
+
+versions = pytest.mark.parametrize("version", [2, 3])
+VALID = [
+    ("press", None, "both"), ("press", None, "me"), ("spinning", None, "both"), ("bounce", None, "both"), ("driven", "free", "both"),
+    ("swaying", None, "both"), ("iltis", "simul1", "both"),
+]  # fmt: skip
+
+
+def exact_run(name: str, scene: str | None, **settings: float) -> Trajectory:
+    """A run of the command line with small tolerances."""
+    model = read_model_text(text_of(name), f"{name}.yaml")
+    artifact = compile_scene(model, find_scene(model, scene))
+    return simulate(artifact, integrator="dormand-prince", tolerance=1e-11, error=False, **settings)
+
+
+def outputs_of(instance: Slave) -> dict[str, float]:
+    names = [v.name for v in instance.fmu.interface.outputs]
+    return dict(zip(names, instance.get(*names), strict=True))
+
+
+@pytest.mark.parametrize(("name", "scene", "kind"), with_heavy(VALID, VALID[-1]))
+@versions
+def test_fmpy_finds_nothing_wrong(version: int, name: str, scene: str | None, kind: str, tmp_path: Path) -> None:
+    validation = pytest.importorskip("fmpy.validation")
+    file = write(fmu_of(name, version, scene, kind=kind), tmp_path, sources=True, binary=False)
+    assert validation.validate_fmu(str(file)) == []
+
+
+@pytest.mark.parametrize(("name", "version"), [("press", 2), ("press", 3), ("spinning", 3), ("swaying", 2)])
+def test_cvode_has_the_motion_of_the_command_line(name: str, version: int, tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    known = exact_run(name, None)
+    table = fmpy.simulate_fmu(
+        str(write(fmu_of(name, version, kind="both"), tmp_path)), fmi_type="ModelExchange", stop_time=known.t[-1],
+        output_interval=known.t[1], relative_tolerance=1e-10, record_events=False,
+    )  # fmt: skip
+    assert len(table) == len(known.t)
+    for column, values in known.columns.items():
+        assert np.abs(table[column] - values).max() <= 1e-6 * max(1.0, np.abs(values).max()), column
+
+
+def test_cvode_finds_contacts_and_leaves_them(tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    file = write(fmu_of("bounce", 2, kind="me"), tmp_path)
+    table = fmpy.simulate_fmu(str(file), stop_time=1.5, output_interval=0.01, relative_tolerance=1e-10, record_events=False)
+    heights, switched = exact_bounces(table["time"], 5.0, 0.3)
+    assert switched > 3
+    assert np.abs(table["mass.z"] - heights).max() < 1e-7
+
+
+@versions
+def test_indicators_change_their_sign_at_contact(version: int) -> None:
+    instance = Exchange(fmu_of("bounce", version, kind="both")).begin()
+    assert instance.events > 0
+    signs = []
+    for height in (0.1, 1e-9, -1e-9, -0.1):
+        assert instance.put(0.0, [height, 0.0]) == OK
+        signs.append(instance.vector("GetEventIndicators", instance.events) > 0)
+    assert (signs[0] == signs[1]).all()
+    assert (signs[2] == signs[3]).all()
+    assert (signs[1] != signs[2]).any()
+
+
+@versions
+def test_states_are_chosen_anew_as_a_ball_turns_and_the_motion_stays(version: int) -> None:
+    known, instance = exact_run("spinning", None), Exchange(fmu_of("spinning", version, kind="both")).begin()
+    assert instance.states == 8
+    instance.integrate(1.0, 1000)
+    assert instance.rechosen > 3
+    for name, value in outputs_of(instance).items():
+        assert value == pytest.approx(known[name][-1], rel=1e-7, abs=1e-7), name
+
+
+@pytest.mark.heavy
+def test_the_vehicle_by_an_integrator_of_the_host() -> None:
+    known, instance = exact_run("iltis", "simul1", end=0.6), Exchange(fmu_of("iltis", 3, "simul1", kind="both")).begin()
+    assert instance.states == 20
+    instance.integrate(0.6, 1200)
+    for name, value in outputs_of(instance).items():
+        assert value == pytest.approx(known[name][-1], rel=1e-7, abs=1e-5), name
+
+
+def test_inputs_that_move_guides_have_their_rates() -> None:
+    instance = Exchange(fmu_of("driven", 3, "free", kind="both")).begin()
+    assert instance.set(lift=0.4) == OK
+    given = {"der(lift)": 0.7, "der(lift,2)": -0.3}
+    for name, value in given.items():
+        assert instance.set_reference(instance.references[name], value) == OK
+    time, x = 0.5, instance.x
+    assert instance.put(time, x) == OK
+    angle, rate, shoulder = 0.4 + 0.2 * time * 0.16, 0.2 * 0.16 + (1 + 0.4 * time * 0.4) * 0.7, outputs_of(instance)
+    spin = 0.8 * 0.4 * 0.7 + 0.4 * time * 0.7**2 - (1 + 0.4 * time * 0.4) * 0.3
+    assert shoulder["shoulder.angle"] == pytest.approx(angle, rel=1e-14)
+    assert shoulder["shoulder.angle_rate"] == pytest.approx(rate, rel=1e-14)
+    assert shoulder["arm.az"] == pytest.approx(-0.5 * (np.cos(angle) * spin - np.sin(angle) * rate**2), rel=1e-12)
+
+
+@versions
+def test_directional_derivatives_are_those_of_a_closed_form(version: int) -> None:
+    instance = Exchange(fmu_of("pendulum", version, kind="both")).begin()
+    angle, rate = 0.7, -1.3  # from the rod along -x
+    assert instance.put(0.0, [angle, rate]) == OK
+    assert instance.derive(0.0, np.array([angle, rate])) == pytest.approx([rate, 9.81 * np.cos(angle)], rel=1e-12)
+    found = instance.directional(["der(state[1])", "der(state[2])", "bob.y", "bob.vy"], ["state[1]", "state[2]"], [2.0, 3.0])
+    y, vy = -2.0 * np.cos(angle), 2.0 * np.sin(angle) * rate - 3.0 * np.cos(angle)
+    assert found == pytest.approx([3.0, -2.0 * 9.81 * np.sin(angle), y, vy], rel=1e-9)
+    assert instance.x.tolist() == [angle, rate]
+
+
+def matrix(instance: Exchange, unknowns: list[str], knowns: list[str]) -> Array:
+    return np.array([instance.directional(unknowns, [known], [1.0]) for known in knowns]).T
+
+
+def test_derivatives_with_loops_are_limits_of_differences_and_adjoints_their_transposes() -> None:
+    instance = Exchange(fmu_of("spinning", 3, kind="both")).begin()
+    instance.integrate(0.02, 20)
+    interface, x = instance.fmu.interface, instance.x
+    unknowns = [v.name for v in (*interface.derivatives, *interface.outputs)]
+    knowns = [v.name for v in (*interface.states, *interface.inputs)]
+    found = matrix(instance, unknowns, knowns)
+
+    def values(y: Array, pull: float) -> Array:
+        assert instance.set(pull=pull) == OK
+        return np.array([*instance.derive(0.02, y), *instance.get()])
+
+    def changed(direction: Array, step: float) -> Array:
+        parts = [values(x + sign * step * direction[:-1], sign * step * direction[-1]) for sign in (1.0, -1.0)]
+        return (parts[0] - parts[1]) / (2 * step)
+
+    for j, direction in enumerate(np.eye(len(knowns))):
+        steps = [changed(direction, 8e-3 / 2**k) for k in range(4)]
+        for order in (4, 16, 64):  # Richardson's extrapolation
+            steps = [(order * b - a) / (order - 1) for a, b in pairwise(steps)]
+        assert found[:, j] == pytest.approx(steps[0], rel=1e-7, abs=1e-7 * np.abs(found).max()), knowns[j]
+    assert values(x, 0.0).size
+    for i, weight in enumerate(np.eye(len(unknowns))):
+        assert instance.directional(unknowns, knowns, list(weight), adjoint=True) == pytest.approx(
+            found[i], rel=1e-8, abs=1e-8 * np.abs(found).max()  # rounding, divided by the steps of differences
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["press", "spinning", "driven"])
+def test_what_changes_depends_on_what_was_changed(name: str) -> None:
+    """The structure says at least as much as changes."""
+    fmu = fmu_of(name, 3, "free" if name == "driven" else None, kind="both")
+    instance = Exchange(fmu).begin()
+    instance.integrate(0.01, 10)
+    variables = fmu.interface.variables
+    unknowns = {i: v for i, v in enumerate(variables) if v.causality == "output" or v.derives is not None}
+    for known, variable in enumerate(variables):
+        is_state = known in {v.derives for v in variables if v.derives is not None}
+        if not (is_state or known in range(*_inputs(fmu))):
+            continue
+        status, found = instance.ask_directional(list(unknowns), [known], [1.0])
+        assert status == OK, instance.log
+        changing = {v.name for (_, v), value in zip(unknowns.items(), found, strict=True) if abs(value) > 1e-7}
+        assert changing <= {v.name for v in unknowns.values() if known in v.following}, variable.name
+
+
+def _inputs(fmu) -> tuple[int, int]:  # type: ignore[no-untyped-def]
+    first = next((i for i, v in enumerate(fmu.interface.variables) if v.causality == "input"), 0)
+    return first, first + len(fmu.interface.inputs)
+
+
+@versions
+def test_co_simulation_beside_model_exchange_is_that_alone(version: int) -> None:
+    both, alone = started(fmu_of("press", version, kind="both")), started(fmu_of("press", version))
+    assert advanced(both, 20, 0.01) == advanced(alone, 20, 0.01)
+    state, rate = both.get("state[1]", "der(state[1])")
+    assert both.get("state[2]") == [rate]
+    assert advanced(both, 20, 0.01, 0.2) == advanced(alone, 20, 0.01, 0.2)
+    assert both.get("state[1]") != [state]
+
+
+@versions
+def test_states_that_loops_cannot_reach_are_discarded_and_leave_the_instance(version: int) -> None:
+    instance = Exchange(fmu_of("spinning", version, kind="both")).begin()
+    x, name = instance.x, "GetDerivatives" if version == 2 else "GetContinuousStateDerivatives"
+    known, room, discarded = instance.derive(0.0, x), (ctypes.c_double * 8)(), 0
+    for turn in np.random.default_rng(0).uniform(-2.0, 2.0, (40, 4)):
+        assert instance.put(0.0, [*turn, *x[4:]]) == OK
+        status = instance.call(name, room, ctypes.c_size_t(8))
+        if status != OK:
+            assert status == DISCARD
+            assert instance.log[-1].startswith(f"fmi{version}{name}: at 0 s: the ")
+            discarded += "the loops cannot be closed: 'far." in instance.log[-1]
+    assert discarded > 3
+    assert instance.derive(0.0, x) == pytest.approx(known, rel=1e-9, abs=1e-9)
+
+
+@versions
+def test_saved_states_go_on_bit_by_bit(version: int) -> None:
+    fmu = fmu_of("spinning", version, kind="both")
+    instance = Exchange(fmu).begin()
+    instance.integrate(0.2, 100)
+    state, x = instance.save(), instance.x
+    instance.integrate(0.4, 100, 0.2)
+    known, rechosen = (instance.x.tolist(), outputs_of(instance)), instance.rechosen
+    assert rechosen > 0
+    assert instance.restore(state) == OK
+    assert instance.x.tolist() == x.tolist()
+    instance.integrate(0.4, 100, 0.2)
+    assert (instance.x.tolist(), outputs_of(instance)) == known
+    other = Slave(fmu)
+    status, copy = other.deserialise(instance.serialise(state))
+    assert status == OK
+    assert other.restore(copy) == ERROR
+    assert other.log[-1] == "restore: the state is that of model exchange"
+
+
+@versions
+def test_wrong_calls(version: int) -> None:
+    instance = Exchange(fmu_of("press", version, kind="both"))
+    numbers, two, one = (ctypes.c_double * 2)(0.1, math.nan), ctypes.c_size_t(2), ctypes.c_size_t(1)
+    assert instance.call("SetContinuousStates", numbers, two) == instance.call("EnterContinuousTimeMode") == ERROR
+    assert instance.log[-1].endswith("not allowed before initialization mode")
+    assert instance.initialise() == OK
+    assert instance.step(0.0, 0.01) == instance.call("SetContinuousStates", numbers, two) == ERROR
+    assert instance.log[-1].endswith("not allowed in event mode")
+    assert instance.set(stiffness=1500.0) == OK
+    assert instance.update() == instance.call("EnterContinuousTimeMode") == OK
+    x = instance.x.tolist()
+    for call, words in (
+        (lambda: instance.call("SetContinuousStates", numbers, two), "the value is not finite: state 2"),
+        (lambda: instance.call("SetContinuousStates", numbers, one), "the array must have 2 numbers"),
+        (lambda: instance.call("GetContinuousStates", None, two), "the array must have 2 numbers"),
+        (lambda: instance.call("SetTime", ctypes.c_double(math.inf)), "the time is not finite"),
+        (lambda: instance.set(stiffness=1000.0), "a tunable parameter can be set in event mode only: value reference 1"),
+        (lambda: instance.set_reference(instance.references["state[1]"], 0.0), "only parameters and inputs can be set, which is none"),
+        (lambda: instance.call("EnterContinuousTimeMode"), "not allowed in continuous-time mode"),
+        (lambda: instance.ask_directional([1], [instance.references["state[1]"]], [1.0])[0], "value reference 1 is no output"),
+        (lambda: instance.ask_directional([instance.references["slider.x"]], [1], [1.0])[0], "value reference 1 is no state"),
+        (lambda: instance.ask_directional([instance.references["slider.x"]], [99], [1.0])[0], "value reference 99 is no state"),
+    ):  # fmt: skip
+        assert call() == ERROR
+        assert words in instance.log[-1]
+    assert instance.x.tolist() == x
+    simulated = started(fmu_of("press", version, kind="both"))
+    assert simulated.call("GetContinuousStates", numbers, two) == simulated.call("EnterEventMode") == ERROR
+    assert not Exchange(fmu_of("press", version)).exists
+    assert not Slave(fmu_of("press", version, kind="me")).exists

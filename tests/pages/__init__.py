@@ -1,0 +1,1 @@
+"""Pages of docs/ as a reader follows them."""

@@ -1,0 +1,64 @@
+"""What pages tell a reader to write and to run, in their order, in an empty folder; and that it prints what they say."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT, needs_cpp
+
+pytestmark = needs_cpp
+
+PAGES = ("tutorial", "recipes")
+
+
+@dataclass(frozen=True)
+class Snippet:
+    """A block of a page: its language, the file that it is written to, if any, and its text."""
+
+    language: str
+    title: str
+    text: str
+
+
+def snippets(page: str) -> list[Snippet]:
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    found = re.findall(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', text, re.DOTALL | re.MULTILINE)
+    return [Snippet(*parts) for parts in found]
+
+
+def squeezed(text: str) -> str:
+    return re.sub(r"\s+", " ", text)
+
+
+def run(snippet: Snippet, folder: Path) -> str:
+    """What a shell or Python prints."""
+    bin_folder = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": bin_folder, "COLUMNS": "200"}
+    command = ["bash", "-e", "-c", snippet.text] if snippet.language == "sh" else [sys.executable, "-c", snippet.text]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{snippet.text}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_does_what_it_says(page: str, tmp_path: Path) -> None:
+    (tmp_path / "models").symlink_to(ROOT / "models")
+    printed = ""
+    for snippet in snippets(page):
+        match snippet.language:
+            case "sh" | "python":
+                printed += run(snippet, tmp_path)
+            case "text":
+                for line in snippet.text.splitlines():
+                    assert squeezed(line) in squeezed(printed), (line, printed[-3000:])
+                printed = ""
+            case _:
+                assert snippet.title, snippet.text
+                (tmp_path / snippet.title).write_text(snippet.text, encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Sweeps: studies, objectives, tables, clusters and pages."""

@@ -1,0 +1,130 @@
+"""The page of a sweep: what it shows, filters and chooses, in a browser without a window."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.sweeps.page import choose_runs, make_page, pareto_front
+from cutjoint.sweeps.reading import read_study
+from cutjoint.sweeps.records import Objective
+from cutjoint.sweeps.run import Sweep, sweep
+from tests.conftest import needs_cpp
+from tests.view.browser import Page
+from tests.view.pages import PICTURES, require_silence
+
+from .studies import study
+
+pytestmark = needs_cpp
+
+_OBJECTIVES = {
+    "top": {"maximum": "slider.x", "goal": "larger"}, "speed": {"rms": "slider.vx"}, "load": {"percentile": "abs(spring.force)", "at": 95},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Sweep]:
+    """A study of 256 runs, and its table."""
+    folder = tmp_path_factory.mktemp("page")
+    path = study(folder, objectives=_OBJECTIVES, design={"sobol": 256}, trajectories=None)
+    return path, sweep(path, folder / "out.parquet")
+
+
+
+
+@pytest.fixture
+def page(done: tuple[Path, Sweep], browser: Page, tmp_path: Path) -> Page:
+    file = tmp_path / "page.html"
+    file.write_text(make_page(read_study(done[0]), done[1], "cutjoint sweep study.yaml"), encoding="utf-8")
+    browser.open(file, size=(1400, 980))
+    return browser
+
+
+def _dominated(one: int, runs: range, x: np.ndarray, y: np.ndarray) -> bool:
+    """Whether some run is better in one of x (larger) and y (smaller), and not worse in the other."""
+    return any(x[r] >= x[one] and y[r] <= y[one] and (x[r] > x[one] or y[r] < y[one]) for r in runs)
+
+
+def test_the_page_shows_the_table(page: Page, done: tuple[Path, Sweep]) -> None:
+    table = done[1]
+    assert page.run("sweep.kept().length") == 256
+    runs = range(256)
+    expected = [r for r in runs if not _dominated(r, runs, table["top"], table["speed"])]
+    assert sorted(page.run("sweep.front()")) == expected
+    worst = page.run("[...document.querySelectorAll('#list tbody tr')].map((r) => +r.firstChild.textContent)")
+    assert worst == list(map(int, np.argsort(table["top"])[:10]))
+    assert "256 runs" in page.run("document.getElementById('subtitle').textContent")
+    page.picture(PICTURES / "sweep.png")
+    require_silence(page)
+
+
+def test_an_axis_filters(page: Page, done: tuple[Path, Sweep]) -> None:
+    """A drag over the upper half of the first axis."""
+    found = "(() => { const b = document.querySelector('.axis').getBoundingClientRect(); return [b.x + b.width / 2, b.y, b.height]; })()"
+    x, top, height = page.run(found)
+    low, high = top + 66 + (height - 92) / 2, top + 60
+    for kind, y in (("mousePressed", low), ("mouseMoved", (low + high) / 2), ("mouseMoved", high), ("mouseReleased", high)):
+        page._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+    page.settle()
+    stiffness = done[1]["stiffness"]
+    low_end, pixel = (stiffness.min() + stiffness.max()) / 2, (stiffness.max() - stiffness.min()) / (height - 92)
+    kept = page.run("sweep.kept()")
+    assert set(np.flatnonzero(stiffness >= low_end + pixel)) <= set(kept) <= set(np.flatnonzero(stiffness >= low_end - pixel))
+    assert page.run("document.getElementById('left').textContent") == f"{len(kept)} of 256 pass the filters"
+    page.picture(PICTURES / "sweep-filtered.png")
+    page.run("document.getElementById('reset').click()")
+    assert page.run("sweep.kept().length") == 256
+
+
+def test_a_point_names_its_replay(page: Page) -> None:
+    page.click(*page.run("sweep.point(17)"))
+    assert page.run("document.getElementById('number').textContent") == "Run 17"
+    assert page.run("document.getElementById('command').textContent") == "cutjoint sweep study.yaml --replay 17"
+    page.run("document.getElementById('surface').click()")
+    page.settle()
+    page.picture(PICTURES / "sweep-surface.png")
+    require_silence(page)
+
+
+def test_the_command_writes_pages(done: tuple[Path, Sweep], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["sweep", str(done[0]), "--out", str(done[1].path), "--view", "page.html"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "page.html").read_text(encoding="utf-8") == make_page(read_study(done[0]), done[1], f"cutjoint sweep {done[0]}")
+    replayed = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "17"])
+    assert replayed.exit_code == 0, replayed.output
+    assert (tmp_path / "study-run-17.html").stat().st_size > 100_000
+    refused = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "256"])
+    assert "--replay 256: the study has no such run; its runs are 0 to 255" in refused.output
+
+
+@pytest.mark.parametrize("goals", list(product(("smaller", "larger"), repeat=2)))
+def test_fronts_beside_all_pairs(goals: tuple[str, str]) -> None:
+    random = np.random.default_rng(7)
+    values = [random.integers(0, 30, 200).astype(float) for _ in goals]
+    values[0][5] = np.nan
+    objectives = [Objective(name=str(i), reduction="end", series=0, goal=goal) for i, goal in enumerate(goals)]
+    signed = [v if goal == "smaller" else -v for v, goal in zip(values, goals, strict=True)]
+    runs = [r for r in range(200) if r != 5]
+    points = {(signed[0][r], signed[1][r]) for r in runs}
+    best = {p for p in points if not any(q != p and q[0] <= p[0] and q[1] <= p[1] for q in points)}
+    found = pareto_front(objectives, values)
+    assert {(signed[0][r], signed[1][r]) for r in found} == best
+    assert len(found) == len(best)
+
+
+def test_a_page_of_many_runs_keeps_the_extremes(done: tuple[Path, Sweep]) -> None:
+    read, table = read_study(done[0]), done[1]
+    shown = choose_runs(read, table, 200)
+    assert len(shown) == 200
+    assert (np.diff(shown) > 0).all()
+    for name in _OBJECTIVES:
+        order = np.argsort(table[name])
+        assert set(order[:20]) | set(order[-20:]) <= set(shown)
+    assert set(pareto_front(read.objectives[:2], [table["top"], table["speed"]])) <= set(shown)
