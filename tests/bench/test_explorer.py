@@ -28,8 +28,6 @@ def studies(*more: dict[str, Any]) -> dict[str, Any]:
 FAST = line("recursive/rk4/reduced", "reduced", point(0.02, 0.1, 3e-3), point(0.01, 0.2, 5e-4), point(0.001, 4.0, 8e-7))
 
 
-
-
 @pytest.fixture
 def page(browser: Page, tmp_path: Path) -> Page:
     file = tmp_path / "bench.html"

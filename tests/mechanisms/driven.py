@@ -41,6 +41,26 @@ scenes:
 """
 
 
+def pushed_text(law: str = "push") -> str:
+    """A mass of 2 kg on a slide, at rest; a force of this law, which a host's input ``push`` (N) drives."""
+    return f"""
+cutjoint: 1
+name: pushed
+gravity: [0, 0, 0]
+parameters:
+  push: {{value: 0, unit: N, binding: input}}
+bodies:
+  mass: {{mass: 2, centre_of_mass: [0, 0, 0]}}
+joints:
+  slide: {{kind: prismatic, bodies: [ground, mass], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces:
+  hand: {{kind: joint_force, joint: slide, law: "{law}"}}
+outputs: [mass.x, mass.vx, mass.ax]
+scenes:
+  free: {{end: 1, output_step: 0.1}}
+"""
+
+
 def table(course: Polynomial, times: Any = (0.0, 0.4, 1.0)) -> dict[str, list[float]]:
     """A cubic, which goes through its samples with its rates."""
     return {"t": list(times), "value": [float(course(t)) for t in times], "rate": [float(course.deriv()(t)) for t in times]}

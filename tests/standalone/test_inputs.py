@@ -9,7 +9,7 @@ import pytest
 
 import cutjoint
 from tests.conftest import needs_cpp
-from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders
+from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders, pushed_text
 
 from .folders import ALONE
 
@@ -39,27 +39,9 @@ def test_inputs_that_nobody_sets_follow_the_scene(driven: Path, method: str) -> 
     assert sim.inputs.units == {"lift": "rad", "push": "N"}
 
 
-DAMPED = """
-cutjoint: 1
-name: damped
-gravity: [0, 0, 0]
-parameters:
-  push: {value: 0, unit: N, binding: input}
-bodies:
-  mass: {mass: 2, centre_of_mass: [0, 0, 0]}
-joints:
-  slide: {kind: prismatic, bodies: [ground, mass], at: [0, 0, 0], axis: [1, 0, 0]}
-forces:
-  hand: {kind: joint_force, joint: slide, law: "push - 3*rate"}
-outputs: [mass.vx]
-scenes:
-  free: {end: 1}
-"""
-
-
 def test_steps_keep_their_order_where_a_host_makes_an_input_jump(tmp_path: Path, method: str) -> None:
     path, errors = tmp_path / "damped.yaml", []
-    path.write_text(DAMPED)
+    path.write_text(pushed_text("push - 3*rate"))
     for dt in (0.02, 0.01):
         sim = cutjoint.load(path, method=method).reset(dt=dt)
         speed, error = 0.0, 0.0

@@ -11,6 +11,7 @@ import cutjoint
 from cutjoint.pipeline import compile_model, simulate
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.bouncing import bouncing_text, exact_bounces
+from tests.mechanisms.driven import pushed_text
 
 from .folders import DEFINITIONS, HERE, RANDOM_CALLS, compile_object, foreign_symbols, link, run, standalone_of, write
 
@@ -21,23 +22,6 @@ PRESS = MODELS / "press.yaml"
 EQUAL = (("recursive", "rk4"), ("recursive-newton", "sdirk4-fixed"))
 ADAPTIVE = (("recursive", "dormand-prince"), ("recursive-newton", "sdirk4"))
 RULES = EQUAL + ADAPTIVE
-
-PUSHED = """
-cutjoint: 1
-name: pushed
-gravity: [0, 0, 0]
-parameters:
-  push: {value: 0, unit: N, binding: input}
-bodies:
-  mass: {mass: 2, centre_of_mass: [0, 0, 0]}
-joints:
-  slide: {kind: prismatic, bodies: [ground, mass], at: [0, 0, 0], axis: [1, 0, 0]}
-forces:
-  hand: {kind: joint_force, joint: slide, law: push}
-outputs: [mass.x, mass.vx, mass.ax]
-scenes:
-  free: {end: 1, output_step: 0.1}
-"""
 
 
 @pytest.mark.parametrize(
@@ -110,7 +94,7 @@ def test_who_looks_on_changes_nothing(method: str, integrator: str) -> None:
 @pytest.mark.parametrize(("method", "integrator"), RULES)
 def test_inputs_and_parameters_count_from_the_next_step_on(method: str, integrator: str, tmp_path: Path) -> None:
     path = tmp_path / "pushed.yaml"
-    path.write_text(PUSHED, encoding="utf-8")
+    path.write_text(pushed_text(), encoding="utf-8")
     sim = cutjoint.load(path, method=method, integrator=integrator).reset(dt=0.01)
     x = v = 0.0
     for k, push in enumerate((3.0, -1.0, 4.0, 0.0)):

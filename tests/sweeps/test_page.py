@@ -35,8 +35,6 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Sweep]:
     return path, sweep(path, folder / "out.parquet")
 
 
-
-
 @pytest.fixture
 def page(done: tuple[Path, Sweep], browser: Page, tmp_path: Path) -> Page:
     file = tmp_path / "page.html"
