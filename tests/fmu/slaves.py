@@ -60,7 +60,7 @@ def write(fmu: Fmu, place: Path, **content: bool) -> Path:
     return file
 
 
-def packed(fmu: Fmu, **content: bool) -> bytes:
+def packed(fmu: Fmu, **content: Any) -> bytes:
     """The FMU's archive, as the command writes it."""
     return fmu.pack(**content, picture=picture_graph(fmu.topology))
 

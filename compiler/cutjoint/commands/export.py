@@ -17,6 +17,7 @@ from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.records import Model, Output
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.scenes import find_scene
+from cutjoint.toolchain.platforms import PLATFORMS
 from cutjoint.topology.reading import read_model
 
 #: What is no other simulator, but is imported by many.
@@ -35,15 +36,17 @@ FMU = "fmu"
 @click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise.")
 @click.option("--kind", type=click.Choice(list(KINDS)), help="What an FMU is for: co-simulation (the default), model exchange, or both.")
 @click.option("--sources", "content", flag_value="sources", help="An FMU of C++ alone.")
-@click.option("--binary", "content", flag_value="binary", help="An FMU with a binary for this machine alone.")
+@click.option("--binary", "content", flag_value="binary", help="An FMU with binaries alone.")
 @click.option("--both", "content", flag_value="both", help="An FMU with both, which is the default.")
+@click.option("--platform", "platforms", type=click.Choice(list(PLATFORMS)), multiple=True,
+              help="A platform of an FMU's binaries, by Debian's cross-compilers; several may be given, by default this machine's.")
 @click.option("--method", type=click.Choice(list(STEPS)), help="Formulation of an FMU's steps; recursive otherwise.")
 @click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of an FMU's steps instead of the scene's.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file.")
 @options.reports_errors
 def command(
     model: Path, scene: str | None, peer: str, changes: tuple[str, ...], links: tuple[str, ...], asked: tuple[str, ...],
-    fmi: str | None, kind: str | None, content: str | None, method: str | None, integrator: str | None,
+    fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], method: str | None, integrator: str | None,
     out: Path,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
@@ -54,10 +57,13 @@ def command(
         checked = with_link_masses(read_model(model), options.read_parameters(links, "--link-mass"))
         export_fmu(
             checked, scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
-            method=method or DEFAULT_METHOD, integrator=integrator, out=out,
+            method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
         )  # fmt: skip
         return
-    require_fmu(peer, fmi=fmi, kind=kind, method=method, integrator=integrator, **({} if content is None else {content: True}))
+    require_fmu(
+        peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None,
+        **({} if content is None else {content: True}),
+    )  # fmt: skip
     if out.exists() and not out.is_dir():
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
     checked = with_link_masses(read_model(model), options.read_parameters(links, "--link-mass"))

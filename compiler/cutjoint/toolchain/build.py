@@ -15,6 +15,7 @@ from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest
 from cutjoint.toolchain.drivers import Kind, driver_parts, make_drivers, parts_for, store_parts
 from cutjoint.toolchain.objects import fetch_objects, find_objects, store_objects
+from cutjoint.toolchain.platforms import Platform
 
 if TYPE_CHECKING:
     from cutjoint.emit.source import Source
@@ -104,16 +105,19 @@ def build_folder(
     return build_files(name, files, made, digest, flags, f"-DBUILD_SHARED_LIBS={'ON' if shared else 'OFF'}")
 
 
-def build_files(name: str, files: Mapping[str, str], made: str, digest: str, flags: Sequence[str], *settings: str) -> Path:
-    """Build the CMake project of ``files`` around the folder of a model, or find the file ``made`` by it in the cache; errors as above."""
-    compiler = find_compiler()
-    key = digest_of([digest, *files.values(), *compiler.key, *resolve(flags)])
+def build_files(
+    name: str, files: Mapping[str, str], made: str, digest: str, flags: Sequence[str], *settings: str, platform: Platform | None = None
+) -> Path:  # fmt: skip
+    """Build the CMake project of ``files`` around the folder of a model for a ``platform``, by default this machine's, or find the file
+    ``made`` by it in the cache; errors as above."""
+    compiler, there = (platform.find_compiler(), platform.settings) if platform else (find_compiler(), ())
+    key = digest_of([digest, *files.values(), *compiler.key, *resolve(flags), *there])
     cached = cache_folder() / f"alone-{key}" / made
 
     def make(folder: Path) -> Path:
         for file, text in files.items():
             write_text(folder / "source" / file, text)
-        build_project(folder / "source", folder / "out", compiler, flags, f"-D{name}_FLAGS={' '.join(flags)}", *settings)
+        build_project(folder / "source", folder / "out", compiler, flags, f"-D{name}_FLAGS={' '.join(flags)}", *settings, *there)
         return folder / "out" / made
 
     find_or_make(cached, make)

@@ -52,10 +52,19 @@ def find_compiler() -> Compiler:
         ToolchainError: a tool is missing, $CXX names no program, or the program does not say a version.
     """
     command = _command_of_environment() or _usual_command()
-    missing = [tool for tool in ("cmake", "ninja") if shutil.which(tool) is None] + ([] if command else ["a C++ compiler"])
-    if missing:
-        raise ToolchainError(f"missing: {', '.join(missing)}; apt-get install {PACKAGES}")
-    return Compiler(command=command, version=_ask_version(command))
+    require_tools(*([] if command else ["a C++ compiler"]))
+    return Compiler(command=command, version=ask_version(command))
+
+
+def require_tools(*missing: str) -> None:
+    """Check that there are the tools that call compilers, and that nothing else is ``missing``.
+
+    Raises:
+        ToolchainError: a tool is missing.
+    """
+    absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool) is None), *missing]
+    if absent:
+        raise ToolchainError(f"missing: {', '.join(absent)}; apt-get install {PACKAGES}")
 
 
 def _command_of_environment() -> tuple[str, ...]:
@@ -79,8 +88,12 @@ def _usual_command() -> tuple[str, ...]:
 
 
 @cache
-def _ask_version(command: tuple[str, ...]) -> str:
-    """The compiler's first line about itself."""
+def ask_version(command: tuple[str, ...]) -> str:
+    """The compiler's first line about itself.
+
+    Raises:
+        ToolchainError: it says none.
+    """
     fault = "it prints no version"
     try:
         done = subprocess.run(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import platform
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,15 +22,17 @@ from cutjoint.pipeline import derive, generate
 from cutjoint.run.errors import RunError
 from cutjoint.standalone import Standalone, make_standalone
 from cutjoint.toolchain.build import build_files
+from cutjoint.toolchain.platforms import PLATFORMS, name_here
 from cutjoint.topology.records import Topology
 
 #: How binaries are optimised, unless $CUTJOINT_FLAGS says otherwise: for any processor of the platform.
 FMU_FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3").split())
 
-#: The folders of binaries by machine, in FMI 2 and 3.
-_PLATFORMS: Mapping[tuple[str, str], Mapping[int, str]] = {
-    ("Linux", "x86_64"): {2: "linux64", 3: "x86_64-linux"},
-    ("Linux", "aarch64"): {2: "aarch64-linux", 3: "aarch64-linux"},
+#: The folders of binaries by platform, in FMI 2 and 3.
+FOLDERS: Mapping[str, Mapping[int, str]] = {
+    "linux-x86_64": {2: "linux64", 3: "x86_64-linux"},
+    "windows-x86_64": {2: "win64", 3: "x86_64-windows"},
+    "linux-aarch64": {2: "aarch64-linux", 3: "aarch64-linux"},
 }
 
 #: Where the picture of a model stands in FMI 2 and 3.
@@ -62,19 +63,22 @@ class Fmu:
         code = {name: self.standalone.files[name] for name in _code_of(self.standalone)}
         return {**code, f"fmi{self.version}.cpp": self.layer}
 
-    def build(self, flags: Sequence[str] = FMU_FLAGS) -> Path:
-        """The binary; errors as of `toolchain.build.build_files`."""
-        model = {f"model/{name}": text for name, text in self.standalone.files.items()}
-        files = {**model, f"fmi{self.version}.cpp": self.layer, "CMakeLists.txt": self.project}
-        return build_files(self.standalone.name, files, f"{self.standalone.name}.so", self.standalone.digest, flags)
-
-    def pack(self, *, sources: bool, binary: bool, picture: bytes) -> bytes:
-        """The archive, with the sources, a binary for this machine, or both, and a ``picture`` (PNG) of the topology.
+    def build(self, flags: Sequence[str] = FMU_FLAGS, *, platform: str | None = None) -> Path:
+        """The binary for one of `toolchain.platforms.PLATFORMS`, by default this machine's.
 
         Raises:
             RunError: there is no name for binaries of this machine.
             ToolchainError: a tool is missing, or the compiler refused the code.
         """
+        target = PLATFORMS[platform or _require_platform()]
+        model = {f"model/{name}": text for name, text in self.standalone.files.items()}
+        files = {**model, f"fmi{self.version}.cpp": self.layer, "CMakeLists.txt": self.project}
+        made = f"{self.standalone.name}{target.suffix}"
+        return build_files(self.standalone.name, files, made, self.standalone.digest, flags, platform=target)
+
+    def pack(self, *, sources: bool, binary: bool, picture: bytes, platforms: Sequence[str] = ()) -> bytes:
+        """The archive, with the sources, a binary for each of the ``platforms``, by default for this machine, or both, and a ``picture``
+        (PNG) of the topology; errors as of `build`."""
         subject = replace(self.subject, sources=tuple(n for n in self.sources if n.endswith(".cpp")) if sources else ())
         files = {
             "modelDescription.xml": write_description(subject, self.interface, self.version).encode(),
@@ -86,7 +90,9 @@ class Fmu:
             if self.version == 3:
                 files["sources/buildDescription.xml"] = write_build_description(subject).encode()
         if binary:
-            files[f"binaries/{_folder_of_binaries(self.version)}/{self.standalone.name}.so"] = self.build().read_bytes()
+            for name in dict.fromkeys(platforms or [_require_platform()]):
+                made = self.build(platform=name)
+                files[f"binaries/{FOLDERS[name][self.version]}/{made.name}"] = made.read_bytes()
         return _pack(files)
 
 
@@ -157,11 +163,12 @@ def _token(parts: Sequence[str]) -> str:
     return "{" + "-".join((digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:32])) + "}"
 
 
-def _folder_of_binaries(version: int) -> str:
-    machine = (platform.system(), platform.machine())
-    if machine not in _PLATFORMS:
-        raise RunError(f"FMUs have no binaries for {' '.join(machine)}; export with --sources")
-    return _PLATFORMS[machine][version]
+def _require_platform() -> str:
+    """The name of this machine's platform."""
+    name = name_here()
+    if name is None:
+        raise RunError("FMUs have no binaries for this machine; export with --sources, or name another --platform")
+    return name
 
 
 def _pack(files: Mapping[str, bytes]) -> bytes:

@@ -1,0 +1,68 @@
+"""Platforms that code is compiled for: this machine's, and others by Debian's cross-compilers."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, require_tools
+from cutjoint.toolchain.errors import ToolchainError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Platform:
+    """A system and a processor as CMake names them, the prefix of the tools that compile for both, Debian's package of these, and how names
+    of modules end there."""
+
+    system: str
+    processor: str
+    tools: str
+    package: str
+    suffix: str = ".so"
+
+    def is_here(self) -> bool:
+        """Whether it is this machine's."""
+        return (platform.system(), platform.machine()) == (self.system, self.processor)
+
+    def find_compiler(self) -> Compiler:
+        """The compiler: this machine's own as `toolchain.compiler.find_compiler` has it, else the cross-compiler.
+
+        Raises:
+            ToolchainError: a tool is missing, or the program does not say a version.
+        """
+        if self.is_here():
+            return find_compiler()
+        require_tools()
+        found = shutil.which(f"{self.tools}-g++")
+        if found is None:
+            raise ToolchainError(
+                f"missing: {self.tools}-g++, which compiles for {self.system} on {self.processor}; apt-get install {self.package}"
+            )
+        return Compiler(command=(found,), version=ask_version((found,)))
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """What CMake must be told; nothing of this machine's."""
+        if self.is_here():
+            return ()
+        return (
+            f"-DCMAKE_SYSTEM_NAME={self.system}", f"-DCMAKE_SYSTEM_PROCESSOR={self.processor}", f"-DCMAKE_C_COMPILER={self.tools}-gcc",
+            f"-DCMAKE_FIND_ROOT_PATH=/usr/{self.tools}", "-DCMAKE_FIND_ROOT_PATH_MODE_LIBRARY=ONLY",
+        )  # fmt: skip
+
+
+#: By the names that commands have.
+PLATFORMS: Mapping[str, Platform] = {
+    "linux-x86_64": Platform(system="Linux", processor="x86_64", tools="x86_64-linux-gnu", package="g++-x86-64-linux-gnu"),
+    "windows-x86_64": Platform(
+        system="Windows", processor="x86_64", tools="x86_64-w64-mingw32", package="g++-mingw-w64-x86-64", suffix=".dll"
+    ),
+    "linux-aarch64": Platform(system="Linux", processor="aarch64", tools="aarch64-linux-gnu", package="g++-aarch64-linux-gnu"),
+}  # fmt: skip
+
+
+def name_here() -> str | None:
+    """The name of this machine's platform; None if it has none."""
+    return next((name for name, known in PLATFORMS.items() if known.is_here()), None)
