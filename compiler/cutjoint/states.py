@@ -10,9 +10,9 @@ import numpy as np
 from cutjoint.analysis.linearisation import NoMassError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
-from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.locations import AnyPath
-from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
+from cutjoint.methods import DEFAULT_METHOD, LINEARISED, PLAIN_CLOSURE
 from cutjoint.model.quantities import Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import compile_scene, generate, simulate
@@ -116,14 +116,13 @@ def find_scene_modes(
         SimulatorError: the simulator could not begin.
     """
     require_settings(at=at)
-    # Model -> Binary
-    artifact = compile_scene(model, scene, method=LINEARISED)
-    equations = artifact.equations
-    assert isinstance(equations, ImplicitEquations)
+    # Model -> Binary: an equilibrium is found by the simulator of plain runs, a motion goes on by the method of the linearisation
+    artifact = compile_scene(model, scene, method=DEFAULT_METHOD if at is None else LINEARISED)
+    equations = formulate_implicit(artifact.mechanism, ())
     where = f"{scene.span}: scene '{scene.name}'"
     try:
         # Binary -> Linearisation -> Modes
-        time, linearised = linearise_at(artifact.binary.path, equations, at, parameters or {}, progress)
+        time, linearised = linearise_at(artifact, equations, at, parameters or {}, progress)
         modes = find_mode_shapes(linearised, time)
     except NotReachedError as error:
         if at is not None:

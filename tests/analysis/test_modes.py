@@ -15,11 +15,12 @@ from cutjoint.analysis.closing import close_loops, design_coordinates
 from cutjoint.analysis.modes import Modes, eigenpairs, find_mode_shapes
 from cutjoint.cli import main
 from cutjoint.formulate.implicit.records import ImplicitEquations
-from cutjoint.model.read import read_model
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.scenes import find_scene
 from cutjoint.states import find_scene_modes
 from tests.analysis.linearised import Array, implicit, linearised
 from tests.conftest import MODELS, ROOT, needs_cpp
+from tests.mechanisms.driven import pushed_text
 
 G = 9.81
 
@@ -230,6 +231,15 @@ def test_flyball_governor_after_a_second() -> None:
     assert real[:3] == pytest.approx([-8075, -1444, -20.5], abs=0.5)
     assert list(modes.indifferent) == ["bearing.angle"]
     assert modes.time == pytest.approx(1.0, abs=1e-12)
+
+
+@needs_cpp
+@pytest.mark.parametrize("at", [None, 0.0])
+def test_an_input_that_is_held_counts(at: float | None) -> None:
+    """omega^2 = (100 + push) / 2 of 2 kg on a spring that an input stiffens."""
+    model = read_model_text(pushed_text("-(100 + push)*position"), "pushed.yaml")
+    modes = find_scene_modes(model, find_scene(model, None), at=at, parameters={"push": 28.0})
+    assert frequencies(modes) == pytest.approx([8.0], rel=1e-12)
 
 
 def command(*arguments: object) -> tuple[int, str]:

@@ -11,7 +11,7 @@ import pytest
 
 from cutjoint.model.read import read_model
 from cutjoint.model.records import RoadSegment, SegmentKind, Span
-from cutjoint.run.roads import Piece, disc_pieces, profile_pieces
+from cutjoint.run.roads import Piece, WheelRoad, disc_pieces, profile_pieces
 from tests.conftest import MODELS
 
 RADIUS = 0.364325
@@ -65,3 +65,22 @@ def test_disc_rolls_over_a_bump_wider_than_itself_at_its_offset_curve() -> None:
     envelope = height(disc_pieces(bump, 0.0, RADIUS))
     assert envelope(2.5) == pytest.approx(0.2, abs=1e-5)  # on the top, where the slope is zero
     assert envelope(-1.0) == 0.0
+
+
+@pytest.mark.parametrize("contact", ["point", "disc"])
+def test_slopes_are_those_of_the_heights(contact: str) -> None:
+    """By central differences, away from where pieces meet."""
+    segments = [segment(SegmentKind.RAMP, 2.0, 0.3), segment(SegmentKind.COSINE, 3.0, 0.2), segment(SegmentKind.STEP, 0.0, -0.1)]
+    hills = profile_pieces(segments, 1.0) if contact == "point" else disc_pieces(segments, 1.0, RADIUS)
+    flat = [Piece(kind="line", begin=0.0, a=0.0, b=0.0, c=0.0)]
+    road = WheelRoad(left=hills, right=flat, disc=contact == "disc")
+    h, begins = 1e-5, np.array([p.begin for p in hills])
+    places = [x for x in np.linspace(0.5, 7.5, 211) if np.abs(begins - x).min() > 2 * h]
+    assert len(places) > 150
+    for x in places:
+        across = [road.height(x + h, 1.0), road.height(x, 1.0), road.height(x - h, 1.0)]
+        assert road.height_dx(x, 1.0) == pytest.approx((across[0] - across[2]) / (2 * h), abs=1e-6)
+        assert road.slope(x, 1.0) == (0.0 if contact == "disc" else road.height_dx(x, 1.0))
+        change = (road.height_dx(x + h, 1.0) - road.height_dx(x - h, 1.0)) / (2 * h)
+        assert road.slope_dx(x, 1.0) == pytest.approx(0.0 if contact == "disc" else change, abs=1e-4)
+        assert (road.height(x, -1.0), road.slope(x, -1.0), road.slope_dx(x, -1.0)) == (0.0, 0.0, 0.0)

@@ -1,68 +1,95 @@
-"""A mechanism linearised about a state: mass, damping and stiffness are the exact tangent of its balance with other weights."""
+"""A mechanism linearised about a state, by interpretation: mass, damping and stiffness are the exact tangent of its balance."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from cutjoint.analysis.closing import Array, retract
 from cutjoint.analysis.linearisation import Linearisation, free_directions
+from cutjoint.analysis.natural import call, evaluate_results
 from cutjoint.formulate.implicit.records import ImplicitEquations
-
-#: Plain data by name: a state with t, q, v, vdot and lambda; what is asked of it; results.
-Point: TypeAlias = dict[str, Any]
-#: The functions of the equations at points, see runtime/include/cutjoint/lagrangian/examine.hpp.
-Evaluate: TypeAlias = Callable[[Sequence[Point]], Sequence[Mapping[str, Any]]]
+from cutjoint.program.interpret import RoadTable
 
 _STEP = 1e-3
 #: Central differences of fourth order, for a unit step.
 _DIFFERENCES = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
+#: Weights of damping, stiffness and constraints that give M, M + C and M + K.
+_WEIGHTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def linearise(equations: ImplicitEquations, state: Mapping[str, Any], evaluate: Evaluate, *, at_rest: bool) -> Linearisation:
-    """The equations linearised about a state, which is one ``at_rest`` or of a motion with its accelerations and multipliers."""
-    n, m = equations.start.speeds, len(equations.equation_names)
-    here = {**state, "motion": 0.0 if at_rest else 1.0, "penalty": 0.0, "w": [0.0] * m}
-    plain = {**here, "weights": _weights(0.0, 0.0)}
-    results = evaluate([plain, *({**plain, "w": list(row)} for row in np.eye(m))])
-    J = np.array([result["force"] for result in results[1:]]).reshape(m, n)
-    here["lambda"] = _balancing(state["lambda"], J, results[0]["force_residual"])
-    tangents = [{**here, "weights": _weights(*which)} for which in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
-    M, C, K = (_dense(equations, result["tangent"], n) for result in evaluate(tangents))
-    v = np.asarray(state["v"])
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A state at time ``t`` (s): coordinates ``q``, speeds ``v``, accelerations ``vdot``; zero of a mechanism at rest.
+
+    ``parameters`` have the order of the equations' own, ``held`` the values of inputs that do not follow the scene, ``roads`` what tyres
+    stand on, flat where there are none.  Multipliers follow from the balance.
+    """
+
+    t: float
+    q: Array
+    v: Array
+    vdot: Array
+    parameters: Array
+    held: Mapping[str, float] = field(default_factory=dict)
+    roads: Mapping[str, RoadTable] | None = None
+
+
+def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Linearisation:
+    """The equations linearised about a state, which is one ``at_rest`` or of a motion with its accelerations."""
+    here = _arrays(equations, at, at_rest)
+    J = _jacobian(equations, here)
+    here["lambda"] = _balancing(J, _call(equations, "dynamic_residual", here, at)["force_residual"])
+    M, damped, stiffened = _tangents(equations, here, at)
     return Linearisation(
-        names=coordinate_names(equations), M=M, C=C - M, K=K - M, W=_turning(equations, v), J=J,
-        G=_rate_changes(equations, tangents[0], J, evaluate) if m and v.any() and not at_rest else np.zeros((m, n)),
-        q=np.asarray(state["q"]), at_rest=at_rest,
+        names=coordinate_names(equations), M=M, C=damped - M, K=stiffened - M, W=_turning(equations, at.v), J=J,
+        G=_rate_changes(equations, here, at, J) if len(J) and at.v.any() and not at_rest else np.zeros_like(J),
+        q=at.q, at_rest=at_rest,
     )  # fmt: skip
 
 
-def _weights(damping: float, stiffness: float) -> dict[str, float]:
-    return {"damping": damping, "stiffness": stiffness, "constraint": 0.0}
+def _arrays(equations: ImplicitEquations, at: Point, at_rest: bool) -> dict[str, Array]:
+    balls = sum(c.ball for c in equations.start.charts)
+    return {
+        "t": np.full(1, at.t), "q": at.q, "v": at.v, "vdot": at.vdot, "parameters": at.parameters,
+        "motion": np.full(1, 0.0 if at_rest else 1.0), "penalty": np.zeros(1), "weights.turns": np.tile(np.eye(3).ravel(), balls),
+    }  # fmt: skip
 
 
-def _balancing(multipliers: Sequence[float], J: Array, residual: Sequence[float]) -> list[float]:
-    """The multipliers that balance the accelerations: those of a step leave to its penalty what it closes the loops by."""
-    if not len(multipliers):
-        return []
-    return list(np.asarray(multipliers) - np.linalg.lstsq(J.T, np.asarray(residual), rcond=None)[0])
+def _call(equations: ImplicitEquations, function: str, arrays: Mapping[str, Array], at: Point) -> dict[str, Array]:
+    return call(equations, function, arrays, at.roads, at.held)
+
+
+def _jacobian(equations: ImplicitEquations, here: Mapping[str, Array]) -> Array:
+    """J, (equations, speeds)."""
+    m, n = len(equations.equation_names), equations.start.speeds
+    if not m:
+        return np.zeros((0, n))
+    return np.broadcast_to(call(equations, "apply_jacobian_transposed", {**here, "w": np.eye(m)})["force"], (m, n))
+
+
+def _balancing(J: Array, residual: Array) -> Array:
+    """The multipliers that balance the accelerations."""
+    return np.asarray(np.linalg.lstsq(J.T, -residual, rcond=None)[0]) if len(J) else np.zeros(0)
+
+
+def _tangents(equations: ImplicitEquations, here: Mapping[str, Array], at: Point) -> Array:
+    """The tangent with each of the weights, (weights, speeds, speeds)."""
+    n = equations.start.speeds
+    tangents = np.zeros((len(_WEIGHTS), n, n))
+    entries = {name: block for name, block in equations.function("linearise").results.items() if name.startswith("tangent:")}
+    for name, entry in evaluate_results(equations, entries, {**here, "weights": _WEIGHTS}, at.roads, at.held).items():
+        row, column = map(int, name.removeprefix("tangent:").split(","))
+        tangents[:, row, column] = entry[..., 0]
+    return tangents
 
 
 def coordinate_names(equations: ImplicitEquations) -> tuple[str, ...]:
     """A name for the coordinate of each speed; of a quaternion, the names of the angular velocity stand for small turns."""
     charts = equations.start.charts
     return tuple(f"{c.joint}.{name}" for c in charts for name in (*c.coordinate_names[: c.scalars], *c.speed_names[c.scalars :]))
-
-
-def _dense(equations: ImplicitEquations, tangent: Sequence[float], n: int) -> Array:
-    matrix = np.zeros((n, n))
-    for name, slot in equations.slots.items():
-        if slot.array == "tangent":
-            row, column = map(int, name.removeprefix("tangent:").split(","))
-            matrix[row, column] = tangent[slot.offset]
-    return matrix
 
 
 def _turning(equations: ImplicitEquations, v: Array) -> Array:
@@ -75,15 +102,17 @@ def _turning(equations: ImplicitEquations, v: Array) -> Array:
     return W
 
 
-def _rate_changes(equations: ImplicitEquations, here: Point, J: Array, evaluate: Evaluate) -> Array:
+def _rate_changes(equations: ImplicitEquations, here: Mapping[str, Array], at: Point, J: Array) -> Array:
     """G in the directions that the loops leave free, zero across them: by differences, as the rates have no tangent of their own."""
     free = free_directions(J)
-    results = iter(evaluate(list(_neighbours(equations, here, free))))
-    columns = [sum(factor / _STEP * np.asarray(next(results)["rate"]) for factor in _DIFFERENCES.values()) for _ in free.T]
-    return np.asarray(np.array(columns).reshape(free.shape[1], len(J)).T @ free.T)
+    near = np.array(list(_neighbours(equations, at.q, free))).reshape(-1, len(at.q))
+    rates = _call(equations, "constraint_residual", {**here, "q": near}, at)["rate"]
+    rates = np.broadcast_to(rates, (len(near), len(J))).reshape(free.shape[1], len(_DIFFERENCES), len(J))
+    changes: Array = np.einsum("fsm,s->mf", rates, np.array([*_DIFFERENCES.values()]) / _STEP)
+    return np.asarray(changes @ free.T)
 
 
-def _neighbours(equations: ImplicitEquations, here: Point, directions: Array) -> Iterator[Point]:
+def _neighbours(equations: ImplicitEquations, q: Array, directions: Array) -> Iterator[Array]:
     for direction in directions.T:
         for steps in _DIFFERENCES:
-            yield {**here, "q": list(retract(equations.start, np.asarray(here["q"]), steps * _STEP * direction))}
+            yield retract(equations.start, q, steps * _STEP * direction)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from cutjoint.analysis.closing import Array, FlatRoad, evaluate_scene_inputs, make_inputs
 from cutjoint.analysis.poses import Pose, explore
+from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
+from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 from cutjoint.topology.conditioning import TOLERANCE
 
@@ -27,21 +30,33 @@ class NaturalState:
 
 
 def call(
-    equations: SystemEquations, function: str, arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None
-) -> dict[str, Array]:
-    """The results of a function by array, in the interpreter; what ``arrays`` does not give is zero or a parameter's default.
+    equations: SystemEquations, function: str, arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None,
+    held: Mapping[str, float] = MappingProxyType({}),
+) -> dict[str, Array]:  # fmt: skip
+    """The results of a function by array, in the interpreter; ``arrays`` and so on as for `evaluate_results`.
 
-    Arrays of inputs (..., length) are named as the generated function's arguments, and may carry batch axes.  Only entries of the tangent
-    that have their place are returned.
+    Only entries of the tangent that have their place are returned.
     """
     results = {name: block for name, block in equations.function(function).results.items() if name in equations.slots}
-    flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
-    values = interpret_blocks(results.values(), _inputs(equations, arrays), flat if roads is None else roads)
     pieces: dict[str, list[tuple[int, Array]]] = {}
-    for name, block in results.items():
+    for name, column in evaluate_results(equations, results, arrays, roads, held).items():
         slot = equations.slots[name]
-        pieces.setdefault(slot.array, []).append((slot.offset, values[block][..., 0]))
+        pieces.setdefault(slot.array, []).append((slot.offset, column))
     return {array: _joined([p for _, p in sorted(parts, key=lambda part: part[0])]) for array, parts in pieces.items()}
+
+
+def evaluate_results(
+    equations: SystemEquations, results: Mapping[str, Block], arrays: Mapping[str, Array], roads: Mapping[str, RoadTable] | None = None,
+    held: Mapping[str, float] = MappingProxyType({}),
+) -> dict[str, Array]:  # fmt: skip
+    """Results (..., length) by name, in the interpreter; what ``arrays`` does not give is zero or a parameter's default.
+
+    Arrays of inputs (..., length) are named as the generated functions' arguments, and may carry batch axes.  Inputs that are ``held`` do
+    not follow the scene.  Without ``roads`` they are flat.
+    """
+    flat: dict[str, RoadTable] = {name: FlatRoad() for name in equations.roads}
+    values = interpret_blocks(results.values(), _inputs(equations, arrays, held), flat if roads is None else roads)
+    return {name: values[block][..., 0] for name, block in results.items()}
 
 
 def _joined(parts: Sequence[Array]) -> Array:
@@ -49,11 +64,15 @@ def _joined(parts: Sequence[Array]) -> Array:
     return np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in parts], axis=-1)
 
 
-def _inputs(equations: SystemEquations, arrays: Mapping[str, Array]) -> dict[str, Array]:
+def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mapping[str, float]) -> dict[str, Array]:
     start = equations.start
     inputs = make_inputs(start, np.zeros(start.coordinates), np.zeros(start.speeds))
     inputs |= {name: arrays[name] for name in ("parameters", "penalty", "weights", "t", "motion") if name in arrays}
     inputs |= evaluate_scene_inputs(equations, inputs["parameters"], float(inputs["t"][0]))
+    for i, parameter in enumerate(equations.inputs):
+        if parameter.name in held:
+            first = len(INPUT_ORDERS) * i
+            inputs[INPUTS][first : first + len(INPUT_ORDERS)] = held[parameter.name], 0.0, 0.0
     for symbol, slot in equations.slots.items():
         if slot.array in _ARRAYS:
             size = len(slot.names)

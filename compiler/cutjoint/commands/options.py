@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from math import ceil
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress
+from rich.progress import Progress, Task, TimeRemainingColumn
+from rich.text import Text
 
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.numbers import is_number, is_whole, read_number
@@ -148,10 +151,29 @@ def take_scene(model: Model, name: str | None) -> Scene:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on standard error; it yields the function that moves it."""
-    with Progress(console=err, transient=True) as bar:
-        task = bar.add_task(escape(escaped_lines(label)), total=None)
-        yield lambda share: bar.update(task, total=1.0, completed=share)
+    """A progress bar on standard error; it yields the function that moves it.  What is compiled meanwhile is counted, with a forecast."""
+    from cutjoint.toolchain.waits import Compiling, heard_by
+
+    with Progress(*Progress.get_default_columns()[:-1], _Remaining(), console=err, transient=True) as bar:
+        task = bar.add_task(escape(escaped_lines(label)), total=None, end=None)
+
+        def count(now: Compiling) -> None:
+            end = None if now.seconds is None else monotonic() + now.seconds
+            bar.update(task, total=now.total, completed=now.done, end=end)
+
+        with heard_by(count):
+            yield lambda share: bar.update(task, total=1.0, completed=share, end=None)
+
+
+class _Remaining(TimeRemainingColumn):
+    """The time that is left: by a forecast where there is one, else by what has passed."""
+
+    def render(self, task: Task) -> Text:
+        """As minutes and seconds."""
+        if (end := task.fields["end"]) is None:
+            return super().render(task)
+        minutes, seconds = divmod(max(0, ceil(end - monotonic())), 60)
+        return Text(f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}", style="progress.remaining")
 
 
 def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str, float]:

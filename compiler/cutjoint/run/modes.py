@@ -7,15 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cutjoint.analysis.linearisation import Linearisation
 from cutjoint.analysis.linearise import Point, linearise
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.methods import LINEARISED
 from cutjoint.model.records import Scene
 from cutjoint.model.steps import StepsError, count_steps
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import FailureReport
+from cutjoint.run.roads import WheelRoad
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
@@ -34,41 +38,40 @@ class NotReachedError(RuntimeError):
 
 
 def linearise_at(
-    binary: Path, equations: ImplicitEquations, at: float | None, parameters: Mapping[str, float], progress: Progress | None
+    artifact: Artifact, equations: ImplicitEquations, at: float | None, parameters: Mapping[str, float], progress: Progress | None
 ) -> tuple[float, Linearisation]:  # fmt: skip
-    """The time and the linearisation at the static equilibrium, or ``at`` a time (s) of a run of the scene.
+    """The time and the linearisation at the static equilibrium, or ``at`` a time (s) of a run of the scene, which a simulator comes to.
+
+    ``equations`` are those of the same model and scene.
 
     Raises:
         NotReachedError: there is no equilibrium near the design position, or the run fails before.
         RunError: a parameter that cannot be set, or a held coordinate carries a force at the equilibrium.
     """
-    scene = equations.scene
     with temporary_folder() as folder:
-        run_file = {**_run_file(equations, scene, at, parameters, folder), "with_state": True}
-        summary = call_simulator(binary, run_file, progress)
-        if (failure := failure_of(summary)) is not None:
-            raise NotReachedError(failure)
+        run_file = _run_file(artifact, at, parameters, folder)
+        summary = call_simulator(artifact.binary.path, {**run_file, "with_state": True}, progress)
+    if (failure := failure_of(summary)) is not None:
+        raise NotReachedError(failure)
+    state = summary["state"]
+    if at is None:
+        _require_rest(equations, state["vdot"])
+    point = Point(
+        t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
+        parameters=np.array([run_file["parameters"][p.name] for p in equations.parameters]), held=run_file.get("inputs", {}),
+        roads={tyre: WheelRoad.of(**road) for tyre, road in run_file["roads"].items()},
+    )  # fmt: skip
+    return point.t, linearise(equations, point, at_rest=at is None)
 
-        def evaluate(points: Sequence[Point]) -> list[Mapping[str, Any]]:
-            results: list[Mapping[str, Any]] = call_simulator(binary, {**run_file, "task": "evaluate", "states": list(points)})["results"]
-            return results
 
-        state = summary["state"]
-        if at is None:
-            _require_rest(equations, state["vdot"])
-        return state["t"], linearise(equations, state, evaluate, at_rest=at is None)
-
-
-def _run_file(
-    equations: ImplicitEquations, scene: Scene, at: float | None, parameters: Mapping[str, float], folder: Path
-) -> dict[str, Any]:
-    model, out = equations.topology.model, str(folder / "table.csv")
+def _run_file(artifact: Artifact, at: float | None, parameters: Mapping[str, float], folder: Path) -> dict[str, Any]:
+    model, scene, out = artifact.topology.model, artifact.scene, str(folder / "table.csv")
     if at is None:
         at_rest = replace(scene, pose="equilibrium")
-        return make_run_file(model, at_rest, parameters, task="equilibrium", method=LINEARISED, options=PLAIN_STEPS)
+        return make_run_file(model, at_rest, parameters, task="equilibrium", method=artifact.method, options=PLAIN_STEPS)
     if at:
         scene = _ending_at(scene, at)
-    return make_run_file(model, replace(scene, end=at), parameters, task="simulate", method=LINEARISED, options=PLAIN_STEPS, out=out)
+    return make_run_file(model, replace(scene, end=at), parameters, task="simulate", method=artifact.method, options=PLAIN_STEPS, out=out)
 
 
 def _ending_at(scene: Scene, at: float) -> Scene:

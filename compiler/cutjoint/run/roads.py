@@ -10,9 +10,11 @@ whose pieces are straight lines (offset by the disc) and arcs about the corners.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 from cutjoint.model.records import Road, RoadSegment, SegmentKind
 
@@ -37,6 +39,57 @@ class Piece:
         if self.kind == "cosine":
             return self.a + self.b * (1 - math.cos(self.c * (x - self.begin)))
         return self.a + self.b * (x - self.begin)
+
+    def slope(self, x: float) -> float:
+        """dz/dx."""
+        if self.kind == "arc":
+            return -(x - self.c) / math.sqrt(max(self.b**2 - (x - self.c) ** 2, 1e-12))
+        if self.kind == "cosine":
+            return self.b * self.c * math.sin(self.c * (x - self.begin))
+        return self.b
+
+    def curvature(self, x: float) -> float:
+        """d2z/dx2, 1/m."""
+        if self.kind == "arc":
+            return -(self.b**2) / math.sqrt(max(self.b**2 - (x - self.c) ** 2, 1e-12)) ** 3
+        if self.kind == "cosine":
+            return self.b * self.c**2 * math.cos(self.c * (x - self.begin))
+        return 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelRoad:
+    """A road as one wheel meets it, as in runtime/include/cutjoint/core/road.hpp: a point follower sees height and slope, a rigid disc its
+    envelope and no slope."""
+
+    left: Sequence[Piece]
+    right: Sequence[Piece]
+    disc: bool
+
+    @classmethod
+    def of(cls, left: Iterable[Mapping[str, Any]], right: Iterable[Mapping[str, Any]], disc: bool) -> WheelRoad:
+        """That of a run file."""
+        return cls(left=[Piece(**p) for p in left], right=[Piece(**p) for p in right], disc=disc)
+
+    def _piece(self, x: float, y: float) -> Piece:
+        track = self.left if y > 0 else self.right
+        return track[max(bisect_right(track, x, key=lambda piece: piece.begin) - 1, 0)]
+
+    def height(self, x: float, y: float) -> float:
+        """Height, m."""
+        return self._piece(x, y).height(x)
+
+    def slope(self, x: float, y: float) -> float:
+        """dz/dx as the wheel feels it."""
+        return 0.0 if self.disc else self._piece(x, y).slope(x)
+
+    def height_dx(self, x: float, y: float) -> float:
+        """The derivative of the height by x."""
+        return self._piece(x, y).slope(x)
+
+    def slope_dx(self, x: float, y: float) -> float:
+        """The derivative of the slope by x, 1/m."""
+        return 0.0 if self.disc else self._piece(x, y).curvature(x)
 
 
 def profile_pieces(segments: Sequence[RoadSegment], start: float) -> list[Piece]:

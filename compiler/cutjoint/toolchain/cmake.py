@@ -13,6 +13,7 @@ from cutjoint.locations import runtime_folder
 from cutjoint.toolchain.compiler import PACKAGES, Compiler
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import is_plain
+from cutjoint.toolchain.waits import STATUS, Watch, listened, made_file
 
 #: Where the environment asks for it, as the tests do, warnings are errors (from CMake 3.24 on); a user's compiler may have others.
 _STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
@@ -43,7 +44,7 @@ def build_project(source: Path, out: Path, compiler: Compiler, flags: Sequence[s
     ]  # fmt: skip
     if _UNKNOWN in _call(command, environment, compiler):
         raise ToolchainError(f"cmake does not know this compiler ({_advice(_UNKNOWN, compiler)})")
-    _call(["cmake", "--build", str(out)], environment, compiler)
+    _compile(source, out, environment, compiler, flags)
 
 
 def _one_word(compiler: Compiler, folder: Path) -> str:
@@ -56,6 +57,37 @@ def _one_word(compiler: Compiler, folder: Path) -> str:
     return str(script)
 
 
+def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: Compiler, flags: Sequence[str]) -> None:
+    """Build what is configured, and tell whoever listens how far that is.
+
+    Raises:
+        ToolchainError: the compiler refused it.
+    """
+    command, environment = ["cmake", "--build", str(out)], {**environment, "NINJA_STATUS": STATUS}
+    if not listened():
+        _call(command, environment, compiler)
+        return
+    planned = [made_file(line) for line in _call([*command, "--", "-n"], environment, compiler).splitlines()]
+    watch = Watch(source, [*compiler.key, *flags], [name for name in planned if name])
+    watch.tell()
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment,
+        encoding="utf-8", errors="replace",
+    ) as process:  # fmt: skip
+        assert process.stdout is not None
+        lines = []
+        try:
+            for line in process.stdout:
+                lines.append(line)
+                if name := made_file(line):
+                    watch.finish(name)
+        except BaseException:
+            process.kill()
+            raise
+    _require_done(command, process.returncode, "".join(lines), compiler)
+    watch.keep(out / ".ninja_log")
+
+
 def _call(command: Sequence[str], environment: Mapping[str, str], compiler: Compiler) -> str:
     """What a command prints.
 
@@ -66,10 +98,14 @@ def _call(command: Sequence[str], environment: Mapping[str, str], compiler: Comp
         command, stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace", check=False, env=environment
     )
     text = done.stdout + done.stderr
-    if done.returncode != 0:
-        lines = [x.strip() for x in text.splitlines() if "error" in x.lower() or "not find" in x]
-        raise ToolchainError(f"{command[0]} failed: {'; '.join(lines[:5]) or done.stderr[-800:]} ({_advice(text, compiler)})")
+    _require_done(command, done.returncode, text, compiler)
     return text
+
+
+def _require_done(command: Sequence[str], status: int, text: str, compiler: Compiler) -> None:
+    if status != 0:
+        lines = [x.strip() for x in text.splitlines() if "error" in x.lower() or "not find" in x]
+        raise ToolchainError(f"{command[0]} failed: {'; '.join(lines[:5]) or text[-800:]} ({_advice(text, compiler)})")
 
 
 def _advice(text: str, compiler: Compiler) -> str:

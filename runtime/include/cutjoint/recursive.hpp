@@ -133,6 +133,9 @@ class Recursive {
     return Json{{"t", state_.t}, {"stiffness", stiffness}, {"damping", damping}};
   }
 
+  /// The last state.
+  Json state() const { return write_state(state_); }
+
   /// One evaluation at given q, v, lambda: the mechanism as a function, for comparison with other implementations.
   Json evaluate() {
     Json results = Json::array();

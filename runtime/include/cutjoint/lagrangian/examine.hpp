@@ -14,31 +14,6 @@
 
 namespace cutjoint {
 
-/// The array under a key.
-template <class Real>
-std::vector<Real> read_array(const Json& object, const char* key) {
-  return object.at(key).get<std::vector<Real>>();
-}
-
-/// A state with the keys t, q, v, vdot and lambda.
-template <class Real>
-State<Real> read_state(const Json& at) {
-  State<Real> state(0, 0, 0);
-  state.t = read_number<Real>(at, "t");
-  state.q = read_array<Real>(at, "q");
-  state.v = read_array<Real>(at, "v");
-  state.vdot = read_array<Real>(at, "vdot");
-  state.lambda = read_array<Real>(at, "lambda");
-  return state;
-}
-
-/// A state under the keys that read_state reads.
-template <class Real>
-Json write_state(const State<Real>& state) {
-  const State<double> plain(state);
-  return Json{{"t", plain.t}, {"q", plain.q}, {"v", plain.v}, {"vdot", plain.vdot}, {"lambda", plain.lambda}};
-}
-
 /// The functions of a system at a state with `penalty`, `weights` and `w`, what the equations are pulled with.  Where it has them: natural
 /// coordinates of `relative` q and v, and the solution for a right-hand side `right` with the row that broke the factors, else -1.
 /// Without `motion` 0 the mechanism is in motion.

@@ -1,0 +1,110 @@
+"""How far the compiler is, and how long it will still take: by what the same files took before.
+
+Who waits says so by `heard_by`.  The seconds of each file are a record of the cache, for all models.  They serve forecasts alone: where the
+record is missing or of another machine, nothing else goes wrong.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from cutjoint.toolchain.cache import cache_folder, read_record, write_record
+from cutjoint.toolchain.digests import digest_of
+from cutjoint.toolchain.errors import ToolchainError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compiling:
+    """``done`` files of ``total``, and how many ``seconds`` the others take, None where one of them has not been compiled before."""
+
+    done: int
+    total: int
+    seconds: float | None
+
+
+Listener: TypeAlias = Callable[[Compiling], None]
+
+#: How Ninja begins a line about a file that it has made, or would make; the file comes last.
+STATUS = "[%f/%t] "
+_LINE = re.compile(r"\[\d+/\d+\] .*?(\S+)$")
+
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def heard_by(listener: Listener) -> Iterator[None]:
+    """Tell a listener how far compiling is."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
+
+
+def made_file(line: str) -> str | None:
+    """The file that a line of Ninja's is about."""
+    found = _LINE.match(line.rstrip())
+    return found[1] if found else None
+
+
+class Watch:
+    """Follows Ninja through the ``planned`` files of a project in ``source``, which ``how`` (compiler, flags) says how to compile."""
+
+    def __init__(self, source: Path, how: Sequence[str], planned: Sequence[str]) -> None:
+        self._source, self._key, self._total, self._left = source, digest_of(how), len(planned), list(planned)
+        self._known: Mapping[str, Any] = _read().get(self._key, {})
+
+    def tell(self) -> None:
+        """Tell whoever listens how far it is."""
+        if (listener := _listener.get()) is not None:
+            listener(Compiling(done=self._total - len(self._left), total=self._total, seconds=self._seconds()))
+
+    def finish(self, name: str) -> None:
+        """A file has been made."""
+        if name in self._left:
+            self._left.remove(name)
+        self.tell()
+
+    def keep(self, log: Path) -> None:
+        """Remember what files took, by Ninja's log."""
+        lines = [line.split("\t") for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if not line.startswith("#")]
+        took = {x[3]: [(int(x[1]) - int(x[0])) / 1000, self._size(x[3])] for x in lines if len(x) == 5}
+        every = _read()
+        with suppress(ToolchainError):
+            write_record(_place(), {**every, self._key: {**every.get(self._key, {}), **took}})
+
+    def _seconds(self) -> float | None:
+        if not all(name in self._known for name in self._left):
+            return None
+        each = [self._known[name][0] * self._growth(name) for name in self._left]
+        return max(sum(each) / len(os.sched_getaffinity(0)), *each) if each else 0.0
+
+    def _growth(self, name: str) -> float:
+        """A source twice as long takes twice as long."""
+        before, now = self._known[name][1], self._size(name)
+        return now / before if before and now else 1.0
+
+    def _size(self, name: str) -> int:
+        """Bytes of the source that an object file is made from, zero of what is none of the project's own."""
+        file = self._source.joinpath(*Path(name.removesuffix(".o")).parts[2:])  # of CMakeFiles/TARGET.dir/SOURCE.o
+        return file.stat().st_size if file.is_file() else 0
+
+
+def listened() -> bool:
+    """Whether anybody listens."""
+    return _listener.get() is not None
+
+
+def _place() -> Path:
+    return cache_folder() / "seconds"
+
+
+def _read() -> dict[str, Any]:
+    return read_record(_place()) or {}
