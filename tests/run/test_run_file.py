@@ -73,3 +73,30 @@ def test_the_command_ends_with_the_place(tmp_path: Path) -> None:
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 1
     assert "strut.yaml:21:3: scene 'placed': positions: 'rail.displacement' has no finite value" in done.output
+
+
+@pytest.mark.parametrize(
+    ("m", "message"),
+    [
+        (-2.0, "cart.yaml:6:3: body 'cart': with these parameters the mass is negative: -2 kg; set other values"),
+        (0.5, "body 'cart': with these parameters a principal moment of inertia is negative: -0.5, 1, 1 kg m2; set other values"),
+        (0.0, "body 'cart': its mass or inertia has no finite value with m = 0; set other values"),
+        (1e60, "body 'cart': with these parameters its mass or inertia is larger than 1e+50 in SI units; set other values"),
+    ],
+)
+def test_a_mass_that_no_body_has_is_refused(m: float, message: str) -> None:
+    text = """\
+cutjoint: 1
+name: cart
+gravity: [0, 0, -9.81]
+parameters: {m: {value: 4, unit: kg, binding: param}}
+bodies:
+  cart: {mass: m, centre_of_mass: [0, 0, 0], inertia: ["1.5 - 1/m*1", 1, 1]}
+joints: {rail: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0], axis: [1, 0, 0]}}
+scenes: {still: {end: 1}}
+"""
+    model = read_model_text(text, "cart.yaml")
+    assert make_run_file(model, model.scenes["still"], {"m": 2.0}, task="simulate")["parameters"] == {"m": 2.0}
+    with pytest.raises(RunError) as error:
+        make_run_file(model, model.scenes["still"], {"m": m}, task="simulate")
+    assert message in str(error.value)

@@ -5,7 +5,7 @@ An inertia is a symmetric 3x3 SymPy matrix in global design axes; :func:`moments
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ import sympy
 from cutjoint.model import body_parts, values
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
 from cutjoint.model.records import Scalar, Shape, ShapeKind, Vector
-from cutjoint.model.scope import FAILED, Element
+from cutjoint.model.scope import FAILED, LARGEST, Element
 from cutjoint.model.source import Path
 from cutjoint.model.units import INERTIA, LENGTH, MASS, Dimension
 
@@ -42,6 +42,18 @@ def read_mass(element: Element, body: body_parts.Body) -> tuple[Scalar, Vector, 
     lump = _given(element, body) if body.shapes is None else _compound(element, body.shapes)
     J = lump.inertia
     return lump.mass, lump.centre, (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]), lump.shapes
+
+
+def mass_problems(mass: float, inertia: Sequence[float]) -> Iterator[str]:
+    """Why no body can have a mass (kg) and an inertia (xx, yy, zz, xy, xz, yz), kg m2."""
+    if mass < 0:
+        yield f"the mass is negative: {mass:g} kg"
+    if any(abs(x) > LARGEST for x in (mass, *inertia)):
+        yield f"its mass or inertia is larger than {LARGEST:g} in SI units"
+        return
+    problem = moments_problem(inertia, has_mass=mass != 0)
+    if problem:
+        yield problem
 
 
 def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:

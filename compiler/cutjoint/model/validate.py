@@ -11,9 +11,9 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion
 from cutjoint.model.expressions import symbols_of
 from cutjoint.model.forces import JOINT_FORCES
-from cutjoint.model.mass import moments_problem
+from cutjoint.model.mass import mass_problems
 from cutjoint.model.records import GROUND, Body, Joint, Span
-from cutjoint.model.scope import FAILED, LARGEST, Scope
+from cutjoint.model.scope import FAILED
 from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
 
@@ -91,7 +91,8 @@ def _check_unique(problems: Problems, found: list[tuple[str, str, Span]]) -> Non
 def check_elements(expansion: Expansion, problems: Problems) -> None:
     """Note bodies that are not physical or that no chain of joints connects to the ground."""
     for body in expansion.elements.bodies:
-        for message in _mass_problems(expansion.scope, body):
+        values = [evaluate(entry, expansion.scope.values) for entry in (body.mass, *body.inertia)]
+        for message in mass_problems(values[0], values[1:]):
             problems.add(body.span, f"body '{body.name}'", message)
     if not _joints_are_known(expansion):
         return
@@ -164,16 +165,3 @@ def _reached(joints: tuple[Joint, ...]) -> set[str]:
         reached |= new
         waiting += new
     return reached
-
-
-def _mass_problems(scope: Scope, body: Body) -> Iterator[str]:
-    mass = evaluate(body.mass, scope.values)
-    if mass < 0:
-        yield f"the mass is negative: {mass:g} kg"
-    inertia = [evaluate(entry, scope.values) for entry in body.inertia]
-    if any(abs(x) > LARGEST for x in (mass, *inertia)):
-        yield f"its mass or inertia is larger than {LARGEST:g} in SI units"
-        return
-    problem = moments_problem(inertia, has_mass=mass != 0)
-    if problem:
-        yield problem

@@ -15,9 +15,10 @@ from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Implementation
 from cutjoint.model.attitudes import fault_of_quaternion, normalised
 from cutjoint.model.evaluate import evaluate
+from cutjoint.model.mass import mass_problems
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import fault_of, fault_of_state
-from cutjoint.model.records import Binding, Model, Scalar, Scene, Tyre
+from cutjoint.model.records import Binding, Body, Model, Scalar, Scene, Tyre
 from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import GivenInput, input_entries
@@ -109,17 +110,17 @@ def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict
 
 
 def changing(model: Model, scene: Scene) -> tuple[str, ...]:
-    """Which parts of a run file follow from open parameters, besides "parameters"."""
+    """What follows from open parameters: parts of a run file besides "parameters", and "masses"."""
     symbols = {p.symbol for p in open_parameters(model)}
     of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in _sources(model, scene).items()}
     return tuple(name for name, used in of_part.items() if used & symbols)
 
 
 def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
-    """Parts of a run file that may follow from parameters: "positions", "rates", "roads".
+    """Parts of a run file that may follow from parameters: "positions", "rates", "roads"; of "masses" nothing is left but a check.
 
     Raises:
-        RunError: with these parameters one of them has no finite value.
+        RunError: with these parameters one of them has no finite value, or no body can have a mass or an inertia.
     """
     value, sources = Evaluator(model, parameters), _sources(model, scene)
     made: dict[str, Any] = {part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts}
@@ -128,13 +129,26 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
     if "roads" in made:
         roads = {radius: _road(scene, radius) for radius in made["roads"].values()}
         made["roads"] = {tyre: roads[radius] for tyre, radius in made["roads"].items()}
+    _require_masses(model, made.pop("masses", {}))
     return made
 
 
+def _require_masses(model: Model, values: Mapping[str, float]) -> None:
+    for body in model.bodies if values else ():
+        mass, *inertia = (values[key] for key in _mass_keys(body))
+        if problem := next(mass_problems(mass, inertia), None):
+            raise RunError(f"{body.span}: body '{body.name}': with these parameters {problem}; set other values")
+
+
+def _mass_keys(body: Body) -> list[str]:
+    return [f"{body.name} {i}" for i in range(1 + len(body.inertia))]
+
+
 def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
-    """The expressions that these parts come from; of a road the wheel's radius."""
+    """The expressions that these parts come from; of a road the wheel's radius, of masses all that bodies have."""
     radii = {f.name: f.constants["radius"] for f in model.forces if isinstance(f, Tyre)}
-    return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
+    masses = {key: value for body in model.bodies for key, value in zip(_mass_keys(body), (body.mass, *body.inertia), strict=True)}
+    return {"positions": scene.positions, "rates": scene.rates, "roads": radii, "masses": masses}
 
 
 def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -159,6 +173,9 @@ def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, 
 
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:
     """Where the expression stands that a part comes from."""
+    if part == "masses":
+        body = next(b for b in model.bodies if of in _mass_keys(b))
+        return f"{body.span}: body '{body.name}': its mass or inertia"
     if part != "roads":
         return f"{scene.span}: scene '{scene.name}': {part}: '{of}'"
     return f"{next(f.span for f in model.forces if f.name == of)}: tyre '{of}': radius"
