@@ -6,6 +6,22 @@ namespace {
 
 void heed(void*, int, const char*, const char* text) { seed += strlen(text); }
 
+// The instance whose step goes on.
+void* present = nullptr;
+
+// Within a step: outputs, wrong calls, and now and then the wish that it ends.
+void look(void*, double time, bool, bool, bool, bool, bool* ends, double* end) {
+  const unsigned reference = any_reference();
+  double value;
+  bool flag;
+  if (below(2)) fmi3GetFloat64(present, &reference, 1, &value, 1);
+  if (!below(9)) fmi3DoStep(present, time, 0.1, true, &flag, &flag, &flag, &value);
+  if (!below(9)) fmi3SetFloat64(present, &reference, 1, &time, 1);
+  if (!below(9)) fmi3Reset(present);
+  *ends = !below(5);
+  *end = below(2) ? time + 1e-3 * below(9) : any_number();
+}
+
 template <class T>
 T* place(T* wanted) {
   return below(12) ? wanted : nullptr;
@@ -26,7 +42,8 @@ int exchange(void* c, unsigned which) {
   size_t number;
   switch (which) {
     case 0: return fmi3EnterEventMode(c);
-    case 1: case 2: case 3: return fmi3EnterContinuousTimeMode(c);
+    case 1: return fmi3EnterStepMode(c);
+    case 2: case 3: return fmi3EnterContinuousTimeMode(c);
     case 4: case 5: return fmi3UpdateDiscreteStates(c, place(flags), flags + 1, flags + 2, flags + 3, flags + 4, many);
     case 6: case 7: return fmi3CompletedIntegratorStep(c, true, place(flags), flags + 1);
     case 8: return fmi3SetTime(c, below(5) && c ? of(c)->values.time + 1e-3 * below(4) : any_number());
@@ -57,6 +74,7 @@ int call(void* c, void** state, unsigned char* bytes, size_t size) {
   const unsigned which = below(80);
   const unsigned time = 0;
   double now = 0.0;
+  present = c;
   if (c) fmi3GetFloat64(c, &time, 1, &now, 1);
   if (which < 15) return fmi3DoStep(c, below(9) ? now : any_number(), any_size(), true, flags, place(flags + 1), flags + 2, place(&last));
   if (which < 21) return fmi3GetFloat64(c, place(references), below(3), place(values), 2);
@@ -92,7 +110,7 @@ int main(int, char** argv) {
     void*& c = instances[below(4)];
     if (!c && below(2))
       c = below(3) ? fmi3InstantiateModelExchange("one", token, "", false, false, nullptr, heed)
-                   : fmi3InstantiateCoSimulation("one", token, "", false, false, false, false, nullptr, 0, nullptr, heed, nullptr);
+                   : fmi3InstantiateCoSimulation("one", token, "", false, false, STOPS && below(2), STOPS && below(2), nullptr, 0, nullptr, heed, below(2) ? look : nullptr);
     good += call(c, &state, bytes, size) == ok;
     if (!below(400)) fmi3FreeInstance(c), c = nullptr;
   }

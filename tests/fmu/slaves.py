@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import io
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from cutjoint.run.scenes import find_scene
 from cutjoint.view.graph_picture import picture_graph
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
-from tests.mechanisms.driven import DRIVEN
+from tests.mechanisms.driven import DRIVEN, pushed_text
 from tests.mechanisms.spinning import SPINNING
 from tests.mechanisms.swaying import swaying_text
 
@@ -25,6 +25,9 @@ OK, DISCARD, ERROR = 0, 2, 3
 _LOGGER_2 = ctypes.CFUNCTYPE(
     None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p, ctypes.c_char_p
 )
+_UPDATE = ctypes.CFUNCTYPE(
+    None, ctypes.c_void_p, ctypes.c_double, *[ctypes.c_bool] * 4, ctypes.POINTER(ctypes.c_bool), ctypes.POINTER(ctypes.c_double)
+)  # fmt: skip
 _LOGGER_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
 
 
@@ -45,7 +48,8 @@ def fmu_of(
 
 
 #: Mechanisms of the tests, by names.
-_TEXTS = {"driven": DRIVEN, "spinning": SPINNING, "bounce": bouncing_text(5.0, 0.3), "swaying": swaying_text()}
+_TEXTS = {"driven": DRIVEN, "spinning": SPINNING, "bounce": bouncing_text(5.0, 0.3), "swaying": swaying_text(),
+          "pushed": pushed_text("push - 50*max(position - 0.3, 0)")}  # fmt: skip
 
 
 def text_of(name: str) -> str:
@@ -71,10 +75,20 @@ def names_in(packed: bytes) -> list[str]:
 
 
 class Slave:
-    """An instance; ``log`` has the messages of its logger.  Methods return statuses."""
+    """An instance; ``log`` has the messages of its logger.  Methods return statuses.
 
-    def __init__(self, fmu: Fmu, *, token: str | None = None, exchanges: bool = False) -> None:
+    In FMI 3 it is told whether the host handles ``events`` and lets steps end ``early``; ``update`` is called within steps with the time,
+    and returns at which it wants the step to end, or None.  ``event``, ``early`` and ``last`` are what the last step said, with the time
+    that it came to.
+    """
+
+    def __init__(
+        self, fmu: Fmu, *, token: str | None = None, exchanges: bool = False, events: bool = False, early: bool = False,
+        update: Callable[[float], float | None] | None = None, intermediate: Sequence[str] = (),
+    ) -> None:  # fmt: skip
         self.fmu, self.log, self._exchanges = fmu, list[str](), exchanges
+        self._told, self._update, self._intermediate = (ctypes.c_bool(events), ctypes.c_bool(early)), update, intermediate
+        self.event, self.early, self.last = False, False, 0.0
         self.references = {v.name: i for i, v in enumerate(fmu.interface.variables)}
         self._library = ctypes.CDLL(str(fmu.build()))
         guid = (fmu.subject.token if token is None else token).encode()
@@ -97,7 +111,18 @@ class Slave:
             return function(b"slave", guid, b"", no, no, None, self._logger)
         function = self._library.fmi3InstantiateCoSimulation
         function.restype = ctypes.c_void_p
-        return function(b"slave", guid, b"", no, no, no, no, None, ctypes.c_size_t(0), None, self._logger, None)
+        places = (ctypes.c_uint * len(self._intermediate))(*[self.references[name] for name in self._intermediate])
+        self._called: Any = _UPDATE(self._on_update) if self._update else None
+        return function(b"slave", guid, b"", no, no, *self._told, places, ctypes.c_size_t(len(places)), None, self._logger, self._called)
+
+    def _on_update(self, _: Any, time: float, *rest: Any) -> None:
+        """Of the flags before the answer the first is about inputs, the last about early return."""
+        assert self._update is not None
+        assert rest[:3] == (False, True, True)
+        assert rest[3] == self._told[1].value
+        wanted = self._update(time)
+        if wanted is not None:
+            rest[4][0], rest[5][0] = True, wanted
 
     @property
     def exists(self) -> bool:
@@ -123,8 +148,10 @@ class Slave:
         here = (ctypes.c_double(point), ctypes.c_double(size), ctypes.c_int(1))
         if self.fmu.version == 2:
             return self.call("DoStep", *here)
-        flags = [ctypes.byref(ctypes.c_bool()) for _ in range(3)]
-        return self.call("DoStep", *here, *flags, ctypes.byref(ctypes.c_double()))
+        flags, last = [ctypes.c_bool() for _ in range(3)], ctypes.c_double()
+        status = self.call("DoStep", *here, *map(ctypes.byref, flags), ctypes.byref(last))
+        self.event, self.early, self.last = flags[0].value, flags[2].value, last.value
+        return status
 
     def _values(self, function: str, references: Sequence[int], values: Any) -> int:
         count = ctypes.c_size_t(len(references))
@@ -195,9 +222,9 @@ class Slave:
         self._c = ctypes.c_void_p()
 
 
-def started(fmu: Fmu) -> Slave:
-    """An instance in step mode."""
-    slave = Slave(fmu)
+def started(fmu: Fmu, **host: Any) -> Slave:
+    """An instance in step mode, or in event mode if its host handles events."""
+    slave = Slave(fmu, **host)
     assert slave.initialise() == OK, slave.log
     return slave
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -32,16 +34,29 @@ def exact_bounces(t: NDArray[np.float64], damping: float, height: float) -> tupl
 
     In flight a parabola; in contact a damped oscillation about -m g/k, which ends where the force would pull.
     """
-    z, v, begin, met, switched = height, 0.0, 0.0, False, 0
-    heights = np.empty(len(t))
+    heights, switched = np.empty(len(t)), 0
+    for begin, end, place in _parts(damping, height):
+        now = (t >= begin) & (t <= end)
+        heights[now] = place(t[now] - begin)[0]
+        if end > t[-1]:
+            break
+        switched += 1
+    return heights, switched
+
+
+def exact_switches(end: float, damping: float, height: float) -> list[float]:
+    """The times until ``end`` at which contact is made or lost."""
+    return list(takewhile(lambda t: t <= end, (until for _, until, _ in _parts(damping, height))))
+
+
+def _parts(damping: float, height: float):  # type: ignore[no-untyped-def]
+    """Flights and contacts in turn: begin, end, motion since the begin."""
+    z, v, begin, met = height, 0.0, 0.0, False
     while True:
         place, length = (_contact if met else _flight)(z, v, damping)
-        now = (t >= begin) & (t <= begin + length)
-        heights[now] = place(t[now] - begin)[0]
-        if begin + length > t[-1]:
-            return heights, switched
+        yield begin, begin + length, place
         z, v = (float(x) for x in place(np.array(length)))
-        begin, met, switched = begin + length, not met, switched + 1
+        begin, met = begin + length, not met
 
 
 def _flight(z: float, v: float, _: float):  # type: ignore[no-untyped-def]

@@ -35,7 +35,9 @@ static int call(press_sim* sim) {
     case 1: return press_start(sim);
     case 2: return press_set_step(sim, rand() % 2 ? 1e-3 : number());
 #ifdef PRESS_EVENTS
-    case 3: return press_advance_to_event(sim, rand() % 4 ? press_time(sim) + 0.01 * rand() / RAND_MAX : number(), rand() % 8 ? &i : NULL);
+    case 3:
+      press_next_time(sim);
+      return press_advance_to_event(sim, rand() % 4 ? press_time(sim) + 0.01 * rand() / RAND_MAX : number(), rand() % 8 ? &i : NULL);
 #else
     case 3: return press_set_iterations(sim, rand() % 30 - 2);
 #endif

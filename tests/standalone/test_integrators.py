@@ -67,6 +67,14 @@ def test_steps_end_at_events(method: str, integrator: str, tmp_path: Path) -> No
     assert sim.outputs["mass.z"] == pytest.approx(heights[-1], abs=1e-4)
 
 
+def test_a_time_that_rounding_parts_from_the_end_of_a_step_is_reached(tmp_path: Path) -> None:
+    path = tmp_path / "bounce.yaml"
+    path.write_text(bouncing_text(2.0, 0.5), encoding="utf-8")
+    sim = cutjoint.load(path, integrator="rk4").reset(dt=5e-3)
+    assert sim.advance_to_event(np.nextafter(5e-3, 1.0)) is None
+    assert sim.time == pytest.approx(5e-3, rel=1e-15)
+
+
 @pytest.mark.parametrize(("method", "integrator"), RULES)
 def test_restored_moments_go_on_the_same(method: str, integrator: str, tmp_path: Path) -> None:
     path = tmp_path / "bounce.yaml"

@@ -13,7 +13,7 @@ from pathlib import Path
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.emit.source import Page
 from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
-from cutjoint.export.fmu.functions import MISSING, OF_EXCHANGE
+from cutjoint.export.fmu.functions import missing_functions
 from cutjoint.export.fmu.variables import Interface, make_interface
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, either, names_of
@@ -111,10 +111,12 @@ def make_fmu(
     freedoms = find_mobility(described).degrees_of_freedom if KINDS[kind][1] else None
     standalone = make_standalone(equations, program, source, integrator=integrator, freedoms=freedoms)
     interface = make_interface(described, standalone.run_file, freedoms)
-    page, view = Page.of(described, method), _view(standalone, interface, version, kind)
+    stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.switches)
+    page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
     token = _token([*standalone.files.values(), repr(interface), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")])
     subject = Subject(
-        name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind
+        name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
+        stops_at_events=stops,
     )  # fmt: skip
     return Fmu(
         version=version, standalone=standalone, subject=subject, interface=interface,
@@ -137,15 +139,15 @@ def _require_method(method: str, kind: str) -> None:
         raise RunError(f"method: '{method}' has FMUs for co-simulation alone; leave out --kind {kind}, or take the method {DEFAULT_METHOD}")
 
 
-def _view(standalone: Standalone, interface: Interface, version: int, kind: str) -> dict[str, object]:
-    """What the templates are given."""
-    simulates, exchanges = KINDS[kind]
+def _view(standalone: Standalone, interface: Interface, version: int, kind: str, stops: bool) -> dict[str, object]:
+    """What the templates are given; ``stops`` is whether co-simulation has event mode."""
+    exchanges = KINDS[kind][1]
     header = next(name for name in _code_of(standalone) if name.endswith(".h"))
     name, steps = standalone.name, standalone.steps
     return {
         "p": name, "P": name.upper(), "header": header.removesuffix(".h"), "fmi": version,
-        "cs": simulates, "me": exchanges, "kinds": " and ".join(["co-simulation"] * simulates + ["model exchange"] * exchanges),
-        "missing": MISSING if exchanges else (*MISSING, *OF_EXCHANGE),
+        "cs": KINDS[kind][0], "me": exchanges, "kinds": " and ".join(["co-simulation"] * KINDS[kind][0] + ["model exchange"] * exchanges),
+        "stops": stops, "missing": missing_functions(exchanges=exchanges, stops_at_events=stops),
         "adaptive": steps.adaptive, "iterated": steps.is_iterated, "starts": interface.starts, "rated": interface.rated,
         "mark": sha256(f"{standalone.digest} {standalone.integrator} {interface!r}".encode()).hexdigest()[:16],
         **{kind: [repr(v.start) for v in getattr(interface, kind)] for kind in ("parameters", "settings", "inputs")},

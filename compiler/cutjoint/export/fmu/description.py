@@ -20,7 +20,7 @@ KINDS: Mapping[str, tuple[bool, bool]] = {"cs": (True, False), "me": (False, Tru
 @dataclass(frozen=True, kw_only=True)
 class Subject:
     """What is described: the model's name, the scene's, how long its run takes and how often it reports (s), the token of the code,
-    the files of the code, one of `KINDS`."""
+    the files of the code, one of `KINDS`, whether co-simulation has event mode, early return and intermediate updates."""
 
     name: str
     scene: str
@@ -29,6 +29,11 @@ class Subject:
     token: str
     sources: Sequence[str]
     kind: str
+    stops_at_events: bool
+
+
+#: What FMI 3 calls the abilities of co-simulation that stops at events.
+_STOPS = ("hasEventMode", "mightReturnEarlyFromDoStep", "providesIntermediateUpdate", "canReturnEarlyAfterIntermediateUpdate")
 
 
 def write_description(subject: Subject, interface: Interface, version: int) -> str:
@@ -95,7 +100,8 @@ def _write_3(subject: Subject, interface: Interface) -> str:
         SubElement(root, "ModelExchange", {"modelIdentifier": subject.name, **states, **able})
     if simulates:
         able = {"canHandleVariableCommunicationStepSize": "true", **states, "maxOutputDerivativeOrder": "0"}
-        SubElement(root, "CoSimulation", {"modelIdentifier": subject.name, **able})
+        stops = dict.fromkeys(_STOPS if subject.stops_at_events else (), "true")
+        SubElement(root, "CoSimulation", {"modelIdentifier": subject.name, **able, **stops})
     _add_general(root, subject, variables)
     listed = SubElement(root, "ModelVariables")
     first = len(variables) - len(interface.indicators) - 2 * len(interface.states)
@@ -103,6 +109,8 @@ def _write_3(subject: Subject, interface: Interface) -> str:
         real = SubElement(listed, "Float64", {**_attributes(reference, variable), **_value(variable)})
         if variable.derives is not None:
             real.set("derivative", str(variable.derives))
+        if subject.stops_at_events and variable.causality == "output":
+            real.set("intermediateUpdate", "true")
         if first <= reference < first + len(interface.states):
             real.set("reinit", "true")
     structure = SubElement(root, "ModelStructure")

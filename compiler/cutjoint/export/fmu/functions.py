@@ -22,17 +22,23 @@ MISSING: tuple[Function, ...] = (
     ("SetShiftDecimal", f", {_REFERENCES}, const fmi3Float64*"),
     ("SetShiftFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*"),
     ("EvaluateDiscreteStates", ""),
-    ("EnterStepMode", ""),
     ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t"),
     ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64"),
 )
 
+#: What only FMUs for co-simulation with event mode have.
+OF_STEPS: tuple[Function, ...] = (("EnterStepMode", ""),)
+
+#: What these and FMUs for model exchange have.
+OF_EVENTS: tuple[Function, ...] = (
+    ("EnterEventMode", ""),
+    ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*"),
+)
+
 #: What only FMUs for model exchange have.
 OF_EXCHANGE: tuple[Function, ...] = (
-    ("EnterEventMode", ""),
     ("GetDirectionalDerivative", _KNOWN),
     ("GetAdjointDerivative", _KNOWN),
-    ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*"),
     ("EnterContinuousTimeMode", ""),
     ("CompletedIntegratorStep", ", fmi3Boolean, fmi3Boolean*, fmi3Boolean*"),
     ("SetTime", ", fmi3Float64"),
@@ -44,3 +50,9 @@ OF_EXCHANGE: tuple[Function, ...] = (
     ("GetNumberOfEventIndicators", ", size_t*"),
     ("GetNumberOfContinuousStates", ", size_t*"),
 )
+
+
+def missing_functions(*, exchanges: bool, stops_at_events: bool) -> tuple[Function, ...]:
+    """What an FMU has not that may be for model exchange, and whose co-simulation may have event mode."""
+    groups = ((OF_STEPS, stops_at_events), (OF_EVENTS, exchanges or stops_at_events), (OF_EXCHANGE, exchanges))
+    return MISSING + tuple(function for group, there in groups if not there for function in group)

@@ -183,7 +183,8 @@ class Simulation {
     heed_settings();
     heed_changes();
     const long events = steps_->events();
-    while (Real(until) > state_.t && event < 0) {
+    const Real rounding = Real(1e-9) * Real(settings_.dt);  // no step of the integrator is as short
+    while (Real(until) - state_.t > rounding && event < 0) {
       const Real whole = origin_ + Real(number_ + 1) * Real(settings_.dt), next = Integrator::adaptive ? Real(until) : std::min(whole, Real(until));
       is_reported_ = false;
       if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
@@ -193,6 +194,14 @@ class Simulation {
       else count_from_here();
     }
     return {};
+  }
+
+  /// Where the next of its steps ends unless an event or the time advanced to is before; nowhere where steps are as long as errors allow.
+  Real next_time()
+    requires Integrator::finds_events
+  {
+    heed_settings();
+    return Integrator::adaptive ? std::numeric_limits<Real>::infinity() : origin_ + Real(number_ + 1) * Real(settings_.dt);
   }
 
   /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them.
