@@ -21,7 +21,7 @@ class Exchange(Slave):
     def __init__(self, fmu: Fmu) -> None:
         super().__init__(fmu, exchanges=True)
         self.states, self.events = len(fmu.interface.states), len(fmu.interface.indicators)
-        self.rechosen = 0
+        self.rechosen, self.ended = 0, False
 
     def begin(self) -> Exchange:
         """Initialise, and enter continuous-time mode."""
@@ -42,10 +42,11 @@ class Exchange(Slave):
         return status
 
     def complete(self) -> bool:
-        """Whether the end of an integrator's step asks for an event, which then is made."""
+        """Whether the end of an integrator's step asks for an event, which then is made; ``ended`` is whether the simulation should end."""
         kind = ctypes.c_int if self.fmu.version == 2 else ctypes.c_bool
         wanted, ends = kind(), kind()
         assert self.call("CompletedIntegratorStep", ctypes.c_int(1), ctypes.byref(wanted), ctypes.byref(ends)) == OK, self.log
+        self.ended = bool(ends.value)
         if wanted.value:
             assert self.call("EnterEventMode") == self.update() == self.call("EnterContinuousTimeMode") == OK, self.log
         return bool(wanted.value)

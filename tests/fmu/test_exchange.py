@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
 from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.bouncing import exact_bounces
+from tests.reduce.test_guards import TEXT as HAMMER
 
 from .exchange import Array, Exchange
 from .slaves import DISCARD, ERROR, OK, Slave, advanced, fmu_of, started, text_of, write
@@ -229,6 +232,29 @@ def test_saved_states_go_on_bit_by_bit(version: int) -> None:
     assert status == OK
     assert other.restore(copy) == ERROR
     assert other.log[-1] == "restore: the state is that of model exchange"
+
+
+@versions
+def test_a_force_that_was_left_out_and_would_act_ends_the_simulation_as_it_ends_a_step(version: int) -> None:
+    model = read_model_text(HAMMER, "hammer.yaml")
+    reduced = guard_forces(model, model.scenes["swing"], ("floor",))
+    fmu = make_fmu(reduced.model, reduced.scene, version=version, kind="both")
+    slave, instance, step, until = Slave(fmu), Exchange(fmu), 1e-3, 0
+    assert slave.set(depth=0.1) == slave.initialise() == instance.set(depth=0.1) == OK
+    while slave.step(until * step, step) == OK:
+        until += 1
+    assert until > 50
+    instance.begin()
+    for i in range(until):
+        instance.integrate((i + 1) * step, 1, i * step)
+        assert not instance.ended
+    instance.integrate((until + 1) * step, 1, until * step)
+    assert instance.ended
+    said = "a guard is violated: the force would act: 'floor' (hammer.yaml:"
+    assert said in slave.log[-1]
+    assert instance.log[-1].startswith(f"fmi{version}CompletedIntegratorStep: at ")
+    assert said in instance.log[-1]
+    assert instance.call("Terminate") == OK
 
 
 @versions

@@ -204,6 +204,19 @@ class Simulation {
     return Integrator::adaptive ? std::numeric_limits<Real>::infinity() : origin_ + Real(number_ + 1) * Real(settings_.dt);
   }
 
+  /// Whether a force that was left out would act in the present state.
+  Fault watch() {
+    if constexpr (sizes.guards > 0) {
+      Fixed<Real, sizes.guards> margins;
+      subject().guard(state_.q.data(), state_.v.data(), margins.data());
+      for (std::size_t i = 0; i < sizes.guards; ++i)
+        if (!(margins[i] >= Real(0)))
+          return {.cause = Cause::guard_violated, .list = FaultList::guards, .index = static_cast<int>(i), .t = static_cast<double>(state_.t),
+                  .step = number_ + 1, .value = static_cast<double>(-margins[i])};
+    }
+    return {};
+  }
+
   /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them.
   Fault go_to(Real t, const Real* q, const Real* v) {
     for (std::size_t i = 0; i < sizes.coordinates; ++i) state_.q[i] = q[i];
@@ -406,19 +419,6 @@ class Simulation {
     is_reported_ = false;
     const Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
     return fault ? fault : watch();
-  }
-
-  /// Whether a force that was left out would act in the present state.
-  Fault watch() {
-    if constexpr (sizes.guards > 0) {
-      Fixed<Real, sizes.guards> margins;
-      subject().guard(state_.q.data(), state_.v.data(), margins.data());
-      for (std::size_t i = 0; i < sizes.guards; ++i)
-        if (!(margins[i] >= Real(0)))
-          return {.cause = Cause::guard_violated, .list = FaultList::guards, .index = static_cast<int>(i), .t = static_cast<double>(state_.t),
-                  .step = number_ + 1, .value = static_cast<double>(-margins[i])};
-    }
-    return {};
   }
 
   M mechanism_;
