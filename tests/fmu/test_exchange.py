@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model_text
@@ -63,6 +64,22 @@ def test_cvode_has_the_motion_of_the_command_line(name: str, version: int, tmp_p
     assert len(table) == len(known.t)
     for column, values in known.columns.items():
         assert np.abs(table[column] - values).max() <= 1e-6 * max(1.0, np.abs(values).max()), column
+
+
+def test_cvode_crosses_poses_with_several_ways_on(tmp_path: Path) -> None:
+    """Three cranks of 1 m and 1 kg turn as one, with couplers that only translate: a pendulum of inertia 3 kg m2, which passes stretched
+    parallelograms where the cranks lie."""
+    fmpy = pytest.importorskip("fmpy")
+    file = write(fmu_of("four_bar", 3, kind="me"), tmp_path)
+    table = fmpy.simulate_fmu(str(file), stop_time=4.0, output_interval=0.02, relative_tolerance=1e-10, record_events=False)
+
+    def derive(_: float, y: Array) -> Array:
+        return np.array([y[1], 3.5 * 9.81 / 3 * np.sin(y[0])])
+
+    known = solve_ivp(derive, (0.0, 4.0), [0.0, -1.0], t_eval=np.minimum(table["time"], 4.0), method="DOP853", rtol=1e-12, atol=1e-12).y
+    assert np.sum(np.diff(np.sign(np.cos(known[0]))) != 0) == 4
+    for name, values in (("crank_0.pin.angle", known[0]), ("crank_0.pin.angle_rate", known[1]), ("tip.x", -np.sin(known[0]))):
+        assert np.abs(table[name] - values).max() < 1e-6, name
 
 
 def test_cvode_finds_contacts_and_leaves_them(tmp_path: Path) -> None:

@@ -28,9 +28,10 @@ class MinimalCoordinates {
  public:
   using Real = typename M::real_type;
 
-  /// What is independent, how fast others may follow (their largest rate for a unit rate of one), and a pose near which states are.
+  /// What is independent, how fast others may follow (their largest rate for a unit rate of one), and a pose near which states are, with the rates there.
   struct Choice {
     Coordinates<M> reference, pose;
+    Speeds<M> rate;
     Speeds<M, unsigned char> independent;
     Real gain{0};
   };
@@ -57,11 +58,16 @@ class MinimalCoordinates {
       choice_ = before;
       return fault;
     }
+    settle(state);
     return {};
   }
 
-  /// States are near the pose of this one from now on.
-  void settle(const StateOf<M>& state) { choice_.pose = state.q; }
+  /// States are near the pose of this one from now on, or on the way that its speeds lead.
+  void settle(const StateOf<M>& state) {
+    choice_.pose = state.q;
+    displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
+    chart_rates<Real>(charts(), delta_.data(), state.v.data(), choice_.rate.data());
+  }
 
   /// Whether others would better be independent in the pose of a state, or a ball has turned far.
   bool is_poor(Starter<M>& starter, const StateOf<M>& state) {
@@ -94,6 +100,7 @@ class MinimalCoordinates {
   Fault close(M& mechanism, Starter<M>& starter, const Real* x, StateOf<M>& state) {
     StateOf<M> found = state;
     displacement<Real>(charts(), choice_.reference.data(), choice_.pose.data(), delta_.data());
+    go_ahead(x);
     take(x, delta_);
     if (const Fault fault = close_positions(mechanism, starter, found)) return fault;
     rate_.fill(Real(0));
@@ -118,6 +125,20 @@ class MinimalCoordinates {
   void take(const Real* x, Speeds<M>& values) const {
     for (std::size_t i = 0; i < n; ++i)
       if (choice_.independent[i]) values[i] = *x++;
+  }
+
+  /// Move dependent ones as the speeds of the pose do in the time in which independent ones come next to the numbers: beyond a pose that has several
+  /// ways on, the motion is sought on its own.
+  void go_ahead(const Real* x) {
+    Real along(0), square(0);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!choice_.independent[i]) continue;
+      along += (*x++ - delta_[i]) * choice_.rate[i];
+      square += choice_.rate[i] * choice_.rate[i];
+    }
+    if (!(square > Real(1e-12))) return;  // at rest
+    for (std::size_t i = 0; i < n; ++i)
+      if (!choice_.independent[i]) delta_[i] += along / square * choice_.rate[i];
   }
 
   /// The Jacobian of the loops' equations by the delta from a reference.
