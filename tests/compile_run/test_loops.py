@@ -21,7 +21,7 @@ LINKS = 12
 REALS = {
     "double": ["-DCUTJOINT_REAL=double"], "extended": ["-DCUTJOINT_REAL=long double"],
     "quad": ["-DCUTJOINT_REAL=cutjoint::Quad", "-include", "cutjoint/quad.hpp", "-isystem", "/usr/include/eigen3"],
-    "batch": ["-DCUTJOINT_REAL=cutjoint::batch::Real", "-include", "cutjoint/batch/road.hpp"],
+    "batch": ["-DCUTJOINT_REAL=cutjoint::batch::Real", "-include", "cutjoint/batch/real.hpp"],
 }  # fmt: skip
 
 

@@ -8,9 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "cutjoint/batch/inputs.hpp"
 #include "cutjoint/batch/side_by_side.hpp"
-#include "cutjoint/batch/road.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/failure_report.hpp"
@@ -30,7 +28,7 @@ namespace cutjoint::batch {
 class Group {
  public:
   Group(AnyMechanism<double>& alone, Instances& instances, const RunSettings& settings, const Json& file)
-      : alone_(alone), side_by_side_(alone, instances), instances_(instances), d_(instances.description()), settings_(settings), file_(file), lanes_(d_), state_(d_),
+      : alone_(alone), side_by_side_(alone, instances), instances_(instances), d_(instances.description()), settings_(settings), file_(file), lanes_(instances), state_(d_),
         parameters_(d_.parameters.size()), penalty_(1.0), margin_(d_.guards.size()), values_(d_.columns.size()), end_(values_), smallest_(values_),
         largest_(values_) {}
 
@@ -81,9 +79,8 @@ class Group {
   void load() {
     roads_.clear();
     for (std::size_t i = 0; i < d_.roads.size(); ++i) {
-      std::vector<Road<double>> roads;
-      for (const Case& own : cases_) roads.push_back(own.roads.list()[i]);
-      roads_.emplace_back(std::move(roads));
+      Road<Real>& all = roads_.emplace_back();
+      for (int k = 0; k < width; ++k) all.put(k, cases_[static_cast<std::size_t>(k)].roads.list()[i]);
     }
     for (std::size_t i = 0; i < parameters_.size(); ++i)
       for (int k = 0; k < width; ++k) parameters_[i].v[k] = cases_[static_cast<std::size_t>(k)].parameters[i];
@@ -104,7 +101,7 @@ class Group {
     watch(0);
     const auto begin = std::chrono::steady_clock::now();
     for (long n = 1; n <= steps && any(going_) && !stop_requested(); ++n) {
-      const Mask failed = integrator_->advance(state_, going_);
+      const Mask failed = integrator_->step_of(state_, going_);
       state_.t = where(going_ & ~failed, Real(static_cast<double>(n) * dt), state_.t);
       if (any(failed)) {
         instances_.begin_step(state_.t, Real(1));  // back to the last state of those that failed
@@ -193,7 +190,7 @@ class Group {
   const RunSettings& settings_;
   const Json& file_;
   std::vector<Case> cases_;
-  LaneInputs lanes_;
+  LaneInputs<Instances> lanes_;
   State<Real> state_;
   std::vector<Real> parameters_;
   Real penalty_;

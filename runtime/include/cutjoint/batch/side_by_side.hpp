@@ -5,19 +5,25 @@
 #include <cstddef>
 #include <vector>
 
-#include "cutjoint/batch/inputs.hpp"
-#include "cutjoint/batch/road.hpp"
+#include "cutjoint/batch/real.hpp"
+#include "cutjoint/core/lane_inputs.hpp"
+#include "cutjoint/core/start.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 
 namespace cutjoint::batch {
+
+/// A mechanism with several instances.
+using Instances = AnyMechanism<Real>;
 
 /// A mechanism with the penalty closure, as a search for equilibrium takes it: most of that is accelerations of neighbouring states.
 class SideBySide {
  public:
   using real_type = double;
 
-  SideBySide(AnyMechanism<double>& alone, Instances& instances) : alone_(alone), instances_(instances), lanes_(alone.description()) {}
+  SideBySide(AnyMechanism<double>& alone, Instances& instances)
+      : alone_(alone), instances_(instances), lanes_(instances), next_(alone.description().speeds.size()),
+        correction_(alone.description().equations.size()) {}
 
   const Description& description() const { return alone_.description(); }
 
@@ -25,7 +31,10 @@ class SideBySide {
     alone_.load(parameters, s, roads);
     parameters_.assign(parameters, parameters + description().parameters.size());
     roads_.clear();
-    for (std::size_t i = 0; i < description().roads.size(); ++i) roads_.emplace_back(std::vector<Road<double>>(width, roads[i]));
+    for (std::size_t i = 0; i < description().roads.size(); ++i) {
+      Road<Real>& all = roads_.emplace_back();
+      for (int k = 0; k < width; ++k) all.put(k, roads[i]);
+    }
     instances_.load(parameters_.data(), {.penalty = s.penalty, .damping_ratio = s.damping_ratio, .frequency = s.frequency}, roads_.data());
   }
 
@@ -50,13 +59,13 @@ class SideBySide {
 
   void guard(const double* q, const double* v, double* margin) const { alone_.guard(q, v, margin); }
 
-  /// What `Starter::accelerate` does with one state.
+  /// What `Starter::accelerate` does with one state, several at a time.
   void accelerate(std::vector<State<double>>& states, double motion) {
     for (std::size_t first = 0; first < states.size(); first += width) {
       State<Real> together(description());
       const std::size_t n = std::min<std::size_t>(width, states.size() - first);
       for (std::size_t k = 0; k < width; ++k) put(states[first + std::min(k, n - 1)], static_cast<int>(k), together);
-      accelerate(together, motion);
+      cutjoint::accelerate(instances_, together, Real(motion), next_, correction_);
       for (std::size_t k = 0; k < n; ++k) take(together, static_cast<int>(k), states[first + k]);
     }
   }
@@ -88,29 +97,10 @@ class SideBySide {
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = together[i][k];
   }
 
-  void accelerate(State<Real>& state, double motion) {
-    instances_.begin_step(state.t, Real(motion));
-    std::vector<Real> next(state.vdot.size()), correction(state.lambda.size());
-    Mask open = Real::mask(true);
-    Real last(0);
-    for (int iteration = 0; iteration < 200 && any(open); ++iteration) {
-      instances_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), next.data(), correction.data());
-      for (std::size_t i = 0; i < correction.size(); ++i) state.lambda[i] = where(open, state.lambda[i] + correction[i], state.lambda[i]);
-      Real change(0), size(1);
-      for (std::size_t i = 0; i < next.size(); ++i) {
-        change = larger(change, abs(next[i] - state.vdot[i]));
-        size = larger(size, abs(next[i]));
-        state.vdot[i] = where(open, next[i], state.vdot[i]);
-      }
-      if (iteration > 1) open &= ~(change <= where(change < last, Real(1e-12), Real(1e-6)) * size);
-      last = change;
-    }
-  }
-
   AnyMechanism<double>& alone_;
   Instances& instances_;
-  LaneInputs lanes_;
-  std::vector<Real> parameters_;
+  LaneInputs<Instances> lanes_;
+  std::vector<Real> parameters_, next_, correction_;
   std::vector<Road<Real>> roads_;
 };
 

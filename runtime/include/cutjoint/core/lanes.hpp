@@ -61,6 +61,9 @@ struct Lanes {
 
   Real operator[](int k) const { return v[k]; }
 
+  Lanes& operator+=(Lanes b) { return *this = *this + b; }
+  Lanes& operator*=(Lanes b) { return *this = *this * b; }
+
   /// A condition that is the same in all lanes.
   static Mask mask(bool condition) { return condition ? ~Mask{} : Mask{}; }
 

@@ -7,6 +7,12 @@
 
 namespace cutjoint {
 
+/// The larger of two numbers; not a number where one of them is none.
+template <class Real>
+Real larger(Real a, Real b) {
+  return b > a || b != b ? b : a;
+}
+
 /// The largest absolute value; not a number where one is none.
 template <class Real>
 Real largest(std::span<const Real> values) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -13,6 +14,7 @@
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/selection.hpp"
 #include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
@@ -23,27 +25,29 @@ namespace cutjoint {
 /// leaves much, near a singular pose, T w = gap is solved with T = -Phi_v project, and `project` w closes it; directions in which T is below
 /// 1e-6 are left alone, since closing them would take a leap.  It ends when the gap is rounding, or falls no further and is
 /// below 1e-10; what is left in such directions may be 1e-6.
+///
+/// Of several instances side by side each goes as if it were alone.
 template <Mechanism M>
 class Projection {
  public:
   using Real = typename M::real_type;
+  using Instances = Selection<Real>;
+  using Mask = typename Instances::Mask;
+  using Scalar = typename Instances::Scalar;
 
   explicit Projection(M& mechanism)
-      : mechanism_(mechanism), gap_(sizes_of(mechanism).equations), other_(gap_.size()), dz_(sizes_of(mechanism).speeds),
+      : mechanism_(mechanism), gap_(sizes_of(mechanism).equations), other_(gap_.size()), dz_(sizes_of(mechanism).speeds), found_(dz_.size()),
         before_(std::max(sizes_of(mechanism).coordinates, dz_.size())), right_(gap_.size()), rest_(gap_.size()), scratch_(gap_.size()),
         still_(dz_.size()), number_of_tries_(std::min(most_tries, gap_.size())), tries_(number_of_tries_, Try{gap_, dz_, gap_}) {}
 
   /// Close Phi(q) = 0.  A fault names the equation that stays open.
   Fault positions(StateOf<M>& state, long number = 0) {
-    return close(state, number, state.q, gap_, Cause::loops_open,
-                 [&] { retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), state.q.data()); });
+    return Instances::any(close_positions(state, Instances::all_if(true))) ? fault(0, number) : Fault{};
   }
 
   /// Close the rate of Phi, which is linear in the speeds.  A fault names the equation that stays open.
   Fault velocities(StateOf<M>& state, long number = 0) {
-    return close(state, number, state.v, other_, Cause::speeds_open, [&] {
-      for (std::size_t i = 0; i < dz_.size(); ++i) state.v[i] = before_[i] + dz_[i];
-    });
+    return Instances::any(close_speeds(state, Instances::all_if(true))) ? fault(0, number) : Fault{};
   }
 
   /// Both, at the time of a state.
@@ -51,6 +55,19 @@ class Projection {
     mechanism_.begin_step(state.t, Real(1));
     if (const Fault fault = positions(state)) return fault;
     return velocities(state);
+  }
+
+  /// Positions, then speeds, of the instances in `going`; returns those that stay open.
+  Mask close(StateOf<M>& state, Mask going) {
+    const Mask open = close_positions(state, going);
+    return Instances::either(open, close_speeds(state, Instances::without(going, open)));
+  }
+
+  /// Why an instance stayed open.
+  Fault fault(int instance, long number) const {
+    Fault fault = faults_[static_cast<std::size_t>(instance)];
+    fault.step = number;
+    return fault;
   }
 
   /// Iterations of the last positions or speeds.
@@ -72,42 +89,70 @@ class Projection {
   static constexpr int most = 50;
   static constexpr std::size_t most_tries = 24;
 
-  /// Steps that `move` what is open: the gap is the residual, in gap_, or its rate, in other_.
-  template <class Moved, class Move>
-  Fault close(StateOf<M>& state, long number, Moved& moved, const Equations<M>& open, Cause cause, Move move) {
-    iterations_ = 0;
-    if (gap_.empty()) return {};
-    Real left = measure(state, open);
-    const Real size = Real(1) + largest(moved);
-    bool weak = false, singular = false;
-    for (; iterations_ < most && !(left <= rounding() * size); ++iterations_) {
-      std::copy(moved.begin(), moved.end(), before_.begin());
-      if (weak) singular = !solve(state, open);
-      else mechanism_.project(state.q.data(), open.data(), dz_.data());
-      move();
-      const Real next = measure(state, open);
-      if (next != next) return give_up(state, number, moved);
-      if (!(next < left)) std::copy_n(before_.begin(), moved.size(), moved.begin());
-      if (weak && !(next < left / 2)) {
-        left = std::min(next, left);
-        break;
-      }
-      weak = !(next < left / 10);
-      left = std::min(next, left);
-      if (weak) measure(state, open);
-    }
-    if (!(left <= (singular ? Real(1e-6) * size : allowed(size)))) return fail(state, number, cause, open);
-    return {};
+  Mask close_positions(StateOf<M>& state, Mask going) {
+    return close(state, going, state.q, gap_, Cause::loops_open,
+                 [&] { retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), state.q.data()); });
   }
 
-  /// dz = project(w) with T w = open, by residuals that fall (Eisenstat, Elman, Schultz 1983: GCR); whether they found all of w.
-  bool solve(const StateOf<M>& state, const Equations<M>& open) {
+  Mask close_speeds(StateOf<M>& state, Mask going) {
+    return close(state, going, state.v, other_, Cause::speeds_open, [&] {
+      for (std::size_t i = 0; i < dz_.size(); ++i) state.v[i] = before_[i] + dz_[i];
+    });
+  }
+
+  /// Steps that `move` what is open: the gap is the residual, in gap_, or its rate, in other_.  Returns the instances of which it stays open.
+  template <class Moved, class Move>
+  Mask close(StateOf<M>& state, Mask going, Moved& moved, const Equations<M>& open, Cause cause, Move move) {
+    iterations_ = 0;
+    if (gap_.empty() || !Instances::any(going)) return Instances::all_if(false);
+    Real left = measure(state, open);
+    const Real size = Real(1) + largest(moved);
+    Mask active = Instances::without(going, left <= rounding() * size), lost = Instances::all_if(false), weak = lost, singular = lost;
+    for (; iterations_ < most && Instances::any(active); ++iterations_) {
+      std::copy(moved.begin(), moved.end(), before_.begin());
+      find_step(state, open, active, weak, singular);
+      move();
+      const Real next = measure(state, open);
+      const Mask fallen = Instances::both(active, next < left), odd = Instances::without(active, Instances::is_number(next));
+      for (std::size_t i = 0; i < moved.size(); ++i) Instances::take(Instances::without(Instances::all_if(true), fallen), before_[i], moved[i]);
+      if (Instances::any(odd)) give_up(state, odd);
+      lost = Instances::either(lost, odd);
+      active = Instances::without(active, odd);
+      const Mask slow = Instances::both(weak, Instances::without(active, next < left / Real(2)));
+      weak = Instances::without(active, next < left / Real(10));
+      Instances::take(Instances::without(active, left < next), next, left);
+      active = Instances::without(active, slow);
+      if (Instances::any(Instances::both(active, weak))) measure(state, open);
+      active = Instances::without(active, left <= rounding() * size);
+    }
+    const Mask close = Instances::either(left <= allowed(size), Instances::both(singular, left <= Real(1e-6) * size));
+    const Mask failed = Instances::without(Instances::without(going, lost), close);
+    if (Instances::any(failed)) fail(state, failed, cause, open);
+    return Instances::either(lost, failed);
+  }
+
+  /// The step that closes what is open, of `weak` ones by `solve`; which of these are singular is told anew.
+  void find_step(const StateOf<M>& state, const Equations<M>& open, Mask active, Mask weak, Mask& singular) {
+    const Mask solved = Instances::both(active, weak);
+    if (Instances::any(solved)) {
+      const Mask all_found = solve(state, open, solved);
+      singular = Instances::either(Instances::without(singular, solved), Instances::without(solved, all_found));
+    }
+    if (Instances::any(Instances::without(active, solved))) mechanism_.project(state.q.data(), open.data(), dz_.data());
+    for (std::size_t i = 0; i < dz_.size(); ++i) Instances::take(solved, found_[i], dz_[i]);
+  }
+
+  /// found_ = project(w) with T w = open, by residuals that fall (Eisenstat, Elman, Schultz 1983: GCR); of which instances it found all of w.
+  Mask solve(const StateOf<M>& state, const Equations<M>& open, Mask going) {
     using std::sqrt;
     right_ = open;
-    std::fill(dz_.begin(), dz_.end(), Real(0));
+    std::fill(found_.begin(), found_.end(), Real(0));
     mechanism_.constraint_residual(state.q.data(), still_.data(), scratch_.data(), rest_.data());
     const Real enough = dot(right_, right_) * Real(1e-12);
-    for (std::size_t n = 0; n < number_of_tries_ && dot(right_, right_) > enough; ++n) {
+    Mask stopped = Instances::all_if(false);
+    for (std::size_t n = 0; n < number_of_tries_; ++n) {
+      Mask trying = Instances::both(Instances::without(going, stopped), enough < dot(right_, right_));
+      if (!Instances::any(trying)) break;
       Try& now = tries_[n];
       now.gap = right_;
       mechanism_.project(state.q.data(), now.gap.data(), now.step.data());
@@ -115,13 +160,16 @@ class Projection {
       for (std::size_t i = 0; i < rest_.size(); ++i) now.closed[i] = rest_[i] - now.closed[i];
       for (std::size_t k = 0; k < n; ++k) now.add(-dot(now.closed, tries_[k].closed), tries_[k]);
       const Real size = sqrt(dot(now.closed, now.closed));
-      if (size <= Real(1e-6) * sqrt(dot(now.gap, now.gap))) return false;
+      stopped = Instances::either(stopped, Instances::both(trying, size <= Real(1e-6) * sqrt(dot(now.gap, now.gap))));
+      trying = Instances::without(trying, stopped);
+      if (!Instances::any(trying)) break;
       now.scale(Real(1) / size);
-      const Real share = dot(right_, now.closed);
-      add(dz_, share, now.step);
-      add(right_, -share, now.closed);
+      Real share(0);
+      Instances::take(trying, dot(right_, now.closed), share);
+      add(found_, share, now.step, trying);
+      add(right_, -share, now.closed, trying);
     }
-    return dot(right_, right_) <= enough;
+    return Instances::both(Instances::without(going, stopped), dot(right_, right_) <= enough);
   }
 
   /// A gap, the step that answers it, and what this closes, -Phi_v step.
@@ -131,9 +179,10 @@ class Projection {
     Equations<M> closed;
 
     void add(Real factor, const Try& other) {
-      Projection::add(gap, factor, other.gap);
-      Projection::add(step, factor, other.step);
-      Projection::add(closed, factor, other.closed);
+      const Mask all = Instances::all_if(true);
+      Projection::add(gap, factor, other.gap, all);
+      Projection::add(step, factor, other.step, all);
+      Projection::add(closed, factor, other.closed, all);
     }
 
     void scale(Real factor) {
@@ -145,8 +194,8 @@ class Projection {
   };
 
   template <class Numbers>
-  static void add(Numbers& sum, Real factor, const Numbers& part) {
-    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += factor * part[i];
+  static void add(Numbers& sum, Real factor, const Numbers& part, Mask which) {
+    for (std::size_t i = 0; i < sum.size(); ++i) Instances::take(which, sum[i] + factor * part[i], sum[i]);
   }
 
   static Real dot(const Equations<M>& a, const Equations<M>& b) {
@@ -159,37 +208,45 @@ class Projection {
   }
 
   /// `project` has no finite step: the fault names the first speed that is no number.
-  template <class Moved>
-  Fault give_up(const StateOf<M>& state, long number, Moved& moved) {
-    std::copy_n(before_.begin(), moved.size(), moved.begin());
-    const auto lost = std::find_if(dz_.begin(), dz_.end(), [](Real x) { return x - x != Real(0); });
-    const auto speed = static_cast<std::size_t>(lost == dz_.end() ? 0 : lost - dz_.begin());
-    return {.cause = Cause::masses_lost, .list = FaultList::speeds, .index = static_cast<int>(speed), .t = static_cast<double>(state.t), .step = number,
-            .value = static_cast<double>(dz_[speed])};
+  void give_up(const StateOf<M>& state, Mask odd) {
+    for (int k = 0; k < Instances::number; ++k) {
+      if (!Instances::has(odd, k)) continue;
+      const auto lost = std::find_if(dz_.begin(), dz_.end(), [k](Real x) { return !std::isfinite(Instances::of(x, k)); });
+      const auto speed = static_cast<std::size_t>(lost == dz_.end() ? 0 : lost - dz_.begin());
+      faults_[static_cast<std::size_t>(k)] = {.cause = Cause::masses_lost, .list = FaultList::speeds, .index = static_cast<int>(speed),
+                                              .t = Instances::of(state.t, k), .value = Instances::of(dz_[speed], k)};
+    }
   }
 
-  Fault fail(const StateOf<M>& state, long number, Cause cause, const Equations<M>& open) {
+  void fail(const StateOf<M>& state, Mask failed, Cause cause, const Equations<M>& open) {
     const Real left = measure(state, open);
-    std::size_t worst = 0;
-    using std::abs;
-    for (std::size_t i = 0; i < open.size(); ++i)
-      if (abs(open[i]) > abs(open[worst]) || open[i] != open[i]) worst = i;
-    return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t), .step = number,
-            .value = static_cast<double>(left)};
+    for (int k = 0; k < Instances::number; ++k) {
+      if (!Instances::has(failed, k)) continue;
+      const auto size = [&](std::size_t i) { return std::abs(Instances::of(open[i], k)); };
+      std::size_t worst = 0;
+      for (std::size_t i = 0; i < open.size(); ++i)
+        if (size(i) > size(worst) || size(i) != size(i)) worst = i;
+      faults_[static_cast<std::size_t>(k)] = {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst),
+                                              .t = Instances::of(state.t, k), .value = Instances::of(left, k)};
+    }
   }
 
-  static Real rounding() { return Real(64) * std::numeric_limits<Real>::epsilon(); }
+  static Real rounding() { return Real(64 * std::numeric_limits<Scalar>::epsilon()); }
 
   /// 1e-10 m or rad, or what rounding leaves of large numbers.
-  static Real allowed(Real size) { return std::max(Real(1e-10), Real(100) * rounding() * size); }
+  static Real allowed(Real size) {
+    const Real least(1e-10), left = Real(100) * rounding() * size;
+    return where(least < left, left, least);
+  }
 
   M& mechanism_;
   Equations<M> gap_, other_;
-  Speeds<M> dz_;
+  Speeds<M> dz_, found_;
   Array<M, std::max(static_sizes<M>().coordinates, static_sizes<M>().speeds)> before_;
   Equations<M> right_, rest_, scratch_;
   Speeds<M> still_;
   int iterations_ = 0;
+  std::array<Fault, Instances::number> faults_{};
   std::size_t number_of_tries_;
   Array<M, std::min(most_tries, static_sizes<M>().equations), Try> tries_;
 };

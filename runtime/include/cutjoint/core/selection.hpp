@@ -8,6 +8,7 @@ namespace cutjoint {
 /// Instances of a mechanism by a mask: of a plain real there is one.  Reals that are numbers of several have a specialisation.
 template <class Real>
 struct Selection {
+  using Scalar = Real;
   using Mask = bool;
   using Count = long;
   static constexpr int number = 1;
@@ -18,6 +19,7 @@ struct Selection {
   static bool either(bool a, bool b) { return a || b; }
   static bool without(bool mask, bool others) { return mask && !others; }
   static bool finite(Real x) { return std::isfinite(static_cast<double>(x)); }
+  static bool is_number(Real x) { return x == x; }
   static bool has(bool mask, int) { return mask; }
   static double of(Real x, int) { return static_cast<double>(x); }
   static void count(bool mask, long& counted) { counted += mask; }

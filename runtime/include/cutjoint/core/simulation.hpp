@@ -47,6 +47,13 @@ struct HostInputs {
     }
   }
 
+  /// A source that gives these; none where all follow the scene.
+  InputSource<Real> source() {
+    for (const Real value : values)
+      if (value == value) return {&fill, this};
+    return {};
+  }
+
   /// Whether others would give the same.
   bool operator==(const HostInputs& other) const {
     bool same = true;
@@ -146,6 +153,12 @@ class Simulation {
   }
 
   bool is_started() const { return is_started_; }
+
+  /// Heed what has changed since the last step, as the next one does.
+  void settle() {
+    heed_settings();
+    heed_changes();
+  }
 
   /// A step of the settings' length; the state stays where it fails.
   Fault step() {

@@ -21,6 +21,8 @@ struct SimulationSettings {
   double absolute_tolerance;
   long most_steps = 1000000;
   bool equilibrium;
+
+  bool operator==(const SimulationSettings&) const = default;
 };
 
 }  // namespace cutjoint

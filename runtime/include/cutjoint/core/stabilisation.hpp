@@ -17,6 +17,8 @@ struct StabilisationSettings {
   std::optional<double> penalty;
   double damping_ratio;
   double frequency;
+
+  bool operator==(const StabilisationSettings&) const = default;
 };
 
 /// Load a mechanism whose cut joints are held by `penalties`, one for each, the same for all with the closure `penalty`.

@@ -13,6 +13,7 @@
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/selection.hpp"
 #include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
@@ -20,6 +21,30 @@ namespace cutjoint {
 /// Which elements of a list are given by the user.
 template <class M>
 using SpeedFlags = Speeds<M, unsigned char>;
+
+/// Accelerations and multipliers of a state: the augmented update, repeated until the accelerations stay or only rounding is left to
+/// change, 200 times at most.  Of several instances side by side each goes as if it were alone.  `next` and `correction` are scratch.
+template <Mechanism M>
+void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, Speeds<M>& next, Equations<M>& correction) {
+  using Real = typename M::real_type;
+  using Instances = Selection<Real>;
+  using std::abs;
+  mechanism.begin_step(state.t, motion);
+  typename Instances::Mask open = Instances::all_if(true);
+  Real last(0);
+  for (int iteration = 0; iteration < 200 && Instances::any(open); ++iteration) {
+    mechanism.evaluate(state.q.data(), state.v.data(), state.lambda.data(), next.data(), correction.data());
+    for (std::size_t i = 0; i < correction.size(); ++i) Instances::take(open, state.lambda[i] + correction[i], state.lambda[i]);
+    Real change(0), size(1);
+    for (std::size_t i = 0; i < next.size(); ++i) {
+      change = larger(change, abs(next[i] - state.vdot[i]));
+      size = larger(size, abs(next[i]));
+    }
+    Instances::take_all(open, next, state.vdot);
+    if (iteration > 1) open = Instances::without(open, change <= where(change < last, Real(1e-12), Real(1e-6)) * size);
+    last = change;
+  }
+}
 
 /// Finds starts of a mechanism; a speed that is `held` (given by the user) is not changed, nor is its coordinate.  All memory is taken in the
 /// constructor, but for the neighbouring states of a mechanism that finds the accelerations of several side by side.
@@ -32,7 +57,7 @@ class Starter {
   explicit Starter(M& mechanism, bool proximal = false)
       : mechanism_(mechanism), sizes_(sizes_of(mechanism)), n_(sizes_.speeds), m_(sizes_.equations), drawn_(proximal ? m_ : 0),
         matrix_((n_ + m_) * n_), phi_(m_), phid_(m_), still_(m_), right_(n_ + m_), a_(n_ + m_), next_(n_ + m_), step_(n_),
-        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), before_(n_), from_(sizes_.coordinates), probe_(blank(mechanism)), other_(probe_) {}
+        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(blank(mechanism)), other_(probe_) {}
 
   /// Close the loops by the shortest way from the given coordinates (Gauss-Newton with least-norm steps).  A fault names the equation that
   /// stays open.
@@ -80,25 +105,8 @@ class Starter {
     return {};
   }
 
-  /// Accelerations and multipliers of the state: the augmented update, repeated until the accelerations stay or only rounding is left to
-  /// change, 200 times at most.
-  void accelerate(StateOf<M>& state, Real motion) {
-    mechanism_.begin_step(state.t, motion);
-    Real last(0);
-    for (int iteration = 0; iteration < 200; ++iteration) {
-      before_ = state.vdot;
-      mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction_.data());
-      for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += correction_[i];
-      Real change(0), size(1);
-      for (std::size_t i = 0; i < n_; ++i) {
-        using std::abs;
-        change = std::max(change, abs(state.vdot[i] - before_[i]));
-        size = std::max(size, abs(state.vdot[i]));
-      }
-      if (iteration > 1 && change <= (change < last ? Real(1e-12) : Real(1e-6)) * size) return;
-      last = change;
-    }
-  }
+  /// Accelerations and multipliers of the state.
+  void accelerate(StateOf<M>& state, Real motion) { cutjoint::accelerate(mechanism_, state, motion, other_accelerations_, correction_); }
 
   /// The pose near the given one in which nothing accelerates at rest: Newton's method on vdot(q) = 0 with differences and least-norm
   /// steps, since directions without stiffness (a car's x, y and yaw) are free.  A held coordinate stays and may carry a force.
@@ -273,7 +281,7 @@ class Starter {
   Speeds<M> step_, travel_, room_, left_, beside_;
   Speeds<M, std::size_t> order_;
   Equations<M> correction_;
-  Speeds<M> before_;
+  Speeds<M> other_accelerations_;
   Coordinates<M> from_;
   StateOf<M> probe_, other_;
 };

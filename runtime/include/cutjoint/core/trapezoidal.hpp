@@ -30,6 +30,8 @@ struct FixedPoint {
   int multiplier_updates;
   bool proximal = false;
   bool fixed_cost = false;
+
+  bool operator==(const FixedPoint&) const = default;
 };
 
 /// A fixed point that is not reached: what the accelerations still change by, how large they are, and the speed whose one changes most.
@@ -38,7 +40,7 @@ inline Fault not_reached(int iterations, double change, double size, double t, l
           .t = t, .step = number, .value = change, .size = size, .iterations = iterations};
 }
 
-/// Integrates a mechanism with steps of a given length.  Its reals may be numbers of several instances side by side, with the penalty closure: each
+/// Integrates a mechanism with steps of a given length.  Its reals may be numbers of several instances side by side: each
 /// goes as if it were alone, and its accelerations stay when they have converged while those of others still change.
 template <Mechanism M>
 class Trapezoidal {
@@ -52,18 +54,41 @@ class Trapezoidal {
         delta_(v_hat_.size()), vdot_(v_hat_.size()), difference_(v_hat_.size()), correction_(sizes_of(mechanism).equations),
         before_(blank(mechanism)), projection_(mechanism) {}
 
-  /// One step of a mechanism alone; `state` is that at its end.  There is a fault when the iteration diverges to infinity or does not end; `state`
-  /// is then the last one that converged, and the mechanism is at its time.
+  /// One step of a mechanism alone; `state` is that at its end.  There is a fault when the iteration diverges to infinity or does not end, or loops
+  /// stay open; `state` is then the last one that converged, and the mechanism is at its time.
   [[gnu::noinline]] Fault step(StateOf<M>& state, long number) {
-    if (advance(state, true)) {
-      mechanism_.begin_step(state.t, Real(1));
-      return fault(0, number);
-    }
-    return fixed_point_.proximal ? project(state, number) : Fault{};
+    if (!step_of(state, true)) return {};
+    mechanism_.begin_step(state.t, Real(1));
+    return fault(0, number);
   }
 
-  /// One step of the instances in `going`; a state is then that at its end, of all others it stays.  Returns those whose iteration diverges to
-  /// infinity or does not end; the mechanism is at the end of the step.
+  /// One step of the instances in `going`; a state is then that at its end, of all others it stays.  Returns those that fail; the mechanism is at the
+  /// end of the step.
+  Mask step_of(StateOf<M>& state, Mask going) {
+    const Mask failed = advance(state, going);
+    return fixed_point_.proximal ? Instances::either(failed, project(state, Instances::without(going, failed))) : failed;
+  }
+
+  /// Why the last step of an instance failed.
+  Fault fault(int instance, long number) const {
+    Fault fault = faults_[static_cast<std::size_t>(instance)];
+    fault.step = number;
+    return fault;
+  }
+
+  Projection<M>& projection() { return projection_; }
+
+  /// Go on with steps of another length.
+  void set_step(Real dt) { dt_ = dt; }
+
+  /// Seek the fixed point another way.
+  void set_fixed_point(const FixedPoint& fixed_point) { fixed_point_ = fixed_point; }
+
+  /// How often each instance was evaluated until it had converged.
+  const typename Instances::Count& evaluations() const { return evaluations_; }
+
+ private:
+  /// The same without the projection of the proximal closure.
   ///
   ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
   ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n
@@ -97,25 +122,6 @@ class Trapezoidal {
     return failed;
   }
 
-  /// Why the last step of an instance failed.
-  Fault fault(int instance, long number) const {
-    Fault fault = faults_[static_cast<std::size_t>(instance)];
-    fault.step = number;
-    return fault;
-  }
-
-  Projection<M>& projection() { return projection_; }
-
-  /// Go on with steps of another length.
-  void set_step(Real dt) { dt_ = dt; }
-
-  /// Seek the fixed point another way.
-  void set_fixed_point(const FixedPoint& fixed_point) { fixed_point_ = fixed_point; }
-
-  /// How often each instance was evaluated until it had converged.
-  const typename Instances::Count& evaluations() const { return evaluations_; }
-
- private:
   /// Coordinates and speeds that belong to the state's accelerations.
   void follow(StateOf<M>& state) {
     const Real half = dt_ / 2, quarter = dt_ * dt_ / 4;
@@ -126,18 +132,15 @@ class Trapezoidal {
     retract<Real>(charts_of(mechanism_), before_.q.data(), delta_.data(), state.q.data());
   }
 
-  Fault project(StateOf<M>& state, long number) {
-    if (fixed_point_.fixed_cost) {
-      projection_.approach(state);
-      return {};
-    }
-    Fault fault = projection_.positions(state, number);
-    if (!fault) fault = projection_.velocities(state, number);
-    if (fault) {
-      state = before_;
-      mechanism_.begin_step(state.t, Real(1));
-    }
-    return fault;
+  /// Positions and speeds that keep the loops closed; returns the instances that fail, which go back to the state before the step.
+  Mask project(StateOf<M>& state, Mask going) {
+    Mask failed = Instances::all_if(false);
+    if (fixed_point_.fixed_cost) projection_.approach(state);
+    else failed = projection_.close(state, going);
+    for (int k = 0; k < Instances::number; ++k)
+      if (Instances::has(failed, k)) faults_[static_cast<std::size_t>(k)] = projection_.fault(k, 0);
+    restore(state, Instances::without(Instances::all_if(true), Instances::without(going, failed)));
+    return failed;
   }
 
   /// Which new accelerations are close to those of the state.

@@ -3,24 +3,25 @@
 
 #include <array>
 #include <cstddef>
-#include <vector>
 
-#include "cutjoint/batch/real.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/inputs.hpp"
+#include "cutjoint/core/lanes.hpp"
 
-namespace cutjoint::batch {
-
-/// A mechanism with several instances.
-using Instances = AnyMechanism<Real>;
+namespace cutjoint {
 
 /// A source of inputs that takes those of each instance from a source of its own.
+template <class M>
 class LaneInputs {
  public:
-  explicit LaneInputs(const Description& d) : numbers_(numbers_per_input * d.inputs.size()) {}
+  using Real = typename M::real_type;
+  static constexpr int width = Real::size;
+
+  explicit LaneInputs(const M& instances) : numbers_(numbers_per_input * sizes_of(instances).inputs) {}
 
   /// Drive instances by sources, one for each.
   template <class SourceOf>
-  void drive(Instances& instances, SourceOf source_of) {
+  void drive(M& instances, SourceOf source_of) {
     bool any = false;
     for (int k = 0; k < width; ++k) any |= (sources_[static_cast<std::size_t>(k)] = source_of(k)).fill != nullptr;
     instances.drive_by(any ? InputSource<Real>{&fill, this} : InputSource<Real>{});
@@ -29,7 +30,7 @@ class LaneInputs {
  private:
   static void fill(void* host, Real t, Real* input) {
     LaneInputs& lanes = *static_cast<LaneInputs*>(host);
-    std::vector<double>& numbers = lanes.numbers_;
+    auto& numbers = lanes.numbers_;
     for (int k = 0; k < width; ++k) {
       const InputSource<double>& source = lanes.sources_[static_cast<std::size_t>(k)];
       if (!source.fill) continue;
@@ -40,7 +41,7 @@ class LaneInputs {
   }
 
   std::array<InputSource<double>, width> sources_;
-  std::vector<double> numbers_;
+  Array<M, numbers_per_input * static_sizes<M>().inputs, double> numbers_;
 };
 
-}  // namespace cutjoint::batch
+}  // namespace cutjoint
