@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,26 @@ from cutjoint.sparse.plan import plan_definite
 from cutjoint.sparse.tangent import settle_entries
 from cutjoint.toolchain.build import FLAGS, build_folder, simulator_of
 
+#: Processor seconds that lanes take to compile: some, and some for each operation of an evaluation.
+_COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
+
+#: Processor seconds that lanes save in a step, for the root of the operations, since mechanisms of many have lanes of their own.
+_SAVED = 30e-9
+
+
+def pays_in_lanes(operations: int, steps: float) -> bool:
+    """Whether lanes save more than they take to compile, in so many steps of all simulations with so many operations in an evaluation.
+
+    Workers do not count, so that results are the same for any number.  The figures are measured: docs/sweep.md.
+    """
+    return steps * _SAVED * sqrt(operations) > _COMPILING + _COMPILING_AN_OPERATION * operations
+
 
 @dataclass(frozen=True, kw_only=True)
 class Standalone:
     """A folder's files by name; ``name`` is the model's, ``digest`` that of its source, ``size`` the bytes that a simulation takes at
     most, ``method`` and ``integrator`` the names of the rule of its steps, ``steps`` what that can do, ``run_file`` the settings,
-    parameters and start that it begins with."""
+    parameters and start that it begins with, ``lanes`` how many simulations its code can take side by side (0: none)."""
 
     name: str
     files: Mapping[str, str]
@@ -40,11 +55,17 @@ class Standalone:
     integrator: str
     steps: Steps
     run_file: Mapping[str, Any]
+    lanes: int
 
     @property
     def simulator(self) -> str:
         """The name of the program that reads a run file and prints a table."""
         return simulator_of(self.name)
+
+    def with_code(self, text: str) -> Standalone:
+        """The same with more in its C++ file."""
+        source = next(name for name in self.files if name.endswith(".cpp"))
+        return replace(self, files={**self.files, source: self.files[source] + text})
 
     def build_simulator(self, flags: Sequence[str] = FLAGS) -> Path:
         """That program; errors as of `toolchain.build.build_folder`."""
@@ -57,13 +78,14 @@ class Standalone:
 
 def make_standalone(
     equations: Equations, program: Program, source: Source, *, integrator: str | None = None, lanes: bool = True,
-    freedoms: int | None = None,
+    freedoms: int | None = None, side_by_side: bool = False,
 ) -> Standalone:  # fmt: skip
     """The folder of a model in a scene, by what `pipeline.generate` has made, with the settings, parameters and start of the scene.
 
     The integrator is that of the scene unless one is named; where the core has not the scene's for the method, or the scene names none, it
     is the trapezoidal rule.  ``lanes`` is whether isomorphic parts are computed side by side.  With its degrees of freedom, ``freedoms``, a
-    mechanism by the method recursive has minimal coordinates too.
+    mechanism by the method recursive has minimal coordinates too.  With ``side_by_side`` it also has the class of several instances, if its
+    steps can be taken in lanes.
 
     Raises:
         RunError: the core has not the integrator, or the scene has a setting or a start without a finite value.
@@ -72,10 +94,13 @@ def make_standalone(
     options = choose_steps(equations.scene, parts.method, integrator)
     chosen = str(options.integrator)
     steps = STEPS[parts.method][chosen]
+    if side_by_side and steps.in_lanes:
+        parts = replace(parts, side_by_side=schedule_recursive(parts.mechanism, lanes=False))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     return Standalone(
         name=equations.topology.model.name, files=emit_standalone(parts, run_file, source.digest), digest=source.digest,
         size=simulation_size(parts, steps), method=parts.method, integrator=chosen, steps=steps, run_file=run_file,
+        lanes=parts.lanes,
     )  # fmt: skip
 
 

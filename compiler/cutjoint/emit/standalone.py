@@ -26,10 +26,14 @@ from cutjoint.model.steps import count_steps
 from cutjoint.program.records import Program
 from cutjoint.sparse.plan import Plan
 
+#: Simulations side by side: the doubles of an AVX-512 register; narrower machines take several registers.
+LANES = 8
+
 #: Headers of the runtime: all that a simulation needs but its integrator, and lanes.
 _CORE = "cutjoint/core/simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
 _MINIMAL = "cutjoint/core/minimal.hpp"
+_SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
 _OF_INTERFACE = ("algorithm", "cstdint", "cstring", "iterator", "limits", "new", "type_traits")
@@ -62,7 +66,7 @@ class Steps:
     """An integrator of the core: its header and its C++ class for a mechanism, or for that and a system.
 
     ``stages`` is the number of slopes that an explicit one holds, ``finds_events`` whether its steps can end at events, ``is_iterated``
-    whether a number of iterations can be set, ``adaptive`` whether tolerances can.
+    whether a number of iterations can be set, ``adaptive`` whether tolerances can, ``in_lanes`` whether simulations can go side by side.
     """
 
     header: str
@@ -71,6 +75,7 @@ class Steps:
     finds_events: bool = False
     is_iterated: bool = False
     adaptive: bool = False
+    in_lanes: bool = False
 
 
 _EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/sdirk_steps.hpp"
@@ -78,7 +83,9 @@ _EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/sdirk_
 #: By the names of methods and integrators.
 STEPS: Mapping[str, Mapping[str, Steps]] = {
     "recursive": {
-        "trapezoidal": Steps(header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True),
+        "trapezoidal": Steps(
+            header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True, in_lanes=True
+        ),
         "rk4": Steps(
             header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::ClassicalTable>", stages=5, finds_events=True
         ),
@@ -113,18 +120,25 @@ class Parts:
     mechanism itself is.
 
     With its degrees of freedom, ``freedoms``, a mechanism that is stepped itself has minimal coordinates in its interface too, and values
-    that change their sign where its formulas change.
+    that change their sign where its formulas change.  With a program without lanes of its own, ``side_by_side``, a class of several
+    instances side by side stands beside that of the mechanism, in a namespace of that name.
     """
 
     mechanism: RecursiveEquations
     program: Program
     system: System | None
     freedoms: int | None = None
+    side_by_side: Program | None = None
 
     @property
     def method(self) -> str:
         """The name of the method."""
         return START if self.system is None else self.system.equations.method
+
+    @property
+    def lanes(self) -> int:
+        """How many simulations go side by side, 0 if none do."""
+        return 0 if self.side_by_side is None else LANES
 
     @property
     def stepped(self) -> RecursiveEquations | ImplicitEquations:
@@ -165,10 +179,13 @@ def _in_c(page: Page) -> dict[str, object]:
 
 def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) -> str:
     """The one C++ file."""
-    code = [_mechanism(page, parts)] + ([] if parts.system is None else [_system(page, parts.system)])
+    code = [_mechanism(page, parts, parts.program)] + ([] if parts.system is None else [_system(page, parts.system)])
     lanes = [_LANES] if any("Lanes<Real, " in text for text in code) else []
-    minimal = [] if parts.freedoms is None else [_MINIMAL]
-    core = amalgamate([*lanes, _CORE, steps.header, *minimal, *(() if parts.system is None else _FACTORISATIONS)])
+    more = [] if parts.freedoms is None else [_MINIMAL]
+    if parts.side_by_side is not None:
+        code += ["namespace side_by_side {\n", _mechanism(page, parts, parts.side_by_side, "Mask"), "}  // namespace side_by_side\n"]
+        more.append(_SIDE_BY_SIDE)
+    core = amalgamate([*lanes, _CORE, steps.header, *more, *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *_OF_INTERFACE})
     p = page.stem
     return "\n".join([
@@ -179,14 +196,14 @@ def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) 
     ])  # fmt: skip
 
 
-def _mechanism(page: Page, parts: Parts) -> str:
-    """The class of the mechanism and its functions."""
-    equations, program = parts.mechanism, parts.program
-    viewer = Viewer(program, equations)
+def _mechanism(page: Page, parts: Parts, program: Program, conditions: str = "bool") -> str:
+    """The class of the mechanism and its functions, by a program of it."""
+    equations = parts.mechanism
+    viewer = Viewer(program, equations, conditions)
     unused = _unused(equations) if parts.system is None else _UNUSED | {"events", "guard"}
     names = [f.name for f in equations.functions if f.name not in unused]
     mechanism = page.render(
-        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", core=True, conditions="bool",
+        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", core=True, conditions=conditions,
         operations={name: program.operations(name) for name in names}, charts=equations.charts, cuts=[c.first for c in equations.closures],
         switches=switches_of(equations), **members(viewer, equations), **_sizes(equations),
     )  # fmt: skip
@@ -241,7 +258,7 @@ def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, o
         **_sizes(equations), "freedoms": parts.freedoms, "memory": "Sim::Memory" if parts.freedoms is None else "Memory",
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
-        "class_name": Page.of(equations, parts.method).class_name, "bytes": simulation_size(parts, steps),
+        "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else system_class(Page.of(equations, parts.method).class_name),
         "causes": _causes(), "mark": sha256(f"{digest} {integrator}".encode()).hexdigest()[:16],
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,

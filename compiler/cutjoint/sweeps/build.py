@@ -5,8 +5,9 @@ from __future__ import annotations
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.model.records import Scene
 from cutjoint.pipeline import generate
+from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
-from cutjoint.standalone import make_standalone
+from cutjoint.standalone import Standalone, make_standalone, pays_in_lanes
 from cutjoint.sweeps.code import with_runs
 from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.records import Study
@@ -14,19 +15,23 @@ from cutjoint.sweeps.target import find_target
 from cutjoint.toolchain.digests import digest_of
 
 
-def build_kernels(study: Study) -> tuple[Kernel, ...]:
+def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, ...]:
     """Compile a study for each of its scenes, or find the libraries in the cache.
+
+    Runs go in ``lanes`` where steps can and there are so many runs that these pay (`pays_in_lanes`), or as is said.
 
     Raises:
         TopologyError, NoInertiaError, GuideError, RunError: the model is wrong, or the study asks for what its library does not have.
         ToolchainError: the C++ side failed.
     """
-    return tuple(_build(study, scene) for scene in study.scenes)
+    return tuple(_build(study, scene, lanes) for scene in study.scenes)
 
 
-def _build(study: Study, scene: Scene) -> Kernel:
+def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     equations, program, source = generate(study.model, scene, study.outputs, method=study.method)
     alone = make_standalone(equations, program, source, integrator=study.integrator)
+    if alone.steps.in_lanes and (_pays(study, program, alone) if lanes is None else lanes):
+        alone = make_standalone(equations, program, source, integrator=study.integrator, side_by_side=True)
     start = equations.mechanism
     names = {
         "parameter": [p.name for p in equations.parameters], "input": [p.name for p in input_parameters(study.model)],
@@ -41,10 +46,16 @@ def _build(study: Study, scene: Scene) -> Kernel:
         raise RunError(f"{scene.span}: scene '{scene.name}': {rows} rows are more than {_MOST_ROWS}; give the study a longer output_step")
     return Kernel(
         model=alone.name, scene=scene.name, source=digest_of(list(ready.files.values())),
-        content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), size=ready.size,
+        content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), lanes=max(1, ready.lanes),
         series=len(study.series), rows=rows, row_step=row_step,
     )  # fmt: skip
 
 
 #: Rows of a run at most: a chunk of runs holds them all in memory.
 _MOST_ROWS = 10_000_000
+
+
+def _pays(study: Study, program: Program, alone: Standalone) -> bool:
+    """Whether a study has so many steps in a scene that lanes pay."""
+    steps = float(alone.run_file["end"]) / float(alone.run_file["numerics"]["dt"])
+    return pays_in_lanes(program.operations("evaluate"), steps * study.runs / len(study.scenes))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import jinja2
 import sympy
@@ -24,7 +23,8 @@ from cutjoint.sweeps.records import Kind, Study, Variable
 def with_runs(
     alone: Standalone, study: Study, scene: Scene, columns: Sequence[Column], names: Mapping[str, Sequence[str]]
 ) -> Standalone:  # fmt: skip
-    """A folder whose library also runs a study; ``names`` are those of its parameters, inputs, coordinates and speeds.
+    """A folder whose library also runs a study, in lanes if it has some; ``names`` are those of its parameters, inputs, coordinates and
+    speeds.
 
     Raises:
         RunError: the library has no place for something that the study changes.
@@ -36,13 +36,13 @@ def with_runs(
     )  # fmt: skip
     p, calls = alone.name, _calls(alone.name, study.variables, names)
     text = environment.get_template("runs.cpp.jinja").render(
-        p=p, P=p.upper(), variables=study.variables, series=[_print(s.value, symbols) for s in study.series],
+        p=p, P=p.upper(), lanes=alone.lanes, variables=study.variables,
+        series=[_print(s.value, symbols) for s in study.series],
         parameters=[call for v, call in calls if v.kind in (Kind.PARAMETER, Kind.INPUT)],
         following=list(_following(p, study, scene, symbols, names)),
         starts=[call for v, call in calls if v.kind in (Kind.POSITION, Kind.RATE)],
     )  # fmt: skip
-    source = next(name for name in alone.files if name.endswith(".cpp"))
-    return replace(alone, files={**alone.files, source: alone.files[source] + text})
+    return alone.with_code(text)
 
 
 _CALLS = {

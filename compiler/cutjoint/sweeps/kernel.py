@@ -37,7 +37,8 @@ class Left:
 class Kernel:
     """The runs of a study in one scene as a library.
 
-    ``content`` is the library, ``size`` the bytes that a simulation takes.  A run has ``rows`` rows, ``row_step`` (s) apart.
+    ``content`` is the library, in which so many ``lanes`` go side by side (1: one by one).  A run has ``rows`` rows, ``row_step`` (s)
+    apart.
     """
 
     model: str
@@ -45,7 +46,7 @@ class Kernel:
     source: str
     content: bytes
     target: Target
-    size: int
+    lanes: int
     series: int
     rows: int
     row_step: float
@@ -67,11 +68,12 @@ class Kernel:
             OSError: the library cannot be loaded here.
         """
         values, runs = np.ascontiguousarray(values, dtype=np.float64), len(values)
-        series, memory = np.empty((runs, self.series, self.rows)), np.zeros(self.size // 8)
+        function, size = _functions(self)
+        series, memory = np.empty((runs, self.series, self.rows)), np.zeros(size // 8)
         status, reached = np.zeros(runs, dtype=np.intc), np.zeros(runs, dtype=np.int64)
         times, texts = np.zeros(runs), np.zeros((runs, _TEXT), dtype=np.uint8)
-        _function(self)(
-            memory.ctypes.data, self.size, runs, self.rows, self.row_step, values.ctypes.data, series.ctypes.data, status.ctypes.data,
+        function(
+            memory.ctypes.data, size, runs, self.rows, self.row_step, values.ctypes.data, series.ctypes.data, status.ctypes.data,
             reached.ctypes.data, times.ctypes.data, texts.ctypes.data, _TEXT,
         )  # fmt: skip
         times[status == 0] = np.nan
@@ -85,7 +87,7 @@ def require_loadable(kernels: Sequence[Kernel]) -> str:
         if fault := kernel.target.fault():
             return fault
         try:
-            _function(kernel)
+            _functions(kernel)
         except (OSError, AttributeError) as error:
             return f"the library cannot be loaded: {error}"
     return ""
@@ -95,12 +97,13 @@ def _said(text: Any) -> str:
     return bytes(text).partition(b"\0")[0].decode("utf-8", "replace")
 
 
-_loaded: dict[str, Any] = {}
+_loaded: dict[str, tuple[Any, int]] = {}
 _lock = threading.Lock()
 
 
-def _function(kernel: Kernel) -> Any:
-    """The function of a library that runs a study.  The file is removed once it is loaded: nothing stays behind, however a worker ends."""
+def _functions(kernel: Kernel) -> tuple[Any, int]:
+    """The function of a library that runs a study, and the bytes of memory that it takes.  The file is removed once it is loaded:
+    nothing stays behind, however a worker ends."""
     with _lock:
         if kernel.digest not in _loaded:
             with tempfile.TemporaryDirectory(prefix="cutjoint-") as folder:
@@ -110,10 +113,10 @@ def _function(kernel: Kernel) -> Any:
         return _loaded[kernel.digest]
 
 
-def _declared(library: Any, name: str) -> Any:
-    function, pointer = getattr(library, name), ctypes.c_void_p
-    function.restype = None
+def _declared(library: Any, name: str) -> tuple[Any, int]:
+    function, size, pointer = getattr(library, name), getattr(library, f"{name}_bytes"), ctypes.c_void_p
+    function.restype, size.restype = None, ctypes.c_size_t
     function.argtypes = (
         pointer, ctypes.c_size_t, ctypes.c_long, ctypes.c_long, ctypes.c_double, *([pointer] * 6), ctypes.c_size_t,
     )  # fmt: skip
-    return function
+    return function, size()

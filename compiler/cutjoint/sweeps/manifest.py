@@ -26,6 +26,7 @@ def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
         "study": study.digest,
         "source": {kernel.scene: kernel.source for kernel in kernels},
         "library": {kernel.scene: kernel.digest for kernel in kernels},
+        "lanes": {kernel.scene: kernel.lanes for kernel in kernels},
         "compiler": target.compiler,
         "flags": list(target.flags),
         "processor": [target.machine, *target.features],

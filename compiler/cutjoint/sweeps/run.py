@@ -29,7 +29,7 @@ from cutjoint.sweeps.manifest import make_manifest
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.table import MANIFEST, Layout, Parts, arrow, is_whole, missing, require_file, require_room
-from cutjoint.sweeps.work import Chunk, Work
+from cutjoint.sweeps.work import Chunk, Work, in_lanes
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.
 LEAST_WORK, USUAL_WORK = 0.1, 0.25
@@ -228,11 +228,13 @@ class _Driver:
         return 2 * self.workers.number if self._is_known() else min(4, 2 * self.workers.number)
 
     def _size(self, left: int) -> int:
-        """How many runs the next chunk has; towards the end chunks are smaller, so that all workers end at about the same time."""
+        """How many runs the next chunk has, as many as leave no lane empty; towards the end chunks are smaller, so that all workers end
+        at about the same time."""
+        lanes = max(kernel.lanes for kernel in self.work.kernels)
         if not self.performed:
-            return 1
+            return lanes
         most = max(1, min(self.study.runs if self._is_known() else 16 * self._largest, _MOST_BYTES // self.row_bytes))
         each, workers = self.seconds / self.performed, self.workers.number
         usual, least = max(USUAL_WORK, workers / _USUAL_RATE), max(LEAST_WORK, workers / _LAST_RATE)
         work = max(least, min(usual, each * left / (2 * workers)))
-        return max(1, min(most, ceil(work / each)))
+        return in_lanes(max(1, min(most, ceil(work / each))), lanes)

@@ -16,6 +16,11 @@ from cutjoint.sweeps.records import Array, Counts, Objective
 _HELD = 32_000_000
 
 
+def in_lanes(runs: int, lanes: int) -> int:
+    """So many runs or a few more, that leave no lane empty."""
+    return -(-runs // lanes) * lanes
+
+
 @dataclass(frozen=True, kw_only=True)
 class Chunk:
     """Runs from the number ``first`` on, with their ``values`` (runs, variables)."""
@@ -64,7 +69,7 @@ class Work:
         shown, lengths = np.full((len(self.trajectories), runs, longest), np.nan), np.zeros(runs, dtype=np.int64)
         for number in np.unique(scenes):
             kernel, places = self.kernels[number], np.flatnonzero(scenes == number)
-            for at in np.array_split(places, -(-len(places) // self._at_once(kernel))):
+            for at in np.split(places, range(self._at_once(kernel), len(places), self._at_once(kernel))):
                 left = kernel.run(values[at])
                 self._reduce(kernel, left, objectives, at)
                 times[at] = left.times
@@ -81,7 +86,7 @@ class Work:
         )  # fmt: skip
 
     def _at_once(self, kernel: Kernel) -> int:
-        return max(1, _HELD // (8 * kernel.rows * max(1, kernel.series)))
+        return in_lanes(max(1, _HELD // (8 * kernel.rows * max(1, kernel.series))), kernel.lanes)
 
     def _reduce(self, kernel: Kernel, left: Left, objectives: Array, at: Counts) -> None:
         """The objectives of runs that came to their ends."""

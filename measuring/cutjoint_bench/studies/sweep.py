@@ -1,6 +1,6 @@
 """Sweeps in figures: what a run costs beside its own work, throughput beside the cores' sum, and what a cluster's scheduler adds.
 
-    python -m cutjoint_bench.studies.sweep [--share 0.1] [--only overhead|throughput|tasks]
+    python -m cutjoint_bench.studies.sweep [--share 0.1] [--only overhead|lanes|throughput|tasks]
 
 ``--share`` is that of the runs: 1 for 1e6 of a pendulum, 1e5 of a press and 1e4 of the Iltis.  Beside elapsed times stand processor times
 of client, scheduler and workers together, which other work on the machine does not change much.
@@ -132,6 +132,35 @@ def measure_overhead(console: Console, folder: Path, share: float) -> None:
     console.print(table)
 
 
+def measure_lanes(console: Console) -> None:
+    """Processor time of a run one by one, in lanes, and of `--batch`, in turns in one thread; how far rows in lanes are from the others."""
+    table = Table("study", "way", "processor ms a run", "times one by one", "farthest, share of the largest", title="Lanes")
+    for name, text, runs in (("press", PRESS, 512), ("Iltis, simul1", ILTIS, 64)):
+        study = read(text, runs)
+        (one,), (many,) = (build_kernels(study, lanes=lanes) for lanes in (False, True))
+        batch, cases = compile_scene_batch(study.model, study.scenes[0]), cases_of(study, runs)
+        ways: dict[str, tuple[Callable[[], object], Callable[[], float]]] = {
+            "one by one": (lambda: one.run(study.values), thread_time), "in lanes": (lambda: many.run(study.values), thread_time),  # noqa: B023
+            "--batch": (lambda: simulate_batch(batch, cases, threads=1, check=False), _children),  # noqa: B023
+        }  # fmt: skip
+        a, b = one.run(study.values).series, many.run(study.values).series
+        far = {"in lanes": f"{float((np.abs(a - b).max(axis=(0, 2)) / np.abs(a).max(axis=(0, 2))).max()):.0e}"}
+        taken: dict[str, list[float]] = {way: [] for way in ways}
+        for _ in range(5):
+            for way, (call, clock) in ways.items():
+                taken[way].append(_seconds(call, clock) / runs)
+        for way, seconds in taken.items():
+            each = median(seconds)
+            table.add_row(name, way, f"{1e3 * each:.3g}", f"{median(taken['one by one']) / each:.2f}", far.get(way, ""))
+    console.print(table)
+
+
+def cases_of(study: Study, runs: int) -> list[dict[str, float]]:
+    """The parameters of runs, as a batch takes them."""
+    held = [v.name for v in study.variables if v.kind == "parameter"]
+    return [{name: study.settings_of(i)[name] for name in held} for i in range(min(study.runs, runs))]
+
+
 def measure_throughput(console: Console, folder: Path, share: float) -> None:
     """Runs a second by all ways, beside the cores' sum: as many times a core's own work as there are cores."""
     cores = processors()
@@ -152,8 +181,7 @@ def measure_throughput(console: Console, folder: Path, share: float) -> None:
                 digest = sha256(done.sweep.path.read_bytes()).hexdigest()[:8]
                 table.add_row(name, way, str(study.runs), f"{study.runs / done.elapsed:.4g}", next(parts), each, next(parts), digest)
         batch, seconds = compile_scene_batch(study.model, study.scenes[0]), []
-        held = [v.name for v in study.variables if v.kind == "parameter"]
-        cases = [{name: study.settings_of(i)[name] for name in held} for i in range(min(study.runs, 256))]
+        cases = cases_of(study, 256)
         for _ in range(3):
             seconds.append(_seconds(lambda: simulate_batch(batch, cases, threads=cores, check=False), _children))  # noqa: B023
         lanes = 1e3 * median(seconds) / len(cases)
@@ -233,7 +261,7 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--share", type=float, default=1.0)
-    parser.add_argument("--only", choices=("overhead", "throughput", "tasks"))
+    parser.add_argument("--only", choices=("overhead", "lanes", "throughput", "tasks"))
     asked = parser.parse_args()
     console = Console(highlight=False, width=140)
     console.print(provenance(), markup=False)
@@ -241,6 +269,8 @@ def main() -> None:
         folder = Path(place)
         if asked.only in (None, "overhead"):
             measure_overhead(console, folder, asked.share)
+        if asked.only in (None, "lanes"):
+            measure_lanes(console)
         if asked.only in (None, "throughput"):
             measure_throughput(console, folder, asked.share)
         if asked.only in (None, "tasks"):
