@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import cutjoint
+from cutjoint import standalone
 from tests.conftest import needs_cpp
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders, pushed_text
 
@@ -96,6 +97,23 @@ def test_a_value_that_is_written_is_held_whatever_was_given_before(driven: Path,
     other.set_input("push", 4.0)
     assert np.array_equal(other.play(5), rows[1])
     assert not np.array_equal(rows[0], rows[1])
+
+
+def test_simulations_in_lanes_have_inputs_of_their_own(driven: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One follows what was given to a guide, the others hold it; by other methods they go one by one."""
+    monkeypatch.setattr(standalone, "_COMPILING", -1e9)
+    sim = cutjoint.load(driven, scene="free", method=method).reset()
+    sim.set_input("lift", 0.2, 0.5, -2.0)
+    sim.advance(0.1)
+    pushes, lifts = [1.0, 4.0, 2.0], [np.nan, 0.22, 0.23]
+    rows = cutjoint.rollout(sim, 20, inputs={"push": pushes})
+    held = cutjoint.rollout(sim, 20, inputs={"push": pushes, "lift": lifts})
+    for k, (push, lift) in enumerate(zip(pushes, lifts, strict=True)):
+        for found, more in ((rows, {}), (held, {"lift": lift})):
+            one = sim.copy()
+            for name, value in {"push": push, **more}.items():
+                one.inputs[name] = value
+            np.testing.assert_allclose(found[k], one.play(20), rtol=1e-9, atol=1e-9)
 
 
 def test_values_written_into_the_array_are_held(driven: Path, method: str) -> None:

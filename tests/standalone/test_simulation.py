@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import cutjoint
+from cutjoint import standalone
 from tests.conftest import MODELS, needs_cpp
 
 from .folders import ALONE
@@ -148,3 +149,29 @@ def test_rollout_is_what_each_would_do_alone(press: cutjoint.Simulation) -> None
     with pytest.raises(ValueError, match="how many simulations"):
         cutjoint.rollout(press, 3)
     assert np.array_equal(cutjoint.rollout(press, 30, parameters={"stiffness": 1000.0})[0], rows[0])
+
+
+def test_rollout_in_lanes_is_what_each_would_do_alone(press: cutjoint.Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From other states with other settings, each the same bit by bit whatever goes beside it; one that fails has no rows from there on."""
+    monkeypatch.setattr(standalone, "_COMPILING", -1e9)
+    snapshots, values = [], [1000.0 + 300.0 * k for k in range(21)]
+    for k, _ in enumerate(values):
+        fixed = {"iterations": 0 if k % 7 else 4} if press.library.steps.is_iterated else {}
+        press.reset(dt=1e-3 if k % 5 else 2e-3, **fixed).advance(0.01 * k)
+        snapshots.append(press.snapshot())
+    values[4] = np.nan
+    rows = cutjoint.rollout(press, 30, parameters={"stiffness": values}, snapshots=snapshots, threads=2)
+    assert np.isnan(rows[4]).all()
+    for k in (0, 1, 2, 4, 5, 19, 20):
+        one = press.copy()
+        one.restore(snapshots[k])
+        one.parameters["stiffness"] = values[k]
+        alone = cutjoint.rollout(press, 30, parameters={"stiffness": [values[k]]}, snapshots=[snapshots[k]], threads=1)
+        assert np.array_equal(alone[0], rows[k], equal_nan=True)
+        if k != 4:
+            np.testing.assert_allclose(one.play(30), rows[k], rtol=1e-9, atol=1e-9)
+    for wrong in (bytes(len(snapshots[0])), snapshots[1][:-8]):
+        with pytest.raises(ValueError, match="these bytes are no snapshot of 'press'"):
+            cutjoint.rollout(press, 30, snapshots=[snapshots[0], wrong])
+    with pytest.raises(KeyError, match="no 'stifness'; did you mean 'stiffness'"):
+        cutjoint.rollout(press, 30, parameters={"stifness": values})

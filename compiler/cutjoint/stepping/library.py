@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.emit.standalone import Steps
+from cutjoint.stepping.lanes import Lanes
 
 
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``balls`` are the places of the angular velocities of balls among the speeds, ``equations`` is the number of equations of loops,
-    ``steps`` what the integrator can do, ``settings`` those that a simulation begins with, as in run files.
+    ``steps`` what the integrator can do, ``settings`` those that a simulation begins with, as in run files, ``lanes`` what takes the
+    steps of several together, if the method can.
 
     Raises:
         OSError: the file is no library.
@@ -23,10 +25,10 @@ class Library:
 
     def __init__(
         self, path: Path, model: str, size: int, *, has_inputs: bool, balls: Sequence[int], equations: int, steps: Steps,
-        settings: Mapping[str, Any],
+        settings: Mapping[str, Any], lanes: Lanes | None,
     ) -> None:  # fmt: skip
         self.model, self.size, self.balls, self.equations, self.steps = model, size, balls, equations, steps
-        self.settings = settings
+        self.settings, self.lanes = settings, lanes
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double

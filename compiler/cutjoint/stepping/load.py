@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from cutjoint.emit.standalone import STEPS
 from cutjoint.locations import AnyPath
@@ -12,6 +13,7 @@ from cutjoint.pipeline import generate
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.standalone import make_standalone
+from cutjoint.stepping.lanes import Lanes, with_rollout
 from cutjoint.stepping.library import Library
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
@@ -48,10 +50,15 @@ def load_scene(
     equations, program, source = generate(model, scene, scene.outputs, method=method)
     standalone = make_standalone(equations, program, source, integrator=integrator)
     mechanism = equations.mechanism
+
+    def build() -> Path:
+        return with_rollout(make_standalone(equations, program, source, integrator=integrator, side_by_side=True)).build_library(flags)
+
+    lanes = Lanes(standalone.name, program.operations("evaluate"), build) if standalone.steps.in_lanes else None
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         balls=[c.v + c.scalars for c in mechanism.charts if c.ball], equations=len(mechanism.equation_names),
-        steps=standalone.steps, settings=standalone.run_file["numerics"],
+        steps=standalone.steps, settings=standalone.run_file["numerics"], lanes=lanes,
     ))  # fmt: skip
 
 

@@ -32,6 +32,14 @@ class Values(MutableMapping[str, float]):
         self.array, self.units = array, units
         self._places = {name: i for i, name in enumerate(names)}
 
+    def place(self, name: str) -> int:
+        """The place of a name in ``array``.
+
+        Raises:
+            KeyError: there is none.
+        """
+        return find_place(self._places, name)
+
     def __getitem__(self, name: str) -> float:
         return float(self.array[find_place(self._places, name)])
 
