@@ -369,7 +369,7 @@ def simulation_size(parts: Parts, steps: Steps) -> int:
     others = 6 * state + 8 * (len(equations.parameters) + 2 * len(equations.inputs) + len(equations.columns) + len(start.closures))
     stored = _stored(parts.program)
     if parts.system is None:
-        stored += 6 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
+        stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)
         if steps.finds_events:  # a second iteration, for single states, and what stages and the step between them hold
