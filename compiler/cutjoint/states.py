@@ -13,7 +13,7 @@ from cutjoint.analysis.modes import Modes, find_mode_shapes
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.locations import AnyPath
 from cutjoint.methods import DEFAULT_METHOD, LINEARISED, PLAIN_CLOSURE
-from cutjoint.model.quantities import Element, quantities, unit_of
+from cutjoint.model.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import compile_scene, generate, simulate
 from cutjoint.run.artifact import make_simulator_run, require_end
@@ -30,7 +30,6 @@ from cutjoint.toolchain.build import build
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 
-_POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
@@ -87,7 +86,7 @@ def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: M
     model = read_model(path)
     chosen = with_closure(replace(find_scene(model, scene), end=0.0), PLAIN_CLOSURE)
     tree = [t.joint for t in build_topology(model).tree]
-    outputs = [*_outputs(model.bodies, (*_POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
+    outputs = [*_outputs(model.bodies, (*POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
     artifact = compile_scene(model, chosen, outputs=outputs)
     run = simulate(artifact, parameters=parameters, integrator=PLAIN_STEPS.integrator, events=PLAIN_STEPS.events, error=False)
     values = Columns({name: float(column[0]) for name, column in run.columns.items()})
@@ -143,7 +142,7 @@ def find_scene_modes(
 def _everything(model: Model) -> list[Output]:
     """The pose of each body and every force."""
     forces = (*model.forces, *model.reactions)
-    return [*_outputs(model.bodies, _POSE), *(o for force in forces for o in _outputs([force], quantities(force)))]
+    return [*_outputs(model.bodies, POSE), *(o for force in forces for o in _outputs([force], quantities(force)))]
 
 
 def _outputs(elements: Iterable[Element], names: Iterable[str]) -> Iterator[Output]:

@@ -22,7 +22,7 @@ from cutjoint.view.views import require_view, write_shown
 @options.view("that goes from the design position to the equilibrium")
 @options.reports_errors
 def command(model: Path, scene: str | None, changes: tuple[str, ...], view: Path | None) -> None:
-    """Find the static equilibrium of MODEL and print every element's force."""
+    """Find the static equilibrium of MODEL and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
     if view is not None:
         require_view(view, "--view")
@@ -31,7 +31,8 @@ def command(model: Path, scene: str | None, changes: tuple[str, ...], view: Path
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
         found = find_equilibrium(model, scene=chosen.name if checked.scenes else None, parameters=parameters)
-    options.out.print(tables.equilibrium_table(found))
+    options.out.print(tables.pose_table(found))
+    options.out.print(tables.force_table(found))
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_equilibrium(checked, chosen, parameters, found))

@@ -31,12 +31,17 @@ _MOTION: Mapping[str, str] = {
     **dict.fromkeys(("ax", "ay", "az"), "m/s^2"),
 }
 
+_ATTITUDE: Mapping[str, str] = dict.fromkeys(("roll", "pitch", "yaw"), "rad")
+
+#: Where a body is: what of its quantities are a pose, with their units.
+POSE: Mapping[str, str] = {**dict.fromkeys(("x", "y", "z"), "m"), **_ATTITUDE}
+
 #: Quantities and units of each kind of element but joints and forces.  A body's x to az are of its centre of mass, in
 #: global axes.
 QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
     Body: {
         **_MOTION,
-        **dict.fromkeys(("roll", "pitch", "yaw"), "rad"),
+        **_ATTITUDE,
         **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
     },
     Marker: _MOTION,

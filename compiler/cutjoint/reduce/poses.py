@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.model.evaluate import evaluate
+from cutjoint.model.quantities import POSE
 from cutjoint.model.records import GROUND, Model, Output, Scene, Vector
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.results import Trajectory
-
-_POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +49,7 @@ def find_poses(model: Model, scene: Scene) -> Mapping[str, Poses] | None:
     Raises:
         ModelError, TopologyError, RunError, SimulatorError: the scene cannot be run.
     """
-    asked = [Output(element=body.name, quantity=name, span=body.span) for body in model.bodies for name in _POSE]
+    asked = [Output(element=body.name, quantity=name, span=body.span) for body in model.bodies for name in POSE]
     run = simulate(compile_scene(model, scene, outputs=asked), check=False)
     if run.failure is not None:
         return None
