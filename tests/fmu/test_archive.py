@@ -30,12 +30,15 @@ CASES = [(name, scene, v) for name, scene in (("press", None), ("four_bar", None
 VALID = [
     ("press", None, None), ("press", None, "dormand-prince"), ("four_bar", None, None), ("driven", "free", None), ("iltis", "simul1", None)
 ]
+MORE = [*((name, None) for name in ("slider_crank", "six_bar", "flyball", "delta", "excavator", "stewart")), ("axle", "bump")]
+VALID += [(*named, None) for named in MORE]
+CASES += [(*named, 2 + i % 2) for i, named in enumerate(MORE)]
 HEAVY = [case for case in CASES if case[0] != "press"]
 
 versions = pytest.mark.parametrize("version", [2, 3])
 
 
-@pytest.mark.parametrize(("name", "scene", "integrator"), with_heavy(VALID, VALID[-1]))
+@pytest.mark.parametrize(("name", "scene", "integrator"), with_heavy(VALID, *VALID[4:]))
 @versions
 def test_fmpy_finds_nothing_wrong(version: int, name: str, scene: str | None, integrator: str | None, tmp_path: Path) -> None:
     validation = pytest.importorskip("fmpy.validation")
@@ -47,8 +50,11 @@ def test_fmpy_finds_nothing_wrong(version: int, name: str, scene: str | None, in
 def test_fmpy_has_the_table_of_the_command_line_bit_by_bit(name: str, scene: str | None, version: int, tmp_path: Path) -> None:
     fmpy = pytest.importorskip("fmpy")
     model = read_model(MODELS / f"{name}.yaml")
-    known = simulate(compile_model(MODELS / f"{name}.yaml", scene=scene), integrator="trapezoidal", events="crossed", error=False)
-    file = write(fmu_of(name, version, scene, "trapezoidal"), tmp_path)
+    fmu = fmu_of(name, version, scene, "trapezoidal")
+    held = {v.name: v.start for v in fmu.interface.inputs}
+    artifact = compile_model(MODELS / f"{name}.yaml", scene=scene)
+    known = simulate(artifact, integrator="trapezoidal", events="crossed", error=False, inputs=held)
+    file = write(fmu, tmp_path)
     table = fmpy.simulate_fmu(str(file), stop_time=known.t[-1], output_interval=find_scene(model, scene).output_step)
     assert len(table) == len(known.t)
     for column in known.columns:
@@ -65,6 +71,8 @@ def test_fmpy_compiles_the_sources(version: int, tmp_path: Path, monkeypatch: py
     place = Path(fmpy.extract(str(file), unzipdir=str(tmp_path / "open")))
     __import__("fmpy.build").build.build_platform_binary(place, configuration="Debug")
     built, known = (fmpy.simulate_fmu(str(f), output_interval=0.01) for f in (place, write(fmu, tmp_path)))
+    for column in known.dtype.names:
+        assert abs(built[column][0] - known[column][0]) <= 1e-12 * np.abs(known[column]).max(), column  # one evaluation
     for column in known.dtype.names:  # other flags join other products and sums, in 2 s of a crank that turns
         assert np.abs(built[column] - known[column]).max() <= 1e-9 * np.abs(known[column]).max(), column
 
