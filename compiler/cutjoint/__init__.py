@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from cutjoint.stepping.load import load
     from cutjoint.stepping.rollout import rollout
     from cutjoint.stepping.simulation import Simulation, SimulationError
-    from cutjoint.stepping.statespace import StateSpace, linearise
+    from cutjoint.stepping.statespace import StateSpace
     from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
@@ -43,7 +43,7 @@ __all__ = [
     "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError", "ModelError",
     "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError", "StateSpace",
     "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_equilibrium",
-    "find_initial_state", "find_modes", "linearise", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate",
+    "find_initial_state", "find_modes", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate",
     "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
@@ -64,7 +64,7 @@ _HOMES = {
     "cutjoint.stepping.load": ("load",),
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
-    "cutjoint.stepping.statespace": ("StateSpace", "linearise"),
+    "cutjoint.stepping.statespace": ("StateSpace",),
     "cutjoint.sweeps.run": ("Sweep", "sweep"),
     "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),

@@ -10,7 +10,7 @@ from pathlib import Path
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations
 from cutjoint.locations import AnyPath, path_of
-from cutjoint.methods import DEFAULT_PRECISION, METHODS
+from cutjoint.methods import DEFAULT_PRECISION, METHODS, either, names_of
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart
@@ -41,21 +41,25 @@ class Delivery:
 
 
 def plan_delivery(
-    out: AnyPath | None, generated: tuple[Equations, Program, Source], *, method: str, precision: str, integrator: str | None, lanes: bool
+    out: AnyPath | None, generated: tuple[Equations, Program, Source], *, method: str, precision: str, integrator: str | None, lanes: bool,
+    linearise: bool,
 ) -> Delivery | None:  # fmt: skip
     """What a folder receives of what `pipeline.generate` has made; None where none is asked for.
 
     Raises:
-        RunError: an ``integrator`` is named that the folder cannot have.
+        RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) of a folder that has none.
         OutputError: one of the files is the model.
     """
     folder, (equations, program, source) = path_of(out), generated
     if folder is None or not METHODS[method].stands_alone or precision != DEFAULT_PRECISION:
         if integrator is not None:
             raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
+        if linearise:
+            known = either(names_of(METHODS, lambda m: m.stands_alone))
+            raise RunError(f"linearise: method '{method}' has no folder that stands alone; use {known}")
         delivery = None if folder is None else Delivery(folder=folder, files=source.files, program="simulator", alone=None)
     else:
-        alone = make_standalone(equations, program, source, integrator=integrator, lanes=lanes)
+        alone = make_standalone(equations, program, source, integrator=integrator, lanes=lanes, linearise=linearise)
         delivery = Delivery(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
     if delivery is not None:
         model, names = Path(equations.topology.model.span.file), (*delivery.files, delivery.program)

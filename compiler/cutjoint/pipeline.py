@@ -42,9 +42,10 @@ def compile_model(path: AnyPath, *, scene: str | None = None, opened: Sequence[s
 def compile_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, out: AnyPath | None = None, flags: Sequence[str] = FLAGS,
     outputs: Sequence[Output] | None = None, lanes: bool = True, comparison: bool = False, precision: str = DEFAULT_PRECISION,
-    integrator: str | None = None,
+    integrator: str | None = None, linearise: bool = False,
 ) -> Artifact:  # fmt: skip
-    """Compile a model for a scene; ``out`` receives a folder (`delivery`), which may have steps by another ``integrator`` than the scene's.
+    """Compile a model for a scene; ``out`` receives a folder (`delivery`), which may have steps by another ``integrator`` than the scene's,
+    and with ``linearise`` derivatives at a state.
 
     ``outputs`` are instead of the scene's.  ``comparison`` links the solvers of SuiteSparse too.  ``precision`` is one of PRECISIONS, the
     number type of the run; the start is found in double.
@@ -59,7 +60,7 @@ def compile_scene(
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs
     equations, program, source = made = generate(model, scene, outputs, method=method, lanes=lanes, precision=precision)
-    delivery = plan_delivery(out, made, method=method, precision=precision, integrator=integrator, lanes=lanes)
+    delivery = plan_delivery(out, made, method=method, precision=precision, integrator=integrator, lanes=lanes, linearise=linearise)
     generated = perf_counter()
     # Source -> Binary
     binary = build(source, flags=(*flags, *PRECISIONS[precision].flags), kind=Kind(comparison=comparison, precision=precision))

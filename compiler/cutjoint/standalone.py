@@ -11,6 +11,7 @@ from math import sqrt
 from pathlib import Path
 from typing import Any
 
+from cutjoint.analysis.mobility import find_mobility
 from cutjoint.emit.source import Source
 from cutjoint.emit.standalone import STEPS, Parts, Steps, System, emit_standalone, simulation_size
 from cutjoint.formulate.implicit.records import ImplicitEquations
@@ -45,7 +46,8 @@ def pays_in_lanes(operations: int, steps: float) -> bool:
 class Standalone:
     """A folder's files by name; ``name`` is the model's, ``digest`` that of its source, ``size`` the bytes that a simulation takes at
     most, ``method`` and ``integrator`` the names of the rule of its steps, ``steps`` what that can do, ``run_file`` the settings,
-    parameters and start that it begins with, ``lanes`` how many simulations its code can take side by side (0: none)."""
+    parameters and start that it begins with, ``lanes`` how many simulations its code can take side by side (0: none), ``freedoms`` the
+    degrees of freedom where it has minimal coordinates and derivatives."""
 
     name: str
     files: Mapping[str, str]
@@ -56,6 +58,7 @@ class Standalone:
     steps: Steps
     run_file: Mapping[str, Any]
     lanes: int
+    freedoms: int | None
 
     @property
     def simulator(self) -> str:
@@ -78,18 +81,18 @@ class Standalone:
 
 def make_standalone(
     equations: Equations, program: Program, source: Source, *, integrator: str | None = None, lanes: bool = True,
-    freedoms: int | None = None, side_by_side: bool = False,
+    linearise: bool = False, side_by_side: bool = False,
 ) -> Standalone:  # fmt: skip
     """The folder of a model in a scene, by what `pipeline.generate` has made, with the settings, parameters and start of the scene.
 
     The integrator is that of the scene unless one is named; where the core has not the scene's for the method, or the scene names none, it
-    is the trapezoidal rule.  ``lanes`` is whether isomorphic parts are computed side by side.  With its degrees of freedom, ``freedoms``, a
-    mechanism by the method recursive has minimal coordinates too.  With ``side_by_side`` it also has the class of several instances, if its
-    steps can be taken in lanes.
+    is the trapezoidal rule.  ``lanes`` is whether isomorphic parts are computed side by side.  With ``linearise`` it has minimal
+    coordinates and derivatives too.  With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
 
     Raises:
         RunError: the core has not the integrator, or the scene has a setting or a start without a finite value.
     """
+    freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
     parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
     options = choose_steps(equations.scene, parts.method, integrator)
     chosen = str(options.integrator)
@@ -100,7 +103,7 @@ def make_standalone(
     return Standalone(
         name=equations.topology.model.name, files=emit_standalone(parts, run_file, source.digest), digest=source.digest,
         size=simulation_size(parts, steps), method=parts.method, integrator=chosen, steps=steps, run_file=run_file,
-        lanes=parts.lanes,
+        lanes=parts.lanes, freedoms=freedoms,
     )  # fmt: skip
 
 

@@ -38,13 +38,13 @@ _CALLS = {"memcmp", "memcpy", "memmove", "memset", "strcmp", "sin", "cos", "sinc
 
 @cache
 def folder_of(
-    text: str, name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD
+    text: str, name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD, *, linearise: bool = False
 ) -> Standalone:
     """The folder of a model that is given as text."""
     model = read_model_text(text, name)
     chosen = find_scene(model, scene)
     equations, program, source = generate(model, chosen, chosen.outputs, method=method)
-    return make_standalone(equations, program, source, integrator=integrator)
+    return make_standalone(equations, program, source, integrator=integrator, linearise=linearise)
 
 
 def standalone_of(name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD) -> Standalone:

@@ -20,12 +20,15 @@ from cutjoint.topology.reading import read_model
 @options.method
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the C++ and the simulator.")
 @click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of the steps instead of the scene's.")
+@click.option("--linearise", is_flag=True, help="Add derivatives at a state to the C interface: A, B, C, D and directional ones.")
 @options.opened
 @options.reports_errors
-def command(model: Path, scene: str | None, method: str, out: Path, integrator: str | None, opened: tuple[str, ...]) -> None:
+def command(
+    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, opened: tuple[str, ...]
+) -> None:
     """Generate and compile the C++ of MODEL for one scene."""
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_model(model, scene=scene, method=method, out=out, integrator=integrator, opened=opened)
+        artifact = compile_model(model, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, opened=opened)
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}", markup=False)

@@ -32,7 +32,8 @@ LANES = 8
 #: Headers of the runtime: all that a simulation needs but its integrator, and lanes.
 _CORE = "cutjoint/core/simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
-_MINIMAL = "cutjoint/core/minimal.hpp"
+_DERIVATIVES = "cutjoint/core/derivatives.hpp"
+_DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
@@ -119,9 +120,9 @@ class Parts:
     """What a simulation is made of: the mechanism, which finds where it starts, its program, and the system that is stepped, None where the
     mechanism itself is.
 
-    With its degrees of freedom, ``freedoms``, a mechanism that is stepped itself has minimal coordinates in its interface too, and values
-    that change their sign where its formulas change.  With a program without lanes of its own, ``side_by_side``, a class of several
-    instances side by side stands beside that of the mechanism, in a namespace of that name.
+    With the mechanism's degrees of freedom, ``freedoms``, the interface has minimal coordinates and derivatives too, and of a mechanism
+    that is stepped itself values that change their sign where its formulas change.  With a program without lanes of its own,
+    ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a namespace of that name.
     """
 
     mechanism: RecursiveEquations
@@ -158,7 +159,7 @@ def emit_standalone(parts: Parts, run_file: Mapping[str, Any], digest: str) -> d
     """The files by name; ``run_file`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
     tells its snapshots from those of other models."""
     page = Page.of(parts.mechanism, parts.method)
-    if not run_file["numerics"]["events"] and parts.freedoms is None:
+    if not run_file["numerics"]["events"] and (parts.freedoms is None or parts.system is not None):
         parts = parts.over_events()
     view = _view(parts, run_file, digest if parts.freedoms is None else f"{digest} {parts.freedoms}")
     p, header = page.stem, str(view["header"])
@@ -180,8 +181,9 @@ def _in_c(page: Page) -> dict[str, object]:
 def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) -> str:
     """The one C++ file."""
     code = [_mechanism(page, parts, parts.program)] + ([] if parts.system is None else [_system(page, parts.system)])
-    lanes = [_LANES] if any("Lanes<Real, " in text for text in code) else []
-    more = [] if parts.freedoms is None else [_MINIMAL]
+    has_lanes, has_derivatives = any("Lanes<Real, " in text for text in code), parts.freedoms is not None
+    lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
+    more = [_DERIVATIVES] if has_derivatives else []
     if parts.side_by_side is not None:
         code += ["namespace side_by_side {\n", _mechanism(page, parts, parts.side_by_side, "Mask"), "}  // namespace side_by_side\n"]
         more.append(_SIDE_BY_SIDE)
@@ -252,6 +254,9 @@ def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, o
     equations, integrator = parts.stepped, run_file["integrator"]
     model, steps = equations.topology.model, STEPS[parts.method][integrator]
     tables = _tables(equations)
+    if parts.freedoms is not None:
+        start = equations.mechanism
+        tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
     names = {table["name"]: list(table["entries"]) for table in tables}
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
@@ -331,6 +336,15 @@ def _tables(equations: RecursiveEquations | ImplicitEquations) -> list[dict[str,
     return [{"name": name, "entries": list(items)} for name, items in tables.items()]
 
 
+def _state_names(start: RecursiveEquations, *, rates: bool) -> list[str]:
+    """A name for each speed: its coordinate, of a ball the rotation vector, or the rate of that."""
+    names: list[str] = []
+    for c in start.charts:
+        names += [f"{c.joint}.{name}" for name in (c.speed_names if rates else c.coordinate_names)[: c.scalars]]
+        names += [f"{c.joint}.turn_{axis}{'_rate' if rates else ''}" for axis in "xyz" if c.ball]
+    return names
+
+
 def _roads(equations: RecursiveEquations | ImplicitEquations, run_file: Mapping[str, Any]) -> dict[str, object]:
     """The tracks that the tyres' roads have, each once, and the road of each tyre."""
     tracks: dict[str, dict[str, object]] = {}
@@ -378,6 +392,9 @@ def simulation_size(parts: Parts, steps: Steps) -> int:
         stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
     if parts.freedoms is not None:
         stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.switches)
+        stored += 2 * (_stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program)))
+        stored += 2 * (len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns))
+        stored += 4 * q + 12 * n + 8 * m + 4 * parts.freedoms + 12 * len(equations.inputs) + 2 * n + m + 64
     return 8 * (stored + assembly + masses + others + 512)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +15,19 @@ from cutjoint.stepping.lanes import Lanes
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
-    ``balls`` are the places of the angular velocities of balls among the speeds, ``equations`` is the number of equations of loops,
-    ``steps`` what the integrator can do, ``settings`` those that a simulation begins with, as in run files, ``lanes`` what takes the
-    steps of several together, if the method can.
+    ``equations`` is the number of equations of loops, ``freedoms`` that of degrees of freedom where the library has derivatives, ``steps``
+    what the integrator can do, ``settings`` those that a simulation begins with, as in run files, ``lanes`` what takes the steps of several
+    together, if the method can.
 
     Raises:
         OSError: the file is no library.
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, balls: Sequence[int], equations: int, steps: Steps,
+        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, steps: Steps,
         settings: Mapping[str, Any], lanes: Lanes | None,
     ) -> None:  # fmt: skip
-        self.model, self.size, self.balls, self.equations, self.steps = model, size, balls, equations, steps
+        self.model, self.size, self.equations, self.freedoms, self.steps = model, size, equations, freedoms, steps
         self.settings, self.lanes = settings, lanes
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
@@ -51,6 +51,13 @@ class Library:
         self.set_state = self._function("set_state", index, sim, number, ctypes.c_void_p, ctypes.c_void_p)
         self.displace = self._function("displace", index, sim, ctypes.c_void_p)
         self.jacobian = self._function("jacobian", index, sim, ctypes.c_void_p)
+        if freedoms is not None:
+            self.choose = self._function("choose", index, sim)
+            self.choose_speeds = self._function("choose_speeds", index, sim, ctypes.POINTER(ctypes.c_int))
+            self.state_name = self._function("state_name", text, sim, index)
+            self.get_minimal = self._function("get_minimal", index, sim, ctypes.c_void_p)
+            self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
+            self.directional = self._function("directional", index, sim, *[ctypes.c_void_p] * 4)
         self.give_scene = self._function("give_scene", index, sim)
         self.give_coordinate = self._function("give_coordinate", index, sim, index, number)
         self.give_speed = self._function("give_speed", index, sim, index, number)

@@ -22,7 +22,7 @@ from cutjoint.topology.reading import read_model
 
 def load(
     path: AnyPath, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
-    flags: Sequence[str] = FLAGS,
+    linearise: bool = False, flags: Sequence[str] = FLAGS,
 ) -> Simulation:  # fmt: skip
     """Compile a model file for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
@@ -30,7 +30,8 @@ def load(
     "dormand-prince", of method recursive-newton "sdirk4" or "sdirk4-fixed"; that of the scene unless one is named, and the trapezoidal rule
     where the method has not the scene's.  They are as long as the scene says; those of dormand-prince and sdirk4 are as long as tolerances
     allow, and a step of the simulation takes as many as it needs.  Numbers whose names match one of the patterns ``opened``, such as
-    "*.stiffness", become parameters.
+    "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to five times as long to
+    compile.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the scene is wrong, or there is no such method or
@@ -39,16 +40,17 @@ def load(
     """
     _require_method(method)
     model = read_model(path, opened=opened)
-    return load_scene(model, find_scene(model, scene), method=method, integrator=integrator, flags=flags)
+    return load_scene(model, find_scene(model, scene), method=method, integrator=integrator, linearise=linearise, flags=flags)
 
 
 def load_scene(
-    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, flags: Sequence[str] = FLAGS
-) -> Simulation:
+    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, linearise: bool = False,
+    flags: Sequence[str] = FLAGS,
+) -> Simulation:  # fmt: skip
     """The same of a model that has been read; errors as of `load`."""
     _require_method(method)
     equations, program, source = generate(model, scene, scene.outputs, method=method)
-    standalone = make_standalone(equations, program, source, integrator=integrator)
+    standalone = make_standalone(equations, program, source, integrator=integrator, linearise=linearise)
     mechanism = equations.mechanism
 
     def build() -> Path:
@@ -57,8 +59,8 @@ def load_scene(
     lanes = Lanes(standalone.name, program.operations("evaluate"), build) if standalone.steps.in_lanes else None
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
-        balls=[c.v + c.scalars for c in mechanism.charts if c.ball], equations=len(mechanism.equation_names),
-        steps=standalone.steps, settings=standalone.run_file["numerics"], lanes=lanes,
+        equations=len(mechanism.equation_names), freedoms=standalone.freedoms, steps=standalone.steps,
+        settings=standalone.run_file["numerics"], lanes=lanes,
     ))  # fmt: skip
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 
 from cutjoint.stepping.library import Library
+from cutjoint.stepping.statespace import StateSpace
 from cutjoint.stepping.values import Array, Values, find_place
 
+_NOT_LINEARISED = "load the model with linearise=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
 
 #: Characters of what a library says of a failure.
@@ -237,6 +239,57 @@ class Simulation:
         columns = np.empty((len(self.library.names["speed"]), self.library.equations))
         self._call(self.library.jacobian, columns.ctypes.data)
         return columns.T
+
+    def choose(self, speeds: Sequence[str] | None = None) -> None:
+        """Choose which coordinates are independent from now on, by the names of their ``speeds``, one for each degree of freedom; without
+        these those in the present state that others follow slowly, as is chosen too where nobody does.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            KeyError: there is no such speed.
+            ValueError: there are others than one different name for each degree of freedom.
+            SimulationError: the other coordinates do not follow from these, or there was no `reset`.
+        """
+        freedoms = self._require_freedoms()
+        if speeds is None:
+            self._call(self.library.choose)
+            return
+        names = self.library.names["speed"]
+        numbers = [find_place({each: i for i, each in enumerate(names)}, name) for name in speeds]
+        if len(set(numbers)) != freedoms or len(numbers) != freedoms:
+            raise ValueError(f"there are {freedoms} degrees of freedom, and so many different speeds to choose, not {', '.join(speeds)}")
+        self._call(self.library.choose_speeds, (ctypes.c_int * freedoms)(*numbers))
+
+    @property
+    def states(self) -> Values:
+        """The independent coordinates, then their rates, by name, of balls the rotation vector from the pose in which they were chosen.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            SimulationError: there was no `reset`.
+        """
+        numbers = np.zeros(2 * self._require_freedoms())
+        self._call(self.library.get_minimal, numbers.ctypes.data)
+        numbers.flags.writeable = False
+        return Values([self.library.state_name(self.address, i).decode() for i in range(len(numbers))], numbers)
+
+    def linearise(self) -> StateSpace:
+        """The motion near the present state: x' = A x + B u, y = C x + D u.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            SimulationError: the pose is singular, an acceleration has no finite derivative, or there was no `reset`.
+        """
+        states = self.states
+        n, inputs, outputs = len(states), *(self.library.names[kind] for kind in ("input", "output"))
+        A, B, C, D = matrices = [np.zeros((r, c)) for r in (n, len(outputs)) for c in (n, len(inputs))]
+        self._call(self.library.linearise, *(matrix.ctypes.data for matrix in matrices))
+        return StateSpace(A=A, B=B, C=C, D=D, x=states.array, states=tuple(states), inputs=inputs, outputs=outputs)
+
+    def _require_freedoms(self) -> int:
+        freedoms = self.library.freedoms
+        self._require(freedoms is not None, _NOT_LINEARISED)
+        return int(freedoms or 0)
 
     def snapshot(self) -> bytes:
         """Everything that later steps follow from: after `restore` they are the same bit by bit.

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from cutjoint.analysis.mobility import find_mobility
 from cutjoint.emit.source import Page
 from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
 from cutjoint.export.fmu.functions import missing_functions
@@ -108,9 +107,8 @@ def make_fmu(
     _require_method(method, kind)
     equations, program, source = generate(model, scene, scene.outputs, method=method)
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
-    freedoms = find_mobility(described).degrees_of_freedom if KINDS[kind][1] else None
-    standalone = make_standalone(equations, program, source, integrator=integrator, freedoms=freedoms)
-    interface = make_interface(described, standalone.run_file, freedoms)
+    standalone = make_standalone(equations, program, source, integrator=integrator, linearise=KINDS[kind][1])
+    interface = make_interface(described, standalone.run_file, standalone.freedoms)
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.switches)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
     token = _token([*standalone.files.values(), repr(interface), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")])

@@ -131,10 +131,13 @@ Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
   return result;
 }
 
-#define CUTJOINT_EACH(name)                                                  \
-  template <class Real, int N>                                               \
-  Lanes<Real, N> name(Lanes<Real, N> a) {                                    \
-    return each(a, [](Real x) { return std::name(x); });                     \
+#define CUTJOINT_EACH(name)                  \
+  template <class Real, int N>               \
+  Lanes<Real, N> name(Lanes<Real, N> a) {    \
+    return each(a, [](Real x) {              \
+      using std::name;                       \
+      return name(x);                        \
+    });                                      \
   }
 CUTJOINT_EACH(sqrt)
 CUTJOINT_EACH(sin)
@@ -179,12 +182,14 @@ inline Lanes<double, 8> sqrt(Lanes<double, 8> a) { return CUTJOINT_SQRT8(a.v); }
 
 template <class Real, int N>
 Lanes<Real, N> atan2(Lanes<Real, N> a, Lanes<Real, N> b) {
-  return each(a, b, [](Real x, Real y) { return std::atan2(x, y); });
+  using std::atan2;
+  return each(a, b, [](Real x, Real y) { return atan2(x, y); });
 }
 
 template <class Real, int N>
 Lanes<Real, N> pow(Lanes<Real, N> a, Lanes<Real, N> b) {
-  return each(a, b, [](Real x, Real y) { return std::pow(x, y); });
+  using std::pow;
+  return each(a, b, [](Real x, Real y) { return pow(x, y); });
 }
 
 }  // namespace cutjoint

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <optional>
 #include <span>
 
 #include "cutjoint/core/arrays.hpp"
@@ -33,6 +34,7 @@ class MinimalCoordinates {
     Coordinates<M> reference, pose;
     Speeds<M> rate;
     Speeds<M, unsigned char> independent;
+    bool is_made = false;
     Real gain{0};
   };
 
@@ -41,19 +43,21 @@ class MinimalCoordinates {
 
   /// Choose in the pose of a state; `begin_step` has been called for its time.
   Fault choose(Starter<M>& starter, const StateOf<M>& state) {
-    Choice chosen;
-    chosen.independent.fill(1);
-    chosen.reference = chosen.pose = state.q;
-    for (const Chart& chart : charts())
-      for (int i = 0; i < chart.scalars; ++i) chosen.reference[static_cast<std::size_t>(chart.q + i)] = Real(0);
+    Speeds<M, unsigned char> independent;
+    independent.fill(1);
     if constexpr (m > 0) {
-      find_jacobian(starter, state, chosen.reference);
+      find_jacobian(starter, state, reference_at(state));
       const auto squares = decomposed();
       if (squares.rank() != n - freedoms) return singular(state);
-      for (std::size_t k = 0; k < squares.rank(); ++k) chosen.independent[squares.column_at(k)] = 0;
+      for (std::size_t k = 0; k < squares.rank(); ++k) independent[squares.column_at(k)] = 0;
     }
+    return choose(starter, state, independent);
+  }
+
+  /// The same, as somebody else has chosen: `freedoms` are marked.
+  Fault choose(Starter<M>& starter, const StateOf<M>& state, const Speeds<M, unsigned char>& independent) {
     const Choice before = choice_;
-    choice_ = chosen;
+    choice_ = {.reference = reference_at(state), .pose = state.q, .rate = {}, .independent = independent, .is_made = true};
     if (const Fault fault = find_gain(starter, state, choice_.gain)) {
       choice_ = before;
       return fault;
@@ -96,6 +100,35 @@ class MinimalCoordinates {
     put(rate_, x + freedoms);
   }
 
+  /// Numbers that follow from x, one for each speed, from those of independent ones, and the other way round.
+  template <class Number>
+  void put(const Speeds<M, Number>& values, Number* x) const {
+    for (std::size_t i = 0; i < n; ++i)
+      if (choice_.independent[i]) *x++ = values[i];
+  }
+
+  template <class Number>
+  void take(const Number* x, Speeds<M, Number>& values) const {
+    for (std::size_t i = 0; i < n; ++i)
+      if (choice_.independent[i]) values[i] = *x++;
+  }
+
+  /// The loops' Jacobian by dependent ones in the pose of a state, which `solve` takes until something else is asked.
+  Fault decompose(Starter<M>& starter, const StateOf<M>& state) {
+    if constexpr (m > 0) {
+      find_jacobian(starter, state, choice_.reference);
+      squares_.emplace(decomposed_by_dependent());
+      if (squares_->rank() != n - freedoms) return singular(state);
+    }
+    return {};
+  }
+
+  /// How dependent ones have to change so that gaps of the loops close, one number for each speed; b is overwritten.
+  const Speeds<M>& solve(Equations<M>& b) {
+    solve(*squares_, b);
+    return step_;
+  }
+
   /// The coordinates and speeds of numbers, which follow from these and the pose near which they are; the state stays where loops do not close.
   Fault close(M& mechanism, Starter<M>& starter, const Real* x, StateOf<M>& state) {
     StateOf<M> found = state;
@@ -117,14 +150,12 @@ class MinimalCoordinates {
   static std::span<const Chart> charts() { return M::charts; }
   static Real magnitude(Real x) { return x < Real(0) ? -x : x; }
 
-  void put(const Speeds<M>& values, Real* x) const {
-    for (std::size_t i = 0; i < n; ++i)
-      if (choice_.independent[i]) *x++ = values[i];
-  }
-
-  void take(const Real* x, Speeds<M>& values) const {
-    for (std::size_t i = 0; i < n; ++i)
-      if (choice_.independent[i]) values[i] = *x++;
+  /// What the delta is counted from: scalars from nought, balls from their turn in a state.
+  static Coordinates<M> reference_at(const StateOf<M>& state) {
+    Coordinates<M> reference = state.q;
+    for (const Chart& chart : charts())
+      for (int i = 0; i < chart.scalars; ++i) reference[static_cast<std::size_t>(chart.q + i)] = Real(0);
+    return reference;
   }
 
   /// Move dependent ones as the speeds of the pose do in the time in which independent ones come next to the numbers: beyond a pose that has several
@@ -249,6 +280,7 @@ class MinimalCoordinates {
   Speeds<M> delta_, rate_, step_, room_, left_, beside_;
   Speeds<M, std::size_t> order_;
   Equations<M> phi_, phid_;
+  std::optional<dense::LeastSquares<Real>> squares_;
 };
 
 /// Values that change their sign where a mechanism goes over to other formulas, one for each switch: of a place along a road the way to the nearest

@@ -87,6 +87,7 @@ template <Sized M, class Integrator>
 class Simulation {
  public:
   using Real = typename M::real_type;
+  using Mechanism = M;
   using Subject = typename Integrator::Subject;
 
   Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads)
@@ -267,6 +268,10 @@ class Simulation {
     mechanism_.begin_step(t, Real(1));
     return initialisation_->starter();
   }
+
+  /// How cut joints are held, and their penalties, as `load_mechanism` takes them.
+  StabilisationSettings stabilisation() { return Integrator::stabilise(settings_, penalties_); }
+  const Cuts<M>& penalties() const { return penalties_; }
 
   /// The columns at the present state.
   const Real* report() {

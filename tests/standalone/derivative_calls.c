@@ -1,0 +1,78 @@
+/* Calls of the derivatives of the press, right and wrong ones; prints what went wrong, and returns how often. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "press.h"
+
+enum { n = PRESS_STATES, outputs = PRESS_OUTPUTS };
+
+static double memory[2][PRESS_SIZE / sizeof(double)];
+static int faults = 0;
+
+#define EXPECT(condition)                                        \
+  do {                                                           \
+    if (!(condition)) printf("line %d: %s\n", __LINE__, #condition), ++faults; \
+  } while (0)
+
+static double A[n * n], C[outputs * n], dx[n], rates[n], y[outputs + 1];
+
+static void wrong_calls(void) {
+  press_sim* sim = press_create(memory[0], sizeof memory[0]);
+  int speeds[PRESS_FREEDOMS] = {PRESS_SPEEDS};
+  EXPECT(press_linearise(NULL, A, NULL, C, NULL) == PRESS_NO_SIMULATION);
+  EXPECT(press_linearise(sim, A, NULL, C, NULL) == PRESS_NOT_STARTED);
+  EXPECT(press_directional(sim, dx, NULL, rates, y) == PRESS_NOT_STARTED);
+  EXPECT(press_choose_speeds(sim, speeds) == PRESS_NOT_STARTED && press_choose(sim) == PRESS_NOT_STARTED);
+  EXPECT(press_get_minimal(sim, dx) == PRESS_NOT_STARTED);
+  EXPECT(press_start(sim) == PRESS_OK);
+  EXPECT(press_state_name(sim, 0) == NULL && press_state_name(NULL, 0) == NULL);
+  EXPECT(press_choose_speeds(sim, speeds) == PRESS_NO_SUCH_INDEX && press_choose_speeds(sim, NULL) == PRESS_NO_ARRAY);
+  speeds[0] = -1;
+  EXPECT(press_choose_speeds(sim, speeds) == PRESS_NO_SUCH_INDEX);
+  EXPECT(press_linearise(sim, NULL, NULL, C, NULL) == PRESS_NO_ARRAY);
+  EXPECT(press_linearise(sim, A, NULL, NULL, NULL) == PRESS_NO_ARRAY);
+  EXPECT(press_directional(sim, NULL, NULL, rates, y) == PRESS_NO_ARRAY && press_directional(sim, dx, NULL, NULL, y) == PRESS_NO_ARRAY);
+  EXPECT(press_directional(sim, dx, NULL, rates, NULL) == PRESS_NO_ARRAY);
+  dx[0] = NAN;
+  EXPECT(press_directional(sim, dx, NULL, rates, y) == PRESS_NOT_FINITE);
+  EXPECT(press_linearise(sim, A, NULL, C, NULL) == PRESS_OK);
+  EXPECT(press_state_name(sim, -1) == NULL && press_state_name(sim, n) == NULL);
+}
+
+/* States have the names of coordinates and of their rates, and their numbers. */
+static void names(void) {
+  press_sim* sim = press_create(memory[0], sizeof memory[0]);
+  int i, k;
+  EXPECT(press_start(sim) == PRESS_OK && press_play(sim, 20, NULL) == PRESS_OK);
+  for (k = 0; k < PRESS_SPEEDS; ++k) {
+    EXPECT(press_choose_speeds(sim, &k) == PRESS_OK && press_get_minimal(sim, dx) == PRESS_OK);
+    i = press_find_coordinate(press_state_name(sim, 0));
+    EXPECT(i >= 0 && dx[0] == press_coordinates(sim)[i]);
+    EXPECT(press_find_speed(press_state_name(sim, 1)) == k && fabs(dx[1] - press_speeds(sim)[k]) < 1e-12);
+  }
+}
+
+/* Who linearises changes nothing: steps go on bit by bit. */
+static void motion(void) {
+  press_sim *sim = press_create(memory[0], sizeof memory[0]), *other = press_create(memory[1], sizeof memory[1]);
+  int i, j;
+  EXPECT(press_start(sim) == PRESS_OK && press_start(other) == PRESS_OK);
+  for (j = 0; j < 200; ++j) {
+    EXPECT(press_step(sim) == PRESS_OK && press_step(other) == PRESS_OK);
+    EXPECT(press_linearise(sim, A, NULL, C, NULL) == PRESS_OK);
+    dx[0] = 0.3, dx[1] = -2.0;
+    EXPECT(press_directional(sim, dx, NULL, rates, y) == PRESS_OK);
+    for (i = 0; i < n; ++i) EXPECT(fabs(A[n * i] * dx[0] + A[n * i + 1] * dx[1] - rates[i]) <= 1e-12 * (1.0 + fabs(rates[i])));
+    for (i = 0; i < outputs; ++i) EXPECT(fabs(C[n * i] * dx[0] + C[n * i + 1] * dx[1] - y[i]) <= 1e-12 * (1.0 + fabs(y[i])));
+    EXPECT(memcmp(press_outputs(sim), press_outputs(other), outputs * sizeof(double)) == 0);
+    EXPECT(memcmp(press_coordinates(sim), press_coordinates(other), PRESS_COORDINATES * sizeof(double)) == 0);
+  }
+}
+
+int main(void) {
+  wrong_calls();
+  names();
+  motion();
+  return faults;
+}

@@ -1,0 +1,213 @@
+"""Derivatives at a state: against differences in 113 bits, closed forms, SymPy, and the modes by the exact tangent."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+from click.testing import CliRunner
+
+import cutjoint
+from cutjoint.cli import main
+from cutjoint.locations import runtime_folder
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_scene
+from cutjoint.stepping.load import load_scene
+from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy
+from tests.fmu.slaves import text_of
+from tests.mechanisms.driven import pushed_text
+from tests.mechanisms.switching import MASS, RAMP, STIFFNESS, WHEEL
+
+from .folders import ALONE, HERE, LIBRARIES, compile_object, folder_of, foreign_symbols, link, run, write
+
+pytestmark = needs_cpp
+
+CART_POLE = ROOT / "examples" / "cart_pole.yaml"
+
+#: Models and scenes, steps before states, and speeds that are chosen there: a loop, balls in one, parts side by side, guides by inputs, and
+#: all of it.
+STATES = [
+    ("press", None, [(100,), (100, 2)]), ("spinning", None, [(100,), (40, 4, 1, 6, 5)]), ("flyball", None, [(100,)]),
+    ("driven", "free", [(50,)]), ("axle", "chirp", [(200,)]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "scene", "states"), with_heavy(STATES, STATES[-1]))
+def test_derivatives_are_those_of_differences_in_113_bits(
+    name: str, scene: str | None, states: list[tuple[int, ...]], tmp_path: Path
+) -> None:
+    place = write(folder_of(text_of(name), f"{name}.yaml", scene, linearise=True), tmp_path)
+    lanes = ["-DHAS_LANES"] if "struct Lanes {" in (place / f"{name}.cpp").read_text(encoding="utf-8") else []
+    subprocess.run(
+        ["g++", "-std=c++20", "-O1", "-Wno-psabi", "-I.", f"-I{runtime_folder() / 'include'}", "-isystem", "/usr/include/eigen3", *lanes,
+         f'-DSOURCE="{name}.cpp"', f"-DMODEL={name}", f"-DTITLE={name.upper()}", HERE / "derivatives.cpp", "-o", "beside", *LIBRARIES],
+        cwd=place, check=True,
+    )  # fmt: skip
+    for state in states:
+        errors = [float(x) for x in run(place / "beside", *map(str, state)).split()]
+        assert len(errors) == 6
+        assert max(errors) < 1e-10  # rounding, times the conditions of penalties and of what dependent coordinates follow from
+
+
+def test_calls_right_and_wrong(tmp_path: Path) -> None:
+    place = write(folder_of(text_of("press"), "press.yaml", linearise=True), tmp_path)
+    sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    compile_object(place, "press", flags=sanitize)
+    assert run(link(place, "calls", ["-I.", HERE / "derivative_calls.c", "press.o"], flags=sanitize)) == ""
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+@pytest.mark.parametrize(("name", "method"), [("flyball", "recursive"), ("spinning", "recursive"), ("press", "recursive-newton")])
+def test_the_code_calls_mathematics_and_nothing_else(name: str, method: str, compiler: str, tmp_path: Path) -> None:
+    place = write(folder_of(text_of(name), f"{name}.yaml", method=method, linearise=True), tmp_path)
+    assert not foreign_symbols(compile_object(place, name, compiler=compiler), name)
+
+
+def loaded(text: str, name: str, scene: str | None = None, method: str = "recursive") -> cutjoint.Simulation:
+    model = read_model_text(text, f"{name}.yaml")
+    return load_scene(model, find_scene(model, scene), method=method, linearise=True)
+
+
+@cache
+def cart_pole(method: str) -> cutjoint.Simulation:
+    return cutjoint.load(CART_POLE, method=method, linearise=True)
+
+
+@pytest.mark.parametrize("method", ALONE)
+def test_a_cart_with_a_pole(method: str) -> None:
+    sim = cart_pole(method).reset(coordinates={"pin.angle": 0.0})
+    near = sim.linearise()
+    M, m, h, inertia, g = 1.0, 0.2, 0.5, 0.2 * 0.5**2 / 3, 9.81  # the pole is a rod of length 2 h
+    mass = np.array([[M + m, m * h], [m * h, inertia + m * h**2]])
+    K = np.array([[0.0, 0.0], [0.0, -m * g * h]])
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(mass, K), np.zeros((2, 2))]])
+    assert near.states == ("rail.displacement", "pin.angle", "rail.displacement_rate", "pin.angle_rate")
+    A_found, B_found = near.A, near.B
+    assert A_found == pytest.approx(A, rel=1e-13, abs=1e-13)
+    assert B_found == pytest.approx(np.concatenate([[0, 0], np.linalg.solve(mass, [1.0, 0.0])])[:, None], rel=1e-13)
+    assert near.C.tolist() == [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
+    assert near.D.tolist() == [[0], [0], [0]]
+    assert (near.inputs, near.outputs) == (("push",), ("cart.x", "pin.angle", "pin.angle_rate"))
+    sim.set_state(0.0, np.array([0.1, 0.02]), np.array([0.3, -0.1]))
+    assert (sim.states.array - near.x).tolist() == [0.1, 0.02, 0.3, -0.1]
+
+
+def test_a_pendulum_that_swings() -> None:
+    sim = cutjoint.load(MODELS / "pendulum.yaml", linearise=True).reset()
+    sim.advance(0.7)
+    near = sim.linearise()
+    angle, rate = near.x
+    known = [[0, 1], [-9.81 * np.sin(angle), 0]]  # from the rod along -x
+    assert near.A.tolist() == pytest.approx(np.array(known), rel=1e-12, abs=1e-12)
+    rows = dict(zip(near.outputs, near.C, strict=True))
+    assert rows["bob.y"] == pytest.approx([-np.cos(angle), 0.0], rel=1e-12, abs=1e-12)
+    assert rows["bob.vy"] == pytest.approx([np.sin(angle) * rate, -np.cos(angle)], rel=1e-12, abs=1e-12)
+
+
+#: Functions of laws, with smooth formulas at x = 0.3, x' = -0.8, input 0.4.
+LAWS = [
+    "tan(x) - 2*sinh(x*v)", "asin(x)*acos(v)", "atan2(v, x) + atan(3*x)", "cosh(v)/tanh(x) + exp(x*v)", "log(2 + x)*sqrt(1 + v**2)",
+    "abs(v)*v + abs(x)**1.7", "where(v < 0, x**3, cos(x))", "min(x, v, 1)*max(sin(3*x), v)", "sign(v)*x**2 + (2 + x)**1.3",
+]  # fmt: skip
+
+
+def _where(condition: sympy.Basic, yes: sympy.Expr, no: sympy.Expr) -> sympy.Expr:
+    return sympy.Piecewise((yes, condition), (no, True))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_laws_have_the_derivatives_of_sympy(law: str) -> None:
+    text = re.sub(r"\bv\b", "rate", re.sub(r"\bx\b", "position", law))
+    start = {"coordinates": {"slide.displacement": 0.3}, "speeds": {"slide.displacement_rate": -0.8}}
+    sim = loaded(pushed_text(f"10*({text})*(1 + push)"), "pushed").reset(**start)
+    sim.inputs["push"] = 0.4
+    near = sim.linearise()
+    x, v, push = symbols = sympy.symbols("x v push", real=True)
+    names = {"x": x, "v": v, "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max, "where": _where}
+    acceleration = 5 * sympy.sympify(law, locals=names) * (1 + push)
+    known = [float(sympy.diff(acceleration, s).doit().subs({x: 0.3, v: -0.8, push: 0.4})) for s in symbols]
+    assert [*near.A[1], *near.B[1]] == pytest.approx(known, rel=1e-12, abs=1e-12)
+    assert near.C[2] == pytest.approx(near.A[1], rel=1e-14)
+    assert near.D[2] == pytest.approx(near.B[1], rel=1e-14)
+
+
+def test_where_functions_are_infinitely_steep_what_stays_has_no_derivative() -> None:
+    near = loaded(pushed_text("-3*position + 5*sqrt(position**2 + rate**2)"), "pushed").reset().linearise()
+    assert near.A.tolist() == [[0, 1], [-1.5, 0]]
+
+
+def test_a_wheel_on_a_road() -> None:
+    sim = loaded(WHEEL, "wheel").reset()
+    sim.advance(0.25)
+    near = sim.linearise()
+    height = dict(zip(near.outputs, near.D[:, 0], strict=True))
+    assert near.states == ("lift.displacement", "lift.displacement_rate")
+    upward = STIFFNESS / MASS / (1 + RAMP**2)  # the tyre is pressed along the normal of the ramp
+    assert near.B[1, 0] == pytest.approx(upward * RAMP, rel=1e-12)
+    assert near.A[1, 0] == pytest.approx(-upward, rel=1e-12)
+    assert height["tyre.Fz"] == pytest.approx(STIFFNESS * RAMP / np.sqrt(1 + RAMP**2), rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ALONE)
+def test_at_rest_eigenvalues_are_those_of_the_modes(method: str) -> None:
+    path = MODELS / "press.yaml"
+    sim = cutjoint.load(path, method=method, linearise=True).reset(equilibrium=True, speeds={"pin.angle_rate": 0.0})
+    known = [mode.eigenvalue for mode in cutjoint.find_modes(path).modes]
+    pairs = [x for root in known for x in ([root, root.conjugate()] if root.imag else [root])]
+    for speed in sim.speeds:
+        sim.choose([speed])
+        assert np.sort_complex(np.linalg.eigvals(sim.linearise().A)) == pytest.approx(np.sort_complex(np.array(pairs)), rel=1e-8)
+
+
+def test_methods_have_the_same_derivatives() -> None:
+    text = text_of("spinning").replace("outputs: [", "reactions: {hold: {joint: far, body: ground}}\noutputs: [hold.Fx, hold.Fz, ")
+    first, second = (loaded(text, "spinning", method=method).reset() for method in ALONE)
+    for sim in (first, second):
+        sim.choose()
+    first.advance(0.1)
+    second.set_state(first.time, first.coordinates.array, first.speeds.array)
+    a, b = first.linearise(), second.linearise()
+    assert a.states == b.states
+    for x, y in ((a.A, b.A), (a.B, b.B), (a.C, b.C), (a.D, b.D)):
+        assert x == pytest.approx(y, rel=1e-8, abs=1e-8 * np.abs(y).max())
+
+
+def test_hosts_choose_states() -> None:
+    sim = cutjoint.load(MODELS / "press.yaml", linearise=True).reset()
+    assert list(sim.states) == list(sim.linearise().states)
+    sim.choose(["pin.angle_rate"])
+    assert dict(sim.states) == pytest.approx({"pin.angle": sim.coordinates["pin.angle"], "pin.angle_rate": 10.0}, rel=1e-12)
+    copy = sim.copy()
+    assert copy.linearise().A.tolist() == sim.linearise().A.tolist()
+    with pytest.raises(KeyError, match=r"did you mean 'pin\.angle_rate'"):
+        sim.choose(["pin.angle"])
+    with pytest.raises(ValueError, match=r"there are 1 degrees of freedom, .*, not pin\.angle_rate, wrist\.angle_rate"):
+        sim.choose(["pin.angle_rate", "wrist.angle_rate"])
+
+
+def test_what_cannot_be_linearised_is_told() -> None:
+    with pytest.raises(cutjoint.SimulationError, match=r"not been started; call reset"):
+        cutjoint.load(CART_POLE, linearise=True).linearise()
+    plain = cutjoint.load(CART_POLE).reset()
+    for call in (plain.linearise, plain.choose, lambda: plain.states):
+        with pytest.raises(TypeError, match="load the model with linearise=True"):
+            call()
+    spinning = loaded(text_of("spinning"), "spinning").reset()
+    with pytest.raises(cutjoint.SimulationError, match="the pose is singular"):  # the turn of the rod about itself follows from nothing
+        spinning.choose(["pin.angle_rate", "pivot.wx", "pivot.wy", "pivot.wz"])
+
+
+def test_the_command_adds_derivatives(tmp_path: Path) -> None:
+    result = CliRunner().invoke(main, ["compile", str(MODELS / "press.yaml"), "--linearise", "--out", str(tmp_path / "press")])
+    assert result.exit_code == 0, result.output
+    assert "int press_linearise(press_sim* sim" in (tmp_path / "press" / "press.h").read_text(encoding="utf-8")
+    refused = CliRunner().invoke(
+        main, ["compile", str(MODELS / "press.yaml"), "--method", "augmented", "--linearise", "--out", str(tmp_path / "other")]
+    )
+    assert refused.exit_code != 0
+    assert "method 'augmented' has no folder that stands alone; use recursive or recursive-newton" in " ".join(refused.output.split())
