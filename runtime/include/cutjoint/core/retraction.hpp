@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <span>
 #include <type_traits>
 
@@ -72,6 +73,15 @@ template <class Real>
   }
   if constexpr (std::is_same_v<Real, double>)
     if (balls.number > 0) balls.turn(q_0, delta, q);
+}
+
+/// The same of a mechanism or system with these charts; coordinates without charts, natural ones, add.
+template <class Numbers>
+[[gnu::always_inline]] inline void displace(std::span<const Chart> charts, const Numbers& from, const typename Numbers::value_type* delta, Numbers& to) {
+  if (charts.empty())
+    for (std::size_t i = 0; i < from.size(); ++i) to[i] = from[i] + delta[i];
+  else
+    retract(charts, from.data(), delta, to.data());
 }
 
 /// How fast the turn of `retract` changes with its rotation vector: d(turn) = T d(theta), T = (1 + theta~/2)/(1 + |theta|^2/4), of each ball's

@@ -21,7 +21,36 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   using typename Base::Real;
 
   AugmentedBase(S& system, Solver& solver, const NewtonSettings& settings)
-      : Base(system, solver, settings), alpha_(settings.penalty.value_or(0.0)), pose_(sizes_of(system).coordinates), closing_(system) {}
+      : Base(system, solver, settings), alpha_(settings.penalty.value_or(0.0)), pose_(sizes_of(system).coordinates), closing_(system), way_(n_), from_(pose_) {}
+
+  /// Close the loops of another state, positions first, then speeds, with the factors of a step near it.
+  Fault close_loops(StateOf<S>& state) {
+    if (m_ == 0) return {};
+    this->time_ = state.t;
+    system_.begin_step(state.t, Real(1));
+    if (!this->has_factors())
+      if (const Fault fault = renew(state)) return fault;
+    Residuals left;
+    return this->close_with(state, pose_, k_ * alpha_, closing_, way_, from_, left);
+  }
+
+  /// The same for a state away from any step, by moving the masses least.  A fault names what stays open.
+  Fault assemble(StateOf<S>& state) {
+    if (m_ == 0) return {};
+    constexpr int most = 20;
+    Residuals left;
+    this->get_ready(state, Real(1));
+    for (int round = 0; round < most; ++round) {
+      this->linearise(state, Real(0), start_weights());
+      pose_ = state.q;
+      if (const Fault fault = this->factor()) return fault;
+      if (const Fault fault = this->close_with(state, pose_, start_alpha_, closing_, way_, from_, left)) return fault;
+      if (is_closed(state)) return {};
+    }
+    const bool open = left.position > left.velocity;
+    return this->fault_in_equation(open ? Cause::loops_open : Cause::speeds_open, open ? worst_of(phi_) : worst_of(this->phid_),
+                                   Real(open ? left.position : left.velocity));
+  }
 
   /// What the next steps follow from besides the state and the factors of the last tangent.
   struct Memory {
@@ -122,12 +151,36 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     return fault;
   }
 
+  Fault renew(const StateOf<S>& state) {
+    this->linearise(state, Real(0), this->step_weights());
+    pose_ = state.q;
+    return this->factor();
+  }
+
   Real start_alpha_{1}, alpha_;
   int iteration_ = 0;     ///< of a step
   Real share_left_{0};    ///< of the gap of rates by a projection of length dt^2/4 alpha, where most is left
   Coordinates<S> pose_;   ///< of the tangent
 
   Closing<S> closing_;
+
+ private:
+  /// Whether what is left in phi_ and phid_ is next to nothing.
+  bool is_closed(const StateOf<S>& state) const {
+    const Real allowed = std::max(Real(1e-10), this->rounding_like(1e-12));
+    return largest(phi_) <= allowed * (Real(1) + largest(state.q)) && largest(this->phid_) <= allowed * (Real(1) + largest(state.v));
+  }
+
+  static std::size_t worst_of(const Equations<S>& gap) {
+    using std::abs;
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < gap.size(); ++i)
+      if (abs(gap[i]) > abs(gap[worst]) || gap[i] != gap[i]) worst = i;
+    return worst;
+  }
+
+  Speeds<S> way_;  ///< of loops that close, and where from
+  Coordinates<S> from_;
 };
 
 /// The method `augmented`.

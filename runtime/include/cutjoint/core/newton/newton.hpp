@@ -235,11 +235,7 @@ class Newton : public Workspace<S, Solver> {
         delta_[i] = dt_ * before_.v[i] + place_now * mean_[i] + dt_ * dt_ * Real(rule.beta) * a;
       }
     }
-    if (this->charts().empty()) {
-      for (std::size_t i = 0; i < n_; ++i) state.q[i] = before_.q[i] + delta_[i];
-      return;
-    }
-    retract<Real>(this->charts(), before_.q.data(), delta_.data(), state.q.data());
+    displace(this->charts(), before_.q, delta_.data(), state.q);
   }
 
   /// The acceleration a of the step's end.

@@ -85,7 +85,7 @@ class Workspace {
       std::fill(way.begin(), way.end(), Real(0));
       if (const Fault fault = bring(way, phi_, rounding)) return fault;
       from = state.q;
-      retract<Real>(charts(), from.data(), way.data(), state.q.data());
+      displace(charts(), from, way.data(), state.q);
     }
     if (const Fault fault = bring(state.v, phid_, rounding_like(1e-12) * (Real(1) + largest(state.v)))) return fault;
     constraint_residual(state);
