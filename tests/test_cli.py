@@ -96,7 +96,7 @@ def test_simulate_takes_a_closure(tmp_path: Path) -> None:
     [
         ("recursive", {"CMakeLists.txt", "README.md", "example.c", "four_bar.cpp", "four_bar.h", "four_bar.run", "four_bar_simulator",
                        "four_bar_simulator.c"}),
-        ("augmented", {"CMakeLists.txt", "report.cpp", "four_bar.hpp", "main.cpp", "simulator"}),
+        ("classical", {"CMakeLists.txt", "report.cpp", "four_bar.hpp", "main.cpp", "simulator"}),
     ],
 )  # fmt: skip
 def test_compile_leaves_source_and_a_simulator(tmp_path: Path, method: str, names: set[str]) -> None:

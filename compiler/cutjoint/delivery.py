@@ -10,12 +10,12 @@ from pathlib import Path
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations
 from cutjoint.locations import AnyPath, path_of
-from cutjoint.methods import DEFAULT_PRECISION, METHODS, either, names_of
+from cutjoint.methods import DEFAULT_PRECISION, METHODS, either
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
-from cutjoint.standalone import Standalone, make_standalone
+from cutjoint.standalone import Standalone, linearised_methods, make_standalone
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +55,7 @@ def plan_delivery(
         if integrator is not None:
             raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
         if linearise:
-            known = either(names_of(METHODS, lambda m: m.stands_alone))
-            raise RunError(f"linearise: method '{method}' has no folder that stands alone; use {known}")
+            raise RunError(f"linearise: method '{method}' has no folder that stands alone; use {either(linearised_methods())}")
         delivery = None if folder is None else Delivery(folder=folder, files=source.files, program="simulator", alone=None)
     else:
         alone = make_standalone(equations, program, source, integrator=integrator, lanes=lanes, linearise=linearise)

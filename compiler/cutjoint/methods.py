@@ -183,7 +183,7 @@ METHODS: Mapping[str, Method] = _catalogue(
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,
-        twin=Twin(solver="eigen-ldlt"),
+        twin=Twin(solver="eigen-ldlt"), stands_alone=True,
     ),
     Method(
         name="classical", formulation=Formulation.NATURAL, saddle_point=True, instead=("augmented", "recursive-newton"),

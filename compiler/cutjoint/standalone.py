@@ -14,10 +14,9 @@ from typing import Any
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.emit.source import Source
 from cutjoint.emit.standalone import STEPS, Parts, Steps, System, emit_standalone, simulation_size
-from cutjoint.formulate.implicit.records import ImplicitEquations
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import Equations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import DEFAULT_INTEGRATOR, Events
+from cutjoint.methods import DEFAULT_INTEGRATOR, METHODS, Events, Formulation, either, names_of
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -90,8 +89,11 @@ def make_standalone(
     coordinates and derivatives too.  With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
 
     Raises:
-        RunError: the core has not the integrator, or the scene has a setting or a start without a finite value.
+        RunError: the core has not the integrator, the state of the method has natural coordinates, which have no derivatives, or the scene
+            has a setting or a start without a finite value.
     """
+    if linearise:
+        _require_relative(equations)
     freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
     parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
     options = choose_steps(equations.scene, parts.method, integrator)
@@ -120,11 +122,22 @@ def choose_steps(scene: Scene, method: str, integrator: str | None) -> Options:
     return Options(integrator=chosen, events=None if known[chosen].finds_events else Events.CROSSED)
 
 
+def _require_relative(equations: Equations) -> None:
+    """Check that the state has relative coordinates, from which minimal ones are chosen."""
+    if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
+        raise RunError(f"linearise: the state of method '{equations.method}' has natural coordinates; use {either(linearised_methods())}")
+
+
+def linearised_methods() -> tuple[str, ...]:
+    """The methods whose folders can have derivatives."""
+    return names_of(METHODS, lambda m: m.stands_alone and m.formulation is not Formulation.NATURAL)
+
+
 def _parts(equations: Equations, program: Program, lanes: bool) -> Parts:
     """What a simulation is made of; the plan of a factorisation follows from the pattern."""
     start = equations.mechanism
-    if not isinstance(equations, ImplicitEquations):
+    if not isinstance(equations, SystemEquations):
         return Parts(mechanism=start, program=program, system=None)
-    _, pattern = settle_entries(program, len(equations.row_names), symmetric=False)
+    _, pattern = settle_entries(program, len(equations.row_names), symmetric=METHODS[equations.method].symmetric)
     system = System(equations=equations, program=program, plan=plan_definite(pattern))
     return Parts(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)

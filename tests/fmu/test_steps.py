@@ -35,10 +35,14 @@ def test_steps_of_any_length_are_those_of_the_interface(version: int) -> None:
         assert slave.get() == list(sim.outputs.array)
 
 
-@pytest.mark.parametrize(("version", "integrator"), [(2, "trapezoidal"), (3, "sdirk4-fixed"), (2, "sdirk4")])
-def test_steps_by_newtons_iteration_are_those_of_the_interface(version: int, integrator: str) -> None:
-    slave = started(fmu_of("press", version, integrator=integrator, method="recursive-newton"))
-    sim = cutjoint.load(MODELS / "press.yaml", method="recursive-newton", integrator=integrator).reset()
+@pytest.mark.parametrize(
+    ("version", "method", "integrator"),
+    [(2, "recursive-newton", "trapezoidal"), (3, "recursive-newton", "sdirk4-fixed"), (2, "recursive-newton", "sdirk4"),
+     (3, "augmented", "trapezoidal")],
+)  # fmt: skip
+def test_steps_by_newtons_iteration_are_those_of_the_interface(version: int, method: str, integrator: str) -> None:
+    slave = started(fmu_of("press", version, integrator=integrator, method=method))
+    sim = cutjoint.load(MODELS / "press.yaml", method=method, integrator=integrator).reset()
     for until in (0.001, 0.0035, 0.1, 0.1234567):
         (now,) = slave.get("time")
         assert slave.step(now, until - now) == OK
@@ -47,10 +51,12 @@ def test_steps_by_newtons_iteration_are_those_of_the_interface(version: int, int
 
 
 def test_a_method_without_fmus_is_refused() -> None:
-    with pytest.raises(cutjoint.RunError, match="method: 'augmented' has no FMUs; use recursive or recursive-newton"):
-        fmu_of("press", 2, method="augmented")
-    with pytest.raises(cutjoint.RunError, match="FMUs for co-simulation alone; leave out --kind me"):
-        fmu_of("press", 2, kind="me", method="recursive-newton")
+    with pytest.raises(cutjoint.RunError, match="method: 'classical' has no FMUs; use recursive, augmented or recursive-newton"):
+        fmu_of("press", 2, method="classical")
+    for method in ("augmented", "recursive-newton"):
+        words = f"method: '{method}' has FMUs for co-simulation alone; leave out --kind me, or take the method recursive"
+        with pytest.raises(cutjoint.RunError, match=words):
+            fmu_of("press", 2, kind="me", method=method)
 
 
 def test_parameters_start_and_step_are_the_hosts() -> None:

@@ -29,7 +29,7 @@ static void wrong_calls(void) {
   EXPECT(press_set_parameter(sim, PRESS_PARAMETERS, 1.0) == PRESS_NO_SUCH_INDEX);
   EXPECT(press_set_parameter(sim, -1, 1.0) == PRESS_NO_SUCH_INDEX);
   EXPECT(press_set_parameter(sim, 0, NAN) == PRESS_NOT_FINITE);
-  EXPECT(press_give_coordinate(sim, PRESS_COORDINATES, 0.0) == PRESS_NO_SUCH_INDEX);
+  EXPECT(press_give_coordinate(sim, PRESS_START_COORDINATES, 0.0) == PRESS_NO_SUCH_INDEX);
   EXPECT(press_give_speed(sim, 0, INFINITY) == PRESS_NOT_FINITE);
   EXPECT(press_set_step(sim, 0.0) == PRESS_NOT_FINITE);
   EXPECT(press_set_iterations(sim, -1) == PRESS_NOT_FINITE);
@@ -43,6 +43,8 @@ static void wrong_calls(void) {
   EXPECT(press_output_name(PRESS_OUTPUTS) == NULL && press_output_name(-1) == NULL && press_parameter_unit(1000) == NULL);
   EXPECT(press_find_output("nothing") == -1 && press_find_output(NULL) == -1);
   EXPECT(press_find_output(press_output_name(1)) == 1);
+  EXPECT(press_find_start_coordinate(press_start_coordinate_name(1)) == 1 && press_start_coordinate_name(PRESS_START_COORDINATES) == NULL);
+  EXPECT(press_find_start_speed(press_start_speed_name(1)) == 1 && press_start_speed_name(PRESS_START_SPEEDS) == NULL);
   EXPECT(press_explain(sim, NULL, 10) == PRESS_NO_ARRAY);
   EXPECT(press_explain(sim, small, sizeof small) == PRESS_OK && strlen(small) == sizeof small - 1);
   EXPECT(press_explain(sim, text, sizeof text) == PRESS_OK && strcmp(text, "nothing failed") == 0);

@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 ALONE = names_of(METHODS, lambda method: method.stands_alone)
 
 #: What a C program must know of a method that has no number of iterations to set.
-DEFINITIONS = {"recursive": (), "recursive-newton": ("-Dpress_set_iterations(sim,number)=PRESS_NOT_FINITE",)}
+DEFINITIONS = {name: () if METHODS[name].fixed_cost else ("-Dpress_set_iterations(sim,number)=PRESS_NOT_FINITE",) for name in ALONE}
 
 #: Random calls under sanitizers; 1e6 of them take half a minute.
 RANDOM_CALLS = 50_000

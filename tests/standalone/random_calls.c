@@ -43,8 +43,8 @@ static int call(press_sim* sim) {
 #endif
     case 4: return press_set_equilibrium(sim, rand() % 8 == 0);
     case 5: return press_set_parameter(sim, rand() % (PRESS_PARAMETERS + 2) - 1, rand() % 2 ? 1.0 + rand() % 5 : number());
-    case 6: return press_give_coordinate(sim, rand() % (PRESS_COORDINATES + 2) - 1, number());
-    case 7: return rand() % 4 ? press_give_speed(sim, rand() % (PRESS_SPEEDS + 2) - 1, number()) : press_give_scene(sim);
+    case 6: return press_give_coordinate(sim, rand() % (PRESS_START_COORDINATES + 2) - 1, number());
+    case 7: return rand() % 4 ? press_give_speed(sim, rand() % (PRESS_START_SPEEDS + 2) - 1, number()) : press_give_scene(sim);
     case 8: return press_advance(sim, rand() % 4 ? press_time(sim) + 0.01 * rand() / RAND_MAX : number());
     case 9: return press_play(sim, rand() % 20, rand() % 2 ? rows : NULL);
     case 10:

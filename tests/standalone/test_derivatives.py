@@ -17,16 +17,18 @@ from cutjoint.cli import main
 from cutjoint.locations import runtime_folder
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
+from cutjoint.standalone import linearised_methods
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy
 from tests.fmu.slaves import text_of
 from tests.mechanisms.driven import pushed_text
 from tests.mechanisms.switching import MASS, RAMP, STIFFNESS, WHEEL
 
-from .folders import ALONE, HERE, LIBRARIES, compile_object, folder_of, foreign_symbols, link, run, write
+from .folders import HERE, LIBRARIES, compile_object, folder_of, foreign_symbols, link, run, write
 
 pytestmark = needs_cpp
 
+RELATIVE = linearised_methods()
 CART_POLE = ROOT / "examples" / "cart_pole.yaml"
 
 #: Models and scenes, steps before states, and speeds that are chosen there: a loop, balls in one, parts side by side, guides by inputs, and
@@ -78,7 +80,7 @@ def cart_pole(method: str) -> cutjoint.Simulation:
     return cutjoint.load(CART_POLE, method=method, linearise=True)
 
 
-@pytest.mark.parametrize("method", ALONE)
+@pytest.mark.parametrize("method", RELATIVE)
 def test_a_cart_with_a_pole(method: str) -> None:
     sim = cart_pole(method).reset(coordinates={"pin.angle": 0.0})
     near = sim.linearise()
@@ -153,7 +155,7 @@ def test_a_wheel_on_a_road() -> None:
     assert height["tyre.Fz"] == pytest.approx(STIFFNESS * RAMP / np.sqrt(1 + RAMP**2), rel=1e-12)
 
 
-@pytest.mark.parametrize("method", ALONE)
+@pytest.mark.parametrize("method", RELATIVE)
 def test_at_rest_eigenvalues_are_those_of_the_modes(method: str) -> None:
     path = MODELS / "press.yaml"
     sim = cutjoint.load(path, method=method, linearise=True).reset(equilibrium=True, speeds={"pin.angle_rate": 0.0})
@@ -164,9 +166,14 @@ def test_at_rest_eigenvalues_are_those_of_the_modes(method: str) -> None:
         assert np.sort_complex(np.linalg.eigvals(sim.linearise().A)) == pytest.approx(np.sort_complex(np.array(pairs)), rel=1e-8)
 
 
+def test_natural_coordinates_are_not_linearised() -> None:
+    with pytest.raises(cutjoint.RunError, match="state of method 'augmented' has natural coordinates; use recursive or recursive-newton"):
+        cutjoint.load(CART_POLE, method="augmented", linearise=True)
+
+
 def test_methods_have_the_same_derivatives() -> None:
     text = text_of("spinning").replace("outputs: [", "reactions: {hold: {joint: far, body: ground}}\noutputs: [hold.Fx, hold.Fz, ")
-    first, second = (loaded(text, "spinning", method=method).reset() for method in ALONE)
+    first, second = (loaded(text, "spinning", method=method).reset() for method in RELATIVE)
     for sim in (first, second):
         sim.choose()
     first.advance(0.1)

@@ -63,8 +63,8 @@ def test_rows_are_those_of_single_runs(tmp_path: Path) -> None:
 
 def test_integrators_and_methods(tmp_path: Path) -> None:
     scene = read_model(MODELS / "press.yaml").scenes["turn"]
-    for how in ({"integrator": "rk4"}, {"integrator": "dormand-prince", "tolerance": 1e-8}, {"method": "recursive-newton"},
-                {"method": "recursive-newton", "integrator": "sdirk4", "tolerance": 1e-8}):  # fmt: skip
+    for how in ({"integrator": "rk4"}, {"integrator": "dormand-prince", "tolerance": 1e-8}, {"method": "augmented"},
+                {"method": "recursive-newton"}, {"method": "recursive-newton", "integrator": "sdirk4", "tolerance": 1e-8}):  # fmt: skip
         asked = {"parameters": {"stiffness": [3000]}, "rates": None, "design": "grid", "trajectories": None, "dt": 1e-3}
         done = cutjoint.sweep(study(tmp_path, **asked, **how), tmp_path / "out.parquet")
         options = {"dt": 1e-3, "end": 0.2, **how}

@@ -12,8 +12,7 @@ import jinja2
 from cutjoint.emit.names import road_names
 from cutjoint.emit.view import FunctionView, Viewer, on_one_line
 from cutjoint.formulate.forces import guards_of
-from cutjoint.formulate.implicit.records import ImplicitEquations
-from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.locations import templates_folder
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Parameter
@@ -170,7 +169,7 @@ def _named(parameters: Sequence[Parameter]) -> list[dict[str, str]]:
     return [{"name": p.name, "unit": p.unit, "value": repr(p.value)} for p in parameters]
 
 
-def switches_of(equations: RecursiveEquations | ImplicitEquations) -> list[dict[str, object]]:
+def switches_of(equations: RecursiveEquations | SystemEquations) -> list[dict[str, object]]:
     """What the description says of the switches."""
     return [
         {"element": s.element, "place": _quotable(s.place), "road": equations.roads.index(s.road) if s.road else -1,

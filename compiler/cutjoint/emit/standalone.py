@@ -17,10 +17,9 @@ from cutjoint.emit.source import Page, members, switches_of, system_class
 from cutjoint.emit.system import pattern_view, render_class
 from cutjoint.emit.view import Viewer, on_one_line
 from cutjoint.formulate.forces import guards_of
-from cutjoint.formulate.implicit.records import ImplicitEquations
-from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.locations import runtime_folder
-from cutjoint.methods import START
+from cutjoint.methods import METHODS, START, Formulation
 from cutjoint.model.records import Scene
 from cutjoint.model.steps import count_steps
 from cutjoint.program.records import Program
@@ -95,8 +94,11 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
             adaptive=True,
         ),
     },
+    "augmented": {
+        "trapezoidal": Steps(header="cutjoint/core/augmented_steps.hpp", name="AugmentedSteps<Mechanism, System>"),
+    },
     "recursive-newton": {
-        "trapezoidal": Steps(header="cutjoint/core/newton_steps.hpp", name="NewtonSteps<Mechanism, System>"),
+        "trapezoidal": Steps(header="cutjoint/core/recursive_newton_steps.hpp", name="RecursiveNewtonSteps<Mechanism, System>"),
         "sdirk4": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, true>", finds_events=True, adaptive=True),
         "sdirk4-fixed": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, false>", finds_events=True),
     },
@@ -110,7 +112,7 @@ INTEGRATORS_OF_CORE = tuple(dict.fromkeys(name for steps in STEPS.values() for n
 class System:
     """What Newton's iteration steps: its equations and program, and the plan of its factorisation."""
 
-    equations: ImplicitEquations
+    equations: SystemEquations
     program: Program
     plan: Plan
 
@@ -142,7 +144,7 @@ class Parts:
         return 0 if self.side_by_side is None else LANES
 
     @property
-    def stepped(self) -> RecursiveEquations | ImplicitEquations:
+    def stepped(self) -> RecursiveEquations | SystemEquations:
         """The equations of what is stepped, which have parameters, inputs and outputs."""
         return self.mechanism if self.system is None else self.system.equations
 
@@ -221,14 +223,14 @@ def _system(page: Page, system: System) -> str:
     factorisation = emit_factorisation(plan, equations.row_names, inner, core=True)
     header = factorisation.pop("factorisation.hpp")
     described = render_class(
-        inner, viewer, program, equations, names, core=True, charts=equations.start.charts,
+        inner, viewer, program, equations, names, core=True, charts=equations.charts,
         pattern=pattern_view(plan.pattern, equations.row_names), switches=switches_of(equations), **_sizes(equations),
     )  # fmt: skip
     functions = [*_functions(inner, viewer, names), *factorisation.values()]
     return "\n".join([_APART, header, described, _GATHERED[0], *functions, _GATHERED[1]])
 
 
-def _unused(equations: RecursiveEquations | ImplicitEquations) -> frozenset[str]:
+def _unused(equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
     """Functions of what is stepped that nobody calls."""
     return _UNUSED | (frozenset() if equations.switches else {"events"})
 
@@ -239,11 +241,10 @@ def _functions(page: Page, viewer: Viewer, names: Sequence[str]) -> list[str]:
     return [functions[name] for name in sorted(functions)]
 
 
-def _sizes(equations: RecursiveEquations | ImplicitEquations) -> dict[str, dict[str, int]]:
-    start = equations.mechanism
+def _sizes(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[str, int]]:
     return {"sizes": {
-        "coordinates": start.coordinates, "speeds": start.speeds, "equations": len(start.equation_names),
-        "cuts": len(start.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
+        "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
+        "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_of(equations.topology.model, equations.scene)), "switches": len(equations.switches),
     }}  # fmt: skip
@@ -253,32 +254,32 @@ def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, o
     """What the templates of the folder are given."""
     equations, integrator = parts.stepped, run_file["integrator"]
     model, steps = equations.topology.model, STEPS[parts.method][integrator]
-    tables = _tables(equations)
+    start, tables = parts.mechanism, _tables(equations)
     if parts.freedoms is not None:
-        start = equations.mechanism
         tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
-    names = {table["name"]: list(table["entries"]) for table in tables}
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
-        **_sizes(equations), "freedoms": parts.freedoms, "memory": "Sim::Memory" if parts.freedoms is None else "Memory",
+        **_sizes(equations), "start_sizes": _sizes(start)["sizes"], "freedoms": parts.freedoms,
+        "memory": "Sim::Memory" if parts.freedoms is None else "Memory",
+        "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else system_class(Page.of(equations, parts.method).class_name),
         "causes": _causes(), "mark": sha256(f"{digest} {integrator}".encode()).hexdigest()[:16],
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
-        "settings": _settings(run_file), "by_step": _by_step(equations.scene), "tables": tables, "end": repr(float(run_file["end"])),
-        "output_step": repr(float(run_file["output_step"])),
+        "settings": _settings(run_file), "by_step": _by_step(equations.scene), "tables": tables,
+        "end": repr(float(run_file["end"])), "output_step": repr(float(run_file["output_step"])),
         "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
         "columns": equations.columns, "steered": _steered(equations),
         "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
-        "positions": _given(run_file["positions"], names["coordinate_names"]), "rates": _given(run_file["rates"], names["speed_names"]),
+        "positions": _given(run_file["positions"], start.coordinate_names), "rates": _given(run_file["rates"], start.speed_names),
         **_roads(equations, run_file),
     }  # fmt: skip
 
 
-def _steered(equations: RecursiveEquations | ImplicitEquations) -> int | None:
+def _steered(equations: RecursiveEquations | SystemEquations) -> int | None:
     """The first input that a host can hold without moving a guide at once."""
     read = {symbol for joint in equations.topology.model.joints for guide in joint.guide or () for symbol in guide.free_symbols}
     return next((i for i, given in enumerate(equations.inputs) if given.symbol not in read), None)
@@ -317,23 +318,31 @@ def _truth(value: object) -> str:
     return "true" if value else "false"
 
 
-def _tables(equations: RecursiveEquations | ImplicitEquations) -> list[dict[str, Any]]:
+def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, Any]]:
     """Names, units and places in the model's file."""
-    start, spans = equations.mechanism, equations.topology.model.constraint_spans
     guards = [guard.force for guard in guards_of(equations.topology.model, equations.scene)]
-    place = {name: on_one_line(span.place).replace('"', "?") for name, span in spans.items()}
     tables = {
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
-        "coordinate_names": start.coordinate_names, "speed_names": start.speed_names, "equation_names": start.equation_names,
-        "speed_places": [place[c.joint] for c in start.charts for _ in c.speed_names],
-        "coordinate_places": [place[c.joint] for c in start.charts for _ in c.coordinate_names],
-        "equation_places": [place[c.joint] for c in start.closures for _ in c.names],
+        **_state_tables(equations, ""), **_state_tables(equations.mechanism, "start_"),
         "switch_names": [s.element for s in equations.switches], "switch_places": [str(s["place"]) for s in switches_of(equations)],
         "guard_names": [force.name for force in guards], "guard_places": [on_one_line(f.span.place).replace('"', "?") for f in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
     return [{"name": name, "entries": list(items)} for name, items in tables.items()]
+
+
+def _state_tables(equations: Equations, prefix: str) -> dict[str, Sequence[str]]:
+    """Names of coordinates, speeds and equations, and where their elements stand."""
+    place = {name: on_one_line(span.place).replace('"', "?") for name, span in equations.topology.model.constraint_spans.items()}
+    names = {"coordinate": equations.coordinate_names, "speed": equations.speed_names, "equation": equations.equation_names}
+    elements = {
+        "coordinate": equations.coordinate_elements, "speed": equations.speed_elements, "equation": equations.equation_elements,
+    }  # fmt: skip
+    return {
+        **{f"{prefix}{kind}_names": each for kind, each in names.items()},
+        **{f"{prefix}{kind}_places": [place[element] for element in each] for kind, each in elements.items()},
+    }
 
 
 def _state_names(start: RecursiveEquations, *, rates: bool) -> list[str]:
@@ -345,7 +354,7 @@ def _state_names(start: RecursiveEquations, *, rates: bool) -> list[str]:
     return names
 
 
-def _roads(equations: RecursiveEquations | ImplicitEquations, run_file: Mapping[str, Any]) -> dict[str, object]:
+def _roads(equations: RecursiveEquations | SystemEquations, run_file: Mapping[str, Any]) -> dict[str, object]:
     """The tracks that the tyres' roads have, each once, and the road of each tyre."""
     tracks: dict[str, dict[str, object]] = {}
     known: dict[tuple[object, ...], str] = {}
@@ -376,11 +385,12 @@ def _causes() -> list[dict[str, str]]:
 def simulation_size(parts: Parts, steps: Steps) -> int:
     """An upper bound of the bytes that a simulation takes with an integrator, which the C++ checks when it is compiled."""
     equations, start = parts.stepped, parts.mechanism
-    n, m, q = start.speeds, len(start.equation_names), start.coordinates
-    state = 2 + q + 2 * n + m
+    n, m, q, state = _lengths(start)
     assembly = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
     masses = 3 * m * m + 6 * m + 3 * n
-    others = 6 * state + 8 * (len(equations.parameters) + 2 * len(equations.inputs) + len(equations.columns) + len(start.closures))
+    n, m, q, state = _lengths(equations)
+    others = 6 * max(state, _lengths(start)[-1])
+    others += 8 * (len(equations.parameters) + 2 * len(equations.inputs) + len(equations.columns) + len(start.closures))
     stored = _stored(parts.program)
     if parts.system is None:
         stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
@@ -398,6 +408,12 @@ def simulation_size(parts: Parts, steps: Steps) -> int:
     return 8 * (stored + assembly + masses + others + 512)
 
 
+def _lengths(equations: Equations) -> tuple[int, int, int, int]:
+    """How many speeds, equations and coordinates there are, and numbers of a state."""
+    n, m, q = len(equations.speed_names), len(equations.equation_names), len(equations.coordinate_names)
+    return n, m, q, 2 + q + 2 * n + m
+
+
 def _stored(program: Program) -> int:
     """Numbers that a class holds."""
     return sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
@@ -405,8 +421,9 @@ def _stored(program: Program) -> int:
 
 def _size_of_newton(system: System) -> int:
     """Numbers that Newton's iteration and its solvers hold."""
-    start, plan = system.equations.start, system.plan
-    n, m, q = start.speeds, len(start.equation_names), start.coordinates
+    plan = system.plan
+    n, m, q, _ = _lengths(system.equations)
     entries, rows = len(plan.pattern.row), plan.pattern.size
-    arrays = 24 * n + 24 * m + 8 * q + 10 * (n + m) + 9 * len(start.charts)
-    return arrays + entries + plan.storage.length + rows * rows + 8 * rows + 64
+    arrays = 24 * n + 24 * m + 8 * q + 10 * (n + m) + 9 * len(system.equations.charts)
+    pivoting = 0 if plan.pattern.symmetric else rows * rows
+    return arrays + entries + plan.storage.length + pivoting + 8 * rows + 64

@@ -8,7 +8,6 @@ from dataclasses import replace
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.source import Page, Source, description, mechanism_files, members, project_files, switches_of, system_class
 from cutjoint.emit.view import Viewer
-from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import SystemEquations
 from cutjoint.program.records import Program
 from cutjoint.sparse.pattern import Pattern
@@ -81,10 +80,8 @@ def render_class(
 
 def _relative(equations: SystemEquations) -> dict[str, object]:
     """What only systems in relative coordinates say of themselves."""
-    if not isinstance(equations, ImplicitEquations):
-        return {"charts": (), "speed_lists": [], "switches": ()}
-    speeds = {"field": "speeds", "names": equations.start.speed_names}
-    return {"charts": equations.start.charts, "speed_lists": [speeds], "switches": switches_of(equations)}
+    speeds = {"field": "speeds", "names": equations.speed_names}
+    return {"charts": equations.charts, "speed_lists": [speeds] if equations.charts else [], "switches": switches_of(equations)}
 
 
 def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:

@@ -137,8 +137,33 @@ class Equations:
         raise NotImplementedError
 
     @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each element of q."""
+        raise NotImplementedError
+
+    @property
+    def speed_names(self) -> tuple[str, ...]:
+        """A name for each element of v."""
+        raise NotImplementedError
+
+    @property
     def equation_names(self) -> tuple[str, ...]:
         """A name for each constraint equation."""
+        raise NotImplementedError
+
+    @property
+    def coordinate_elements(self) -> tuple[str, ...]:
+        """The joint or body of each element of q."""
+        raise NotImplementedError
+
+    @property
+    def speed_elements(self) -> tuple[str, ...]:
+        """The joint or body of each element of v."""
+        raise NotImplementedError
+
+    @property
+    def equation_elements(self) -> tuple[str, ...]:
+        """The joint, gear or body of each constraint equation."""
         raise NotImplementedError
 
     @property
@@ -192,6 +217,21 @@ class RecursiveEquations(Equations):
         return tuple(f"{c.joint}.{n}" for c in self.closures for n in c.names)
 
     @property
+    def coordinate_elements(self) -> tuple[str, ...]:
+        """The joint of each element of q."""
+        return tuple(c.joint for c in self.charts for _ in c.coordinate_names)
+
+    @property
+    def speed_elements(self) -> tuple[str, ...]:
+        """The joint of each element of v."""
+        return tuple(c.joint for c in self.charts for _ in c.speed_names)
+
+    @property
+    def equation_elements(self) -> tuple[str, ...]:
+        """The cut joint or gear of each equation."""
+        return tuple(c.joint for c in self.closures for _ in c.names)
+
+    @property
     def mechanism(self) -> RecursiveEquations:
         """These equations."""
         return self
@@ -207,11 +247,13 @@ class SystemEquations(Equations):
     """An index-3 formulation that Newton's iteration solves, see runtime/include/cutjoint/lagrangian/system.hpp.
 
     ``start`` are the recursive equations that find where a run begins.  The results ``tangent:row,column`` are the tangent's candidates,
-    of a symmetric tangent the lower triangle; their slots follow from its pattern.
+    of a symmetric tangent the lower triangle; their slots follow from its pattern.  ``switches`` are the values of ``events``, in an order
+    of their own.
     """
 
     method: str
     start: RecursiveEquations
+    switches: tuple[SwitchPlace, ...] = ()
 
     @property
     def mechanism(self) -> RecursiveEquations:
@@ -219,9 +261,9 @@ class SystemEquations(Equations):
         return self.start
 
     @property
-    def coordinate_names(self) -> tuple[str, ...]:
-        """A name for each element of q."""
-        raise NotImplementedError
+    def charts(self) -> tuple[Chart, ...]:
+        """How relative coordinates follow their speeds; none of natural ones, which are their own."""
+        return ()
 
     @property
     def row_names(self) -> tuple[str, ...]:

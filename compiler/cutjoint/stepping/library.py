@@ -11,12 +11,15 @@ from typing import Any
 from cutjoint.emit.standalone import Steps
 from cutjoint.stepping.lanes import Lanes
 
+#: What has names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
+_NAMED = ("parameter", "coordinate", "speed", "start_coordinate", "start_speed", "output")
+
 
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
-    ``equations`` is the number of equations of loops, ``freedoms`` that of degrees of freedom where the library has derivatives, ``steps``
-    what the integrator can do, ``settings`` those that a simulation begins with, as in run files, ``lanes`` what takes the steps of several
+    ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``steps`` what
+    the integrator can do, ``settings`` those that a simulation begins with, as in run files, ``lanes`` what takes the steps of several
     together, if the method can.
 
     Raises:
@@ -67,7 +70,7 @@ class Library:
         self.status_text = self._function("status_text", text, index)
         self.explain = self._function("explain", index, sim, text, ctypes.c_size_t)
         self.arrays = {name: self._function(name, pointer, sim) for name in ("coordinates", "speeds", "accelerations", "parameters")}
-        self.names = {kind: self._table(f"{kind}_name") for kind in ("parameter", "coordinate", "speed", "output")}
+        self.names = {kind: self._table(f"{kind}_name") for kind in _NAMED}
         self.names["input"] = self._table("input_name") if has_inputs else ()
         kinds = ("parameter", "output", *(["input"] if has_inputs else []))
         self.units = {kind: dict(zip(self.names[kind], self._table(f"{kind}_unit"), strict=True)) for kind in kinds}

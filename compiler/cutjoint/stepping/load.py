@@ -26,12 +26,12 @@ def load(
 ) -> Simulation:  # fmt: skip
     """Compile a model file for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
-    Steps are those of ``method``, "recursive" or "recursive-newton", by ``integrator``: "trapezoidal", or of method recursive "rk4" or
-    "dormand-prince", of method recursive-newton "sdirk4" or "sdirk4-fixed"; that of the scene unless one is named, and the trapezoidal rule
-    where the method has not the scene's.  They are as long as the scene says; those of dormand-prince and sdirk4 are as long as tolerances
-    allow, and a step of the simulation takes as many as it needs.  Numbers whose names match one of the patterns ``opened``, such as
-    "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to five times as long to
-    compile.
+    Steps are those of ``method``, "recursive", "augmented" or "recursive-newton", by ``integrator``: "trapezoidal", or of method recursive
+    "rk4" or "dormand-prince", of method recursive-newton "sdirk4" or "sdirk4-fixed"; that of the scene unless one is named, and the
+    trapezoidal rule where the method has not the scene's.  They are as long as the scene says; those of dormand-prince and sdirk4 are as
+    long as tolerances allow, and a step of the simulation takes as many as it needs.  Numbers whose names match one of the patterns
+    ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to five times
+    as long to compile.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the scene is wrong, or there is no such method or
@@ -59,7 +59,7 @@ def load_scene(
     lanes = Lanes(standalone.name, program.operations("evaluate"), build) if standalone.steps.in_lanes else None
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
-        equations=len(mechanism.equation_names), freedoms=standalone.freedoms, steps=standalone.steps,
+        equations=len(equations.equation_names), freedoms=standalone.freedoms, steps=standalone.steps,
         settings=standalone.run_file["numerics"], lanes=lanes,
     ))  # fmt: skip
 

@@ -57,8 +57,8 @@ class Simulation:
         self, *, coordinates: Mapping[str, float] | None = None, speeds: Mapping[str, float] | None = None, dt: float | None = None,
         iterations: int | None = None, tolerance: float | None = None, equilibrium: bool | None = None,
     ) -> Simulation:  # fmt: skip
-        """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) besides,
-        which hold for this start alone.
+        """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) of joints of
+        the spanning tree besides, which hold for this start alone.
 
         ``dt`` is the length of steps (s).  ``iterations``, of the trapezoidal rule of method recursive, is their fixed number in each
         (0: as many as it takes); ``tolerance``, of dormand-prince and sdirk4, is what the error of a step may be, absolute (SI units) and
@@ -83,7 +83,7 @@ class Simulation:
             call(library.set_equilibrium, int(equilibrium))
         call(library.give_scene)
         for kind, given, give in (("coordinate", coordinates, library.give_coordinate), ("speed", speeds, library.give_speed)):
-            places = {name: i for i, name in enumerate(library.names[kind])}
+            places = {name: i for i, name in enumerate(library.names[f"start_{kind}"])}
             for name, value in (given or {}).items():
                 call(give, find_place(places, name), value)
         call(library.start)
@@ -153,7 +153,8 @@ class Simulation:
 
     @property
     def coordinates(self) -> Values:
-        """Coordinates of the joints of the spanning tree; `set_state` changes them.
+        """Coordinates of the joints of the spanning tree, by the method augmented natural ones: points (m) and unit vectors in global axes,
+        and angles (rad) of joints; `set_state` changes them.
 
         Raises:
             SimulationError: there was no `reset`.
@@ -218,7 +219,7 @@ class Simulation:
         self._call(self.library.set_state, time, q.ctypes.data, v.ctypes.data)
 
     def displace(self, displacements: Array) -> None:
-        """Move the coordinates by small displacements, one for each speed (turns for those of a ball), and close the loops again.
+        """Move the coordinates by small displacements, one for each speed (turns for those of a ball), and satisfy the equations again.
 
         Raises:
             ValueError: there is another number of speeds.
@@ -231,7 +232,7 @@ class Simulation:
 
     @property
     def jacobian(self) -> Array:
-        """The Jacobian of the loops' equations by the speeds, (equations, speeds).
+        """The Jacobian of the equations by the speeds, (equations, speeds): those of loops, of natural coordinates those of bodies too.
 
         Raises:
             SimulationError: there was no `reset`.

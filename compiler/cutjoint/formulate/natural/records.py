@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cutjoint.elements.joint import rate_name
 from cutjoint.formulate.natural.constraints import Constraint
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import NodeKind
@@ -36,9 +37,33 @@ class LagrangianEquations(SystemEquations):
         )
 
     @property
+    def speed_names(self) -> tuple[str, ...]:
+        """A name for each element of v, the rate of that of q."""
+        named = (name.rpartition(".") for name in self.coordinate_names)
+        return tuple(f"{of}.{rate_name(coordinate)}" for of, _, coordinate in named)
+
+    @property
     def equation_names(self) -> tuple[str, ...]:
         """A name for each constraint equation."""
         return tuple(f"{c.element}.{name}" for c in self.constraints for name in c.names)
+
+    @property
+    def coordinate_elements(self) -> tuple[str, ...]:
+        """The joint or body that each element of q has its name from, or the body that carries it where that is another element's."""
+        known = self.topology.model.constraint_spans
+        return tuple(
+            n.title.element if n.title.element in known else n.body for n in self.layout.coordinates for _ in range(n.size)
+        )
+
+    @property
+    def speed_elements(self) -> tuple[str, ...]:
+        """The same of each element of v."""
+        return self.coordinate_elements
+
+    @property
+    def equation_elements(self) -> tuple[str, ...]:
+        """The body, joint or gear of each equation."""
+        return tuple(c.element for c in self.constraints for _ in c.names)
 
     @property
     def row_names(self) -> tuple[str, ...]:

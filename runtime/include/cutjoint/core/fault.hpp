@@ -40,7 +40,8 @@ enum class Cause : int {
 enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5 };
 
 /// A failure: nothing if the cause is none.  `index` is the place of what failed most in its list, `value` what is left of it (SI units), `size` what
-/// is compared with, `iterations` how many were made, `closer` whether the last of them came closer.
+/// is compared with, `iterations` how many were made, `closer` whether the last of them came closer.  The lists are those of what is stepped, or, `at_start`,
+/// of the mechanism that finds where it starts.
 struct Fault {
   Cause cause = Cause::none;
   FaultList list = FaultList::none;
@@ -51,6 +52,7 @@ struct Fault {
   double size = 1.0;
   int iterations = 0;
   bool closer = false;
+  bool at_start = false;
 
   explicit operator bool() const { return cause != Cause::none; }
 };

@@ -6,9 +6,6 @@
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/mechanism.hpp"
-#include "cutjoint/core/newton/dense_solver.hpp"
-#include "cutjoint/core/newton/guarded_solver.hpp"
-#include "cutjoint/core/newton/recursive_newton.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
@@ -17,9 +14,9 @@
 
 namespace cutjoint {
 
-/// The integrator of a simulation (simulation.hpp) by the trapezoidal rule of `recursive-newton`, over a system in the coordinates of the mechanism M that
-/// starts.  Steps go over events.
-template <Sized M, Sized S>
+/// The integrator of a simulation (simulation.hpp) by the trapezoidal rule of a method `Newton` with its `Solver`, over a system S in whatever coordinates;
+/// the mechanism M starts.  Steps go over events.
+template <Sized M, Sized S, class Newton, class Solver>
 class NewtonSteps {
  public:
   using Subject = S;
@@ -67,12 +64,9 @@ class NewtonSteps {
   /// The state with its accelerations and multipliers.
   const StateOf<S>& complete(const StateOf<S>& state) const { return state; }
 
-  using Solver = GuardedSolver<S, DenseSolver<S>>;
-  using Newton = RecursiveNewton<S, Solver>;
-
   struct Memory {
     typename Newton::Memory newton;
-    typename Solver::Memory solver;
+    [[no_unique_address]] typename Solver::Memory solver;
     Real h;
   };
 
@@ -93,7 +87,7 @@ class NewtonSteps {
       way_[i] = h * from.v[i] + h * h / 2 * from.vdot[i];
       state.v[i] = from.v[i] + h * from.vdot[i];
     }
-    retract<Real>(charts_of(system_), from.q.data(), way_.data(), state.q.data());
+    displace(charts_of(system_), from.q, way_.data(), state.q);
     state.t = from.t + h;
     Fault fault = newton_.close_loops(state);
     if (!fault) fault = newton_.go_on(state);

@@ -72,8 +72,8 @@ struct HostInputs {
 /// A method with an integrator such as fixed_point_steps.hpp.  The mechanism finds where motions start; it is also what the integrator steps, its
 /// `Subject`, unless that is a system in coordinates of its own or with a tangent.
 ///
-/// Settings, parameters, and coordinates and speeds to start with are those of the scene until others are given.  `start` finds a consistent
-/// state from them; `step` and `advance` go on from there.
+/// Settings, parameters, and coordinates and speeds to start with, which are the mechanism's, are those of the scene until others are given.  `start`
+/// finds a consistent state from them; `step` and `advance` go on from there.
 ///
 /// An integrator has
 ///
@@ -140,9 +140,9 @@ class Simulation {
     used_ = inputs_;
     StateOf<M> begun = start_;
     Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
-    if (const Fault fault = how.place(begun, given_coordinates_)) return fault;
+    if (const Fault fault = how.place(begun, given_coordinates_)) return at_start(fault);
     begun.v = start_.v;  // a pose at rest has none
-    if (const Fault fault = how.move(begun, given_speeds_)) return fault;
+    if (const Fault fault = how.move(begun, given_speeds_)) return at_start(fault);
     penalties_ = how.penalties();
     take_over(begun);
     count_from_here();
@@ -245,7 +245,7 @@ class Simulation {
   Fault displace(const Real* delta) {
     heed_changes();
     const StateOf<Subject> from = state_;
-    retract<Real>(charts_of(subject()), from.q.data(), delta, state_.q.data());
+    cutjoint::displace(charts_of(subject()), from.q, delta, state_.q);
     const Fault fault = steps_->close(state_);
     if (!fault) return accelerate();
     state_ = from;
@@ -253,11 +253,20 @@ class Simulation {
     return fault;
   }
 
-  /// The Jacobian of the loops' equations by the speeds, column by column.
-  const Real* jacobian() {
+  /// Put the Jacobian of the equations by the speeds into `columns`, column by column.
+  void jacobian(Real* columns) {
     heed_changes();
-    mechanism_.begin_step(state_.t, Real(1));
-    return initialisation_->starter().jacobian(state_);
+    subject().begin_step(state_.t, Real(1));
+    if constexpr (has_system) {
+      Speeds<Subject> unit;
+      for (std::size_t i = 0; i < sizes.speeds; ++i, columns += sizes.equations) {
+        unit[i] = Real(1);
+        system_.apply_jacobian(state_.q.data(), unit.data(), columns);
+        unit[i] = Real(0);
+      }
+    } else {
+      std::copy_n(initialisation_->starter().jacobian(state_), sizes.equations * sizes.speeds, columns);
+    }
   }
 
   /// The mechanism, its roads and its starter at a time, for those who seek states to go to.
@@ -349,6 +358,11 @@ class Simulation {
     } else {
       state_ = begun;
     }
+  }
+
+  static Fault at_start(Fault fault) {
+    fault.at_start = true;
+    return fault;
   }
 
   typename Initialisation<M>::Settings how_to_start() const {
