@@ -106,6 +106,12 @@ def test_a_run_that_fails_is_a_row(tmp_path: Path) -> None:
     assert [len(values) for values in done["slider.x(t)"]][::2] == [4, 4]
 
 
+def test_a_mass_that_no_body_has_fails_alone(tmp_path: Path) -> None:
+    changes: Mapping[str, Any] = {"open": ["slider.mass"], "parameters": {"slider.mass": [2.0, -1.0]}, "design": "grid", "rates": None}
+    done = cutjoint.sweep(study(tmp_path, **changes), tmp_path / "out.parquet")
+    assert done.failures == [None, "a number is not finite, or out of its range"]
+
+
 def test_scenes_and_starts_that_follow_from_parameters(tmp_path: Path) -> None:
     text = (MODELS / "press.yaml").read_text(encoding="utf-8")
     text = text.replace("parameters: {", "parameters: {begin: {value: 8, unit: rad/s, binding: param}, ")

@@ -72,7 +72,7 @@ def _place(v: Variable, names: Sequence[str]) -> int:
 def _following(
     p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scalar], names: Mapping[str, Sequence[str]]
 ) -> list[str]:  # fmt: skip
-    """The calls that give a start what of it follows from parameters that the study changes."""
+    """What gives a start all that follows from parameters that the study changes, and what refuses masses that no body has."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
     if "roads" in changing(model, scene) and moving & _radii(model):
@@ -86,6 +86,8 @@ def _following(
                     reason = f"the attitude '{name}' follows from a parameter of the study"
                     raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use simulate --batch")
                 calls.append(f"{p}_{function}(sim, {list(names[table]).index(name)}, {_print(value, symbols)})")
+    masses = [value for body in model.bodies for value in (body.mass, *body.inertia[:3])]
+    calls += [f"{_print(m, symbols)} >= 0.0 ? {p.upper()}_OK : {p.upper()}_NOT_FINITE" for m in masses if m.free_symbols & moving]
     return calls
 
 
