@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,6 +19,10 @@ from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as Told
 from cutjoint.sweeps.run import Sweep, perform_study
 from cutjoint.view.views import require_view
+
+#: How many reasons of failures are printed, and what two that are alike may differ by.
+_REASONS = 5
+_NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
 
 
 @click.command("sweep")
@@ -93,5 +98,16 @@ def _report(study: Study, done: Sweep) -> None:
         options.out.print("all runs were there", markup=False)
     options.out.print(f"results: {done.path}, {study.runs} runs, {len(done.table.column_names)} columns", markup=False)
     if failed:
-        first = next(i for i, failure in enumerate(done.failures) if failure is not None)
-        options.out.print(f"{failed} of them failed; run {first}: {done.failures[first]}", markup=False)
+        options.out.print(f"{failed} of them failed:", markup=False)
+        for runs in sorted(_alike(done.failures), key=len, reverse=True)[:_REASONS]:
+            like = f"run {runs[0]}" if len(runs) == 1 else f"{len(runs)} like run {runs[0]}"
+            options.out.print(f"  {like}: {done.failures[runs[0]]}", markup=False)
+
+
+def _alike(failures: Sequence[str | None]) -> list[list[int]]:
+    """The runs that failed, those together whose reasons differ by numbers alone."""
+    found: dict[str, list[int]] = {}
+    for run, failure in enumerate(failures):
+        if failure is not None:
+            found.setdefault(_NUMBER.sub("", failure), []).append(run)
+    return list(found.values())
