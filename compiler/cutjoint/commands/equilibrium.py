@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.report import tables
+from cutjoint.report.equilibrium import force_table, pose_table
 from cutjoint.run.outputs import require_apart
 from cutjoint.states import find_equilibrium
 from cutjoint.topology.reading import read_model
@@ -31,8 +31,8 @@ def command(model: Path, scene: str | None, changes: tuple[str, ...], view: Path
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
         found = find_equilibrium(model, scene=chosen.name if checked.scenes else None, parameters=parameters)
-    options.out.print(tables.pose_table(found))
-    options.out.print(tables.force_table(found))
+    options.out.print(pose_table(found))
+    options.out.print(force_table(found))
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_equilibrium(checked, chosen, parameters, found))
