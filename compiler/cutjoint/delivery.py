@@ -55,7 +55,8 @@ def plan_delivery(
         if integrator is not None:
             raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
         if linearise:
-            raise RunError(f"linearise: method '{method}' has no folder that stands alone; use {either(linearised_methods())}")
+            able = f"use method {either(linearised_methods())}, in {DEFAULT_PRECISION}"
+            raise RunError(f"linearise: only folders that stand alone have derivatives; give one by out, and {able}")
         delivery = None if folder is None else Delivery(folder=folder, files=source.files, program="simulator", alone=None)
     else:
         alone = make_standalone(equations, program, source, integrator=integrator, lanes=lanes, linearise=linearise)

@@ -16,7 +16,7 @@ from cutjoint.emit.source import Source
 from cutjoint.emit.standalone import STEPS, Parts, Steps, System, emit_standalone, simulation_size
 from cutjoint.formulate.records import Equations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import DEFAULT_INTEGRATOR, METHODS, Events, Formulation, either, names_of
+from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, METHODS, Events, Formulation, either, names_of
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -89,9 +89,10 @@ def make_standalone(
     coordinates and derivatives too.  With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
 
     Raises:
-        RunError: the core has not the integrator, the state of the method has natural coordinates, which have no derivatives, or the scene
-            has a setting or a start without a finite value.
+        RunError: the core has not the integrator, Newton's iteration has nothing to solve for, the state of the method has natural
+            coordinates, which have no derivatives, or the scene has a setting or a start without a finite value.
     """
+    _require_unknowns(equations)
     if linearise:
         _require_relative(equations)
     freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
@@ -120,6 +121,13 @@ def choose_steps(scene: Scene, method: str, integrator: str | None) -> Options:
         raise RunError(f"integrator: '{integrator}' is not one of folders that stand alone, {', '.join(known)}")
     chosen = integrator or (given if given is not None and given in known else DEFAULT_INTEGRATOR)
     return Options(integrator=chosen, events=None if known[chosen].finds_events else Events.CROSSED)
+
+
+def _require_unknowns(equations: Equations) -> None:
+    """Check that Newton's iteration, where the method has one, has something to solve for."""
+    if isinstance(equations, SystemEquations) and not equations.unknowns:
+        model = equations.topology.model
+        raise RunError(f"{model.span.file}: nothing in the model moves, so that '{equations.method}' has no equation; use {DEFAULT_METHOD}")
 
 
 def _require_relative(equations: Equations) -> None:

@@ -15,7 +15,9 @@ from click.testing import CliRunner
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.locations import runtime_folder
+from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
+from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.standalone import linearised_methods
 from cutjoint.stepping.load import load_scene
@@ -197,6 +199,50 @@ def test_hosts_choose_states() -> None:
         sim.choose(["pin.angle_rate", "wrist.angle_rate"])
 
 
+def test_a_start_forgets_what_was_chosen() -> None:
+    sim = cutjoint.load(MODELS / "press.yaml", linearise=True).reset()
+    usual = list(sim.states)
+    other = next(name for name in sim.speeds if name not in usual)
+    sim.choose([other])
+    assert list(sim.states)[1] == other
+    assert list(sim.reset().states) == usual
+
+
+def test_a_ball_that_has_turned_far_is_poor() -> None:
+    """Half a turn about one axis; at 2 tan(angle/2) = 1 another choice is better."""
+    text = """
+cutjoint: 1
+name: top
+gravity: [0, 0, 0]
+bodies: {top: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {ball: {kind: spherical, bodies: [ground, top], at: [0, 0, 0]}}
+scenes: {turn: {end: 1, rates: {ball.wx: 1}}}
+"""
+    sim = loaded(text, "top").reset(dt=1e-3)
+    assert next(iter(sim.states)) == "ball.turn_x"
+    for angle, poor in ((0.9, False), (1.0, True)):
+        sim.advance(angle)
+        assert sim.states["ball.turn_x"] == pytest.approx(2 * np.tan(angle / 2), rel=1e-6)
+        assert sim.is_poor is poor
+    sim.choose()
+    assert not sim.is_poor
+
+
+@pytest.mark.parametrize("method", [m for m in METHODS if METHODS[m].has_system and METHODS[m].stands_alone])
+def test_nothing_to_solve_for_is_told(method: str) -> None:
+    text = """
+cutjoint: 1
+name: still
+gravity: [0, 0, 0]
+bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {weld: {kind: fixed, bodies: [ground, block], at: [0, 0, 0]}}
+scenes: {rest: {end: 1}}
+"""
+    model = read_model_text(text, "still.yaml")
+    with pytest.raises(RunError, match=f"nothing in the model moves, so that '{method}' has no equation; use recursive"):
+        load_scene(model, find_scene(model, None), method=method)
+
+
 def test_what_cannot_be_linearised_is_told() -> None:
     with pytest.raises(cutjoint.SimulationError, match=r"not been started; call reset"):
         cutjoint.load(CART_POLE, linearise=True).linearise()
@@ -217,4 +263,4 @@ def test_the_command_adds_derivatives(tmp_path: Path) -> None:
         main, ["compile", str(MODELS / "press.yaml"), "--method", "augmented", "--linearise", "--out", str(tmp_path / "other")]
     )
     assert refused.exit_code != 0
-    assert "method 'augmented' has no folder that stands alone; use recursive or recursive-newton" in " ".join(refused.output.split())
+    assert "the state of method 'augmented' has natural coordinates; use recursive or recursive-newton" in " ".join(refused.output.split())

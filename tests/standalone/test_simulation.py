@@ -175,6 +175,14 @@ def test_rollout_is_what_each_would_do_alone(press: cutjoint.Simulation) -> None
     assert np.array_equal(cutjoint.rollout(press, 30, parameters={"stiffness": 1000.0})[0], rows[0])
 
 
+def test_rollout_in_lanes_of_what_is_linearised_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(standalone, "_COMPILING", -1e9)
+    press = cutjoint.load(MODELS / "press.yaml", linearise=True).reset()
+    rows = cutjoint.rollout(press, 5, parameters={"stiffness": [1000.0, 2000.0]})
+    press.parameters["stiffness"] = 2000.0
+    np.testing.assert_allclose(press.play(5), rows[1], rtol=1e-9, atol=1e-9)
+
+
 def test_rollout_in_lanes_is_what_each_would_do_alone(press: cutjoint.Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
     """From other states with other settings, each the same bit by bit whatever goes beside it; one that fails has no rows from there on."""
     monkeypatch.setattr(standalone, "_COMPILING", -1e9)

@@ -346,7 +346,7 @@ def _state_tables(equations: Equations, prefix: str) -> dict[str, Sequence[str]]
 
 
 def _state_names(start: RecursiveEquations, *, rates: bool) -> list[str]:
-    """A name for each speed: its coordinate, of a ball the rotation vector, or the rate of that."""
+    """A name for each speed: its coordinate, of a ball its turn, or the rate of that."""
     names: list[str] = []
     for c in start.charts:
         names += [f"{c.joint}.{name}" for name in (c.speed_names if rates else c.coordinate_names)[: c.scalars]]

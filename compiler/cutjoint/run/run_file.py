@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
 from types import MappingProxyType
@@ -27,6 +27,9 @@ from cutjoint.run.roads import road_pieces
 from cutjoint.run.settings import Settings, find_settings, with_options
 
 _NOTHING_ASKED = Options()
+
+#: What follows from parameters and is no part of a run file: whether bodies can have their masses and inertias.
+MASSES = "masses"
 
 
 def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
@@ -98,7 +101,7 @@ def make_run_file(
         "end": scene.end,
         "output_step": scene.output_step,
         "pose": scene.pose,
-        **following(model, scene, parameters, tuple(_sources(model, scene))),
+        **following(model, scene, parameters, (*_sources(model, scene), MASSES)),
         "out": out,
     }
 
@@ -110,45 +113,50 @@ def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict
 
 
 def changing(model: Model, scene: Scene) -> tuple[str, ...]:
-    """What follows from open parameters: parts of a run file besides "parameters", and "masses"."""
+    """What follows from open parameters: parts of a run file besides "parameters", and `MASSES`."""
     symbols = {p.symbol for p in open_parameters(model)}
     of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in _sources(model, scene).items()}
-    return tuple(name for name, used in of_part.items() if used & symbols)
+    masses = (MASSES,) if any(True for _ in _changing_bodies(model)) else ()
+    return (*(name for name, used in of_part.items() if used & symbols), *masses)
 
 
 def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
-    """Parts of a run file that may follow from parameters: "positions", "rates", "roads"; of "masses" nothing is left but a check.
+    """Parts of a run file that may follow from parameters: "positions", "rates", "roads"; of `MASSES` nothing is left but a check.
 
     Raises:
         RunError: with these parameters one of them has no finite value, or no body can have a mass or an inertia.
     """
     value, sources = Evaluator(model, parameters), _sources(model, scene)
-    made: dict[str, Any] = {part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts}
+    made: dict[str, Any] = {
+        part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts if part in sources
+    }
     for part in made.keys() & {"positions", "rates"}:
         made[part] = _checked_states(model, scene, part, made[part])
     if "roads" in made:
         roads = {radius: _road(scene, radius) for radius in made["roads"].values()}
         made["roads"] = {tyre: roads[radius] for tyre, radius in made["roads"].items()}
-    _require_masses(model, made.pop("masses", {}))
+    if MASSES in parts:
+        _require_masses(model, value)
     return made
 
 
-def _require_masses(model: Model, values: Mapping[str, float]) -> None:
-    for body in model.bodies if values else ():
-        mass, *inertia = (values[key] for key in _mass_keys(body))
+def _require_masses(model: Model, value: Evaluator) -> None:
+    for body in _changing_bodies(model):
+        mass, *inertia = (value(entry, f"{body.span}: body '{body.name}': its mass or inertia") for entry in (body.mass, *body.inertia))
         if problem := next(mass_problems(mass, inertia), None):
             raise RunError(f"{body.span}: body '{body.name}': with these parameters {problem}; set other values")
 
 
-def _mass_keys(body: Body) -> list[str]:
-    return [f"{body.name} {i}" for i in range(1 + len(body.inertia))]
+def _changing_bodies(model: Model) -> Iterator[Body]:
+    """The bodies whose masses or inertias follow from open parameters."""
+    symbols = {p.symbol for p in open_parameters(model)}
+    yield from (body for body in model.bodies if any(entry.free_symbols & symbols for entry in (body.mass, *body.inertia)))
 
 
 def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
-    """The expressions that these parts come from; of a road the wheel's radius, of masses all that bodies have."""
+    """The expressions that these parts come from; of a road the wheel's radius."""
     radii = {f.name: f.constants["radius"] for f in model.forces if isinstance(f, Tyre)}
-    masses = {key: value for body in model.bodies for key, value in zip(_mass_keys(body), (body.mass, *body.inertia), strict=True)}
-    return {"positions": scene.positions, "rates": scene.rates, "roads": radii, "masses": masses}
+    return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
 
 
 def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -173,9 +181,6 @@ def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, 
 
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:
     """Where the expression stands that a part comes from."""
-    if part == "masses":
-        body = next(b for b in model.bodies if of in _mass_keys(b))
-        return f"{body.span}: body '{body.name}': its mass or inertia"
     if part != "roads":
         return f"{scene.span}: scene '{scene.name}': {part}: '{of}'"
     return f"{next(f.span for f in model.forces if f.name == of)}: tyre '{of}': radius"

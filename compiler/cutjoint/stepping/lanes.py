@@ -9,10 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
-from cutjoint.locations import templates_folder
+from cutjoint.emit.source import environment
 from cutjoint.standalone import Standalone, pays_in_lanes
 from cutjoint.stepping.values import Array
 
@@ -71,8 +70,4 @@ class Lanes:
 
 def with_rollout(alone: Standalone) -> Standalone:
     """A folder with lanes whose library also takes the steps of many simulations."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(templates_folder() / "stepping"), undefined=jinja2.StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
-    return alone.with_code(environment.get_template("rollout.cpp.jinja").render(p=alone.name, P=alone.name.upper()))
+    return alone.with_code(environment().get_template("stepping/rollout.cpp.jinja").render(p=alone.name, P=alone.name.upper()))

@@ -56,6 +56,7 @@ class Library:
         self.jacobian = self._function("jacobian", index, sim, ctypes.c_void_p)
         if freedoms is not None:
             self.choose = self._function("choose", index, sim)
+            self.is_poor = self._function("is_poor", index, sim)
             self.choose_speeds = self._function("choose_speeds", index, sim, ctypes.POINTER(ctypes.c_int))
             self.state_name = self._function("state_name", text, sim, index)
             self.get_minimal = self._function("get_minimal", index, sim, ctypes.c_void_p)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from cutjoint.emit.standalone import STEPS
@@ -50,11 +51,12 @@ def load_scene(
     """The same of a model that has been read; errors as of `load`."""
     _require_method(method)
     equations, program, source = generate(model, scene, scene.outputs, method=method)
-    standalone = make_standalone(equations, program, source, integrator=integrator, linearise=linearise)
+    alone = partial(make_standalone, equations, program, source, integrator=integrator, linearise=linearise)
+    standalone = alone()
     mechanism = equations.mechanism
 
     def build() -> Path:
-        return with_rollout(make_standalone(equations, program, source, integrator=integrator, side_by_side=True)).build_library(flags)
+        return with_rollout(alone(side_by_side=True)).build_library(flags)
 
     lanes = Lanes(standalone.name, program.operations("evaluate"), build) if standalone.steps.in_lanes else None
     return Simulation(Library(

@@ -262,8 +262,18 @@ class Simulation:
         self._call(self.library.choose_speeds, (ctypes.c_int * freedoms)(*numbers))
 
     @property
+    def is_poor(self) -> bool:
+        """Whether `choose` should be called again: a ball has turned far since, or dependent coordinates follow fast.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+        """
+        self._require_freedoms()
+        return bool(self.library.is_poor(self.address))
+
+    @property
     def states(self) -> Values:
-        """The independent coordinates, then their rates, by name, of balls the rotation vector from the pose in which they were chosen.
+        """The independent coordinates, then their rates, by name, of balls the turn from the pose in which they were chosen.
 
         Raises:
             TypeError: the model was loaded without derivatives.

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import jinja2
 import sympy
 
 from cutjoint.elements.joint import ATTITUDE
+from cutjoint.emit.source import environment
 from cutjoint.export.laws import expression
 from cutjoint.formulate.records import Column
-from cutjoint.locations import templates_folder
 from cutjoint.model.expressions import variable
 from cutjoint.model.records import Model, Scalar, Scene, Tyre
 from cutjoint.run.errors import RunError
@@ -30,12 +29,8 @@ def with_runs(
         RunError: the library has no place for something that the study changes.
     """
     symbols = _symbols(study.model, columns, names)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(templates_folder() / "sweep"), undefined=jinja2.StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
     p, calls = alone.name, _calls(alone.name, study.variables, names)
-    text = environment.get_template("runs.cpp.jinja").render(
+    text = environment().get_template("sweep/runs.cpp.jinja").render(
         p=p, P=p.upper(), lanes=alone.lanes, variables=study.variables,
         series=[_print(s.value, symbols) for s in study.series],
         parameters=[call for v, call in calls if v.kind in (Kind.PARAMETER, Kind.INPUT)],
@@ -72,7 +67,7 @@ def _place(v: Variable, names: Sequence[str]) -> int:
 def _following(
     p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scalar], names: Mapping[str, Sequence[str]]
 ) -> list[str]:  # fmt: skip
-    """What gives a start all that follows from parameters that the study changes, and what refuses masses that no body has."""
+    """What gives a start all that follows from parameters that the study changes, and what refuses negative masses and moments."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
     if "roads" in changing(model, scene) and moving & _radii(model):
