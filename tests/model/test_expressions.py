@@ -132,6 +132,7 @@ LISTED = "use numbers, names, + - * / **, comparisons inside where, and the list
         ("sqrt(-1)", "'sqrt' of -1 has no finite real value", ""),
         ("x // 2", "an operator is not allowed in an expression", "use + - * / **"),
         ("x y", "'x y' is not an expression", "write for example '2*pi*radius'"),
+        ("20 deg*sin(x)", "'20 deg*sin(x)' is not an expression", "numbers in an expression have no units, write SI numbers: 20*pi/180"),
         ("3 foo", "unknown unit 'foo'", "write for example '30 deg' or '5 N*s/m'"),
         ("1e999", "a number is not finite", ""),
         ("1_0*x", "'1_0' is not a number here", "write it in decimal digits, without underscores"),

@@ -84,6 +84,8 @@ VALUES = [
     ("[0.1, 0.2, 0.2]", "[0.1, 0.2, §0.2 kg]", "@: body 'arm': inertia needs kg*m^2, got kg"),
     ("[0, 0, -9.81]", "[0, 0, §arm_length]", "@: model: gravity needs m/s^2, got m"),
     ("mass: arm_mass", "mass: §1/(arm_mass - 2)", "@: body 'arm': mass has no finite value"),
+    ("mass: arm_mass", "mass: §0.1 + sqrt(arm_mass - 9)", "@: body 'arm': mass has no finite value"),
+    ("mass: arm_mass", "mass: §abs(sqrt(arm_mass - 9))", "@: body 'arm': mass has no finite value"),
     ("mass: arm_mass", "mass: -1", "11:3: body 'arm': the mass is negative: -1 kg"),
     (
         "[0.1, 0.2, 0.2]",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import cutjoint
 from cutjoint import standalone
 from tests.conftest import MODELS, needs_cpp
+from tests.mechanisms.driven import pushed_text
 
 from .folders import ALONE
 
@@ -173,6 +175,24 @@ def test_rollout_is_what_each_would_do_alone(press: cutjoint.Simulation) -> None
     with pytest.raises(ValueError, match="how many simulations"):
         cutjoint.rollout(press, 3)
     assert np.array_equal(cutjoint.rollout(press, 30, parameters={"stiffness": 1000.0})[0], rows[0])
+
+
+def test_rollout_with_inputs_of_each_step(tmp_path: Path) -> None:
+    path = tmp_path / "pushed.yaml"
+    path.write_text(pushed_text(), encoding="utf-8")
+    sim = cutjoint.load(path).reset(dt=0.01)
+    pushes = np.random.default_rng(1).normal(size=(5, 30))
+    rows = cutjoint.rollout(sim, 30, inputs={"push": pushes}, threads=2)
+    for course, found in zip(pushes, rows, strict=True):
+        one = sim.copy()
+        for push, row in zip(course, found, strict=True):
+            one.inputs["push"] = push
+            one.step()
+            assert one.outputs.array.tolist() == row.tolist()
+    with pytest.raises(ValueError, match=r"input 'push': an array \(5, 30\) is none of \(simulations,\) and \(simulations, 20\)"):
+        cutjoint.rollout(sim, 20, inputs={"push": pushes})
+    with pytest.raises(ValueError, match=r"parameter 'mass': an array \(1, 2\) has not one value for each simulation"):
+        cutjoint.rollout(sim, 20, parameters={"mass": [[1.0, 2.0]]})
 
 
 def test_rollout_in_lanes_of_what_is_linearised_too(monkeypatch: pytest.MonkeyPatch) -> None:

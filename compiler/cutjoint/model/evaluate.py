@@ -19,7 +19,7 @@ def evaluate(expression: Scalar, values: Mapping[Scalar, float]) -> float:
         result = _evaluate(expression, values)
     except (ArithmeticError, ValueError):
         return math.nan
-    return math.nan if isinstance(result, complex) else float(result)
+    return float(result)
 
 
 def _evaluate(node: Scalar, values: Mapping[Scalar, float]) -> Any:
@@ -39,10 +39,22 @@ def _evaluate(node: Scalar, values: Mapping[Scalar, float]) -> Any:
     return _EVALUATORS[node.func](*(_evaluate(argument, values) for argument in node.args))
 
 
+def _power(base: float, exponent: float) -> float:
+    """A power; a root of a negative number has no value, in whatever it stands.
+
+    Raises:
+        ArithmeticError: it has none.
+    """
+    power = base**exponent
+    if isinstance(power, complex):
+        raise ArithmeticError
+    return float(power)
+
+
 _EVALUATORS: Mapping[Any, Callable[..., Any]] = {
     sympy.Add: lambda *terms: math.fsum(terms),
     sympy.Mul: lambda *factors: math.prod(factors),
-    sympy.Pow: operator.pow,
+    sympy.Pow: _power,
     sympy.And: lambda *parts: all(parts),
     sympy.Or: lambda *parts: any(parts),
     sympy.Not: operator.not_,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
@@ -115,13 +116,19 @@ def _one_line(text: str) -> str:
     return text.replace("\n", " ").strip()
 
 
+#: A number with a unit behind it.
+_MEASURE = re.compile(r"\d\s+(?:deg|rad|[kcm]?m|kg|g|s|ms|k?N|rpm|Hz)\b")
+
+
 def _syntax_tree(text: str) -> ast.expr:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise ExpressionError(f"'{_short(text)}' is not an expression", "write for example '2*pi*radius'") from None
+        units = "numbers in an expression have no units, write SI numbers: 20*pi/180"
+        hint = units if _MEASURE.search(text) else "write for example '2*pi*radius'"
+        raise ExpressionError(f"'{_short(text)}' is not an expression", hint) from None
 
 
 def _short(text: str) -> str:

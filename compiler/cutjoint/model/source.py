@@ -133,7 +133,8 @@ def _compose(text: str, file: str) -> yaml.Node | None:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        raise _error(Span(file=file, line=line, column=column), error.problem or "this is not YAML") from None
+        hint = "indent with spaces" if "'\\t'" in (error.problem or "") else ""
+        raise _error(Span(file=file, line=line, column=column), error.problem or "this is not YAML", hint) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
         span = Span(file=file, line=before.count("\n") + 1, column=len(before) - before.rfind("\n"))

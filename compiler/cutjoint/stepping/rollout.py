@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cutjoint.emit.standalone import LANES
 from cutjoint.stepping.lanes import Lanes
@@ -15,45 +16,71 @@ from cutjoint.stepping.values import Array
 
 
 def rollout(
-    simulation: Simulation, steps: int, *, parameters: Mapping[str, Sequence[float]] | None = None,
-    inputs: Mapping[str, Sequence[float]] | None = None, snapshots: Sequence[bytes] | None = None, threads: int | None = None,
+    simulation: Simulation, steps: int, *, parameters: Mapping[str, ArrayLike] | None = None,
+    inputs: Mapping[str, ArrayLike] | None = None, snapshots: Sequence[bytes] | None = None, threads: int | None = None,
 ) -> Array:  # fmt: skip
     """Many simulations from a state or several: the outputs of each at the end of each step, (simulations, steps, outputs).
 
-    ``parameters`` and ``inputs``, which are held, have a value for each simulation, ``snapshots`` a state; where there are none all start
-    as ``simulation`` stands, which itself stays.  They run in ``threads`` (as many as there are processors), whose number changes nothing.
-    Where a step fails, the rows from there on are NaN.  So many steps by the trapezoidal rule of method recursive that it pays to compile
-    for it go eight at a time in lanes, which have the same numbers up to rounding.
+    ``parameters`` have a value for each simulation.  ``inputs`` have one that is held, or one for each step, (simulations, steps), held
+    during it.  ``snapshots`` have a state for each; where there are none all start as ``simulation`` stands, which itself stays.
+    They run in ``threads`` (as many as there are processors), whose number changes nothing.  Where a step fails, the rows from there on are
+    NaN.  So many steps by the trapezoidal rule of method recursive that it pays to compile for it go eight at a time in lanes, which have
+    the same numbers up to rounding; those with inputs for each step go one by one.
 
     Raises:
-        ValueError: the numbers of simulations differ, or there is nothing to tell it by.
+        ValueError: the numbers of simulations or steps differ, or there is nothing to tell the first by.
         KeyError: there is no such parameter or input.
         SimulationError: there was no `Simulation.reset`.
         ToolchainError: the compiler failed.
     """
-    given = (parameters or {}, inputs or {})
-    counts = {np.atleast_1d(column).size for columns in given for column in columns.values()}
+    held, courses = _split(inputs or {}, steps)
+    given = (_columns(parameters or {}), held)
+    counts = {len(column) for columns in (*given, courses) for column in columns.values() if column.ndim}
     counts |= {len(snapshots)} if snapshots is not None else set()
+    if not counts and any(given):
+        counts = {1}
     if not counts:
         raise ValueError("how many simulations? give a parameter or an input a value for each, or snapshots")
     if len(counts) != 1:
         raise ValueError(f"parameters, inputs and snapshots need one and the same number of simulations, not {sorted(counts)}")
     number, common = counts.pop(), simulation.snapshot()
     begins = [common] * number if snapshots is None else snapshots
-    columns = [{name: np.broadcast_to(np.asarray(values, dtype=np.float64), number) for name, values in each.items()} for each in given]
+    columns = [{name: np.broadcast_to(values, number) for name, values in each.items()} for each in given]
     rows = np.full((number, steps, len(simulation.outputs)), np.nan)
     lanes = simulation.library.lanes
-    if lanes is not None and lanes.pay(steps * number):
-        perform, at_once = _in_lanes(simulation, lanes, begins, columns, rows), LANES
+    if courses or lanes is None or not lanes.pay(steps * number):
+        perform, at_once = _alone(simulation, begins, columns, courses, rows), 1
     else:
-        perform, at_once = _alone(simulation, begins, columns, rows), 1
+        perform, at_once = _in_lanes(simulation, lanes, begins, columns, rows), LANES
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         list(pool.map(perform, range(0, number, at_once)))
     return rows
 
 
-def _alone(simulation: Simulation, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], rows: Array) -> Callable[[int], None]:
+def _split(inputs: Mapping[str, ArrayLike], steps: int) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Inputs that are held, and those with a value for each step."""
+    arrays = {name: np.asarray(values, dtype=np.float64) for name, values in inputs.items()}
+    courses = {name: values for name, values in arrays.items() if values.ndim > 1}
+    for name, values in courses.items():
+        if values.ndim > 2 or values.shape[1] != steps:
+            raise ValueError(f"input '{name}': an array {values.shape} is none of (simulations,) and (simulations, {steps})")
+    return _columns({name: values for name, values in arrays.items() if name not in courses}), courses
+
+
+def _columns(given: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    """A value for all, or for each simulation."""
+    arrays = {name: np.asarray(values, dtype=np.float64) for name, values in given.items()}
+    for name, values in arrays.items():
+        if values.ndim > 1:
+            raise ValueError(f"parameter '{name}': an array {values.shape} has not one value for each simulation")
+    return arrays
+
+
+def _alone(
+    simulation: Simulation, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], courses: Mapping[str, Array], rows: Array
+) -> Callable[[int], None]:  # fmt: skip
     """What plays one of the simulations."""
+    places = [(simulation.inputs.place(name), course) for name, course in courses.items()]
 
     def run(i: int) -> None:
         one = Simulation(simulation.library)
@@ -61,7 +88,16 @@ def _alone(simulation: Simulation, begins: Sequence[bytes], columns: Sequence[Ma
         for values, given in zip((one.parameters, one.inputs), columns, strict=True):
             for name, column in given.items():
                 values[name] = column[i]
-        simulation.library.play(one.address, rows.shape[1], rows[i].ctypes.data)
+        play, first, step = simulation.library.play, rows[i].ctypes.data, rows.strides[1]
+        if not places:
+            play(one.address, rows.shape[1], first)
+            return
+        inputs = one.inputs.array
+        for k in range(rows.shape[1]):
+            for place, course in places:
+                inputs[place] = course[i, k]
+            if play(one.address, 1, first + k * step):
+                return
 
     return run
 

@@ -36,6 +36,13 @@ function chooseColumn(name) {
 let plot, now;
 const plotSize = () => ({ width: by('plot').clientWidth || 300, height: 220 });
 
+/** Texts of an axis, with as many decimals as tell its marks apart. */
+function markTexts(marks, step) {
+  let decimals = 0;
+  while (decimals < 12 && Math.abs(step * 10 ** decimals - Math.round(step * 10 ** decimals)) > 1e-6 * step * 10 ** decimals) ++decimals;
+  return marks.map((mark) => (Math.abs(mark) < 1e6 ? mark.toFixed(decimals) : String(+mark.toPrecision(6))));
+}
+
 function drawPlot() {
   const column = columns.find((c) => c.name === state.column), other = ghost.columns.get(state.column);
   if (plot) plot.destroy();
@@ -45,7 +52,7 @@ function drawPlot() {
   const axis = { stroke: colour('--faint'), grid: { stroke: colour('--line'), width: 1 }, ticks: { stroke: colour('--line'), width: 1 } };
   const options = {
     ...plotSize(), legend: { show: false }, cursor: { drag: { setScale: false, x: false, y: false }, y: false, points: { show: false } },
-    scales: { x: { time: false } }, axes: [{ ...axis, label: 't in s', labelSize: 20, size: 34 }, { ...axis, size: 58, label: column.unit, labelSize: 18 }],
+    scales: { x: { time: false } }, axes: [{ ...axis, label: 't in s', labelSize: 20, size: 34 }, { ...axis, size: 58, label: column.unit, labelSize: 18, values: (_, marks, i, space, step) => markTexts(marks, step) }],
     series: [{}, ...(other ? [{ stroke: colour('--ghost'), width: 1.5, dash: [6, 4], points: { show: false } }] : []),
       { stroke: colour('--accent'), width: 1.5, points: { show: false } }],
   };
