@@ -140,7 +140,7 @@ def test_suggested_axes(tmp_path: Path) -> None:
     assert grid.steps == (1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)
     assert grid.penalties[0] is None
     assert suggest_grid(case, parameter="stiffness").values == (0.01, 0.1, 1.0, 10.0, 100.0)
-    with pytest.raises(RunError, match="model 'spring' has no parameter 'stifness'; it has stiffness"):
+    with pytest.raises(RunError, match="model 'spring' has no parameter 'stifness'; did you mean 'stiffness'"):
         suggest_grid(case, parameter="stifness")
 
 

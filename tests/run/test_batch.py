@@ -239,7 +239,7 @@ def test_a_motion_without_mass_is_refused_as_in_a_single_run() -> None:
     [
         ("", "cases.csv: no runs"),
         ("load,speed\n", "cases.csv: no runs"),
-        ("load,sped\n1,2\n", "cases.csv:1: model 'quarter' has no parameter 'sped'; it has along, load, slack, speed, stiffness"),
+        ("load,sped\n1,2\n", "cases.csv:1: model 'quarter' has no parameter 'sped'; did you mean 'speed'?"),
         ("load,load\n1,2\n", "cases.csv:1: parameter 'load' stands above two columns"),
         ("load,speed\n1,2\n\n3\n", "cases.csv:4: 1 values for 2 parameters"),
         ("load,speed\n1,fast\n", "cases.csv:2: parameter 'speed': 'fast' is not a finite number"),

@@ -14,6 +14,7 @@ from cutjoint.elements.joint import ATTITUDE
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Implementation
 from cutjoint.model.attitudes import fault_of_quaternion, normalised
+from cutjoint.model.errors import nearest
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mass import mass_problems
 from cutjoint.model.quantities import JOINT_QUANTITIES
@@ -64,7 +65,8 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
         advice = f"set {' or '.join(open_ones)}" if open_ones else "give one of them binding: param and set that"
         return f"{derived.span}: parameter '{name}' follows from other parameters; {advice}"
     number = f"; --open {name} makes one of a number of the model" if "." in name else ""
-    return f"model '{model.name}' has no parameter '{name}'; it has {', '.join(known) or 'none'}{number}"
+    hint = nearest(name, known, "it has") or "it has none"
+    return f"model '{model.name}' has no parameter '{name}'; {hint.replace('it has:', 'it has')}{number}"
 
 
 def make_run_file(
