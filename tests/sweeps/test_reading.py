@@ -178,3 +178,12 @@ def test_the_study_of_the_page_is_one(tmp_path: Path) -> None:
     )  # fmt: skip
     for name in REDUCTIONS:
         assert f"`{name}`" in page
+
+
+@pytest.mark.parametrize(
+    ("value", "unit"),
+    [("slider.vx", "m/s"), ("abs(slider.vx)", "m/s"), ("-slider.vx", "m/s"), ("abs(slider.vx) - abs(slider.x)", ""), ("2*slider.vx", "")],
+)
+def test_what_is_known_of_units(value: str, unit: str, tmp_path: Path) -> None:
+    (objective,) = read_study(study(tmp_path, objectives={"a": {"maximum": value}})).objectives
+    assert objective.unit == unit

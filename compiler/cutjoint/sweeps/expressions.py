@@ -51,7 +51,10 @@ class Reader:
         except ExpressionError as error:
             raise ExpressionError(_as_written(error.message, used), _as_written(error.hint, used)) from None
         self.outputs |= outputs
-        return expression, self._units.get(value.strip(), "")
+        bare = value.strip().removeprefix("-").strip()
+        if bare.startswith("abs(") and bare.endswith(")"):
+            bare = bare[4:-1].strip()
+        return expression, self._units.get(bare, "")
 
     def _output(self, column: str, span: Span) -> Output:
         element, _, quantity = column.rpartition(".")
