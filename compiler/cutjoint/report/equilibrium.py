@@ -13,6 +13,7 @@ from cutjoint.run.results import MechanismState
 #: m and rad; smaller ones are rounding.
 _NOTHING = 1e-12
 
+
 def pose_table(state: MechanismState) -> Table:
     """The pose of each body, a row each."""
     table = Table(title="poses, m and rad", title_justify="left", box=None, pad_edge=False, collapse_padding=True)
