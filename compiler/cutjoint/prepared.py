@@ -56,7 +56,7 @@ class PreparedRun:
 
     ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
     file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
-    ``inputs`` are the names of the model's inputs, which can be held constant there too.
+    ``inputs`` are the names of the model's inputs, which can be held constant there too; ``units`` are those of inputs and open parameters.
     """
 
     model: str
@@ -65,12 +65,23 @@ class PreparedRun:
     compilation: Compilation
     following: tuple[str, ...]
     inputs: tuple[str, ...]
+    units: Mapping[str, str]
     run: SimulatorRun
 
     def takes(self, parameters: Mapping[str, float]) -> bool:
         """Whether parameters can be changed, and inputs held, without the model."""
+        if any(_has_other_unit(value, self.units.get(name, "")) for name, value in parameters.items()):
+            return False
         changed = parameters.keys() - set(self.inputs)
         return not changed or (not self.following and changed <= self.run.run_file["parameters"].keys())
+
+
+def _has_other_unit(value: float, unit: str) -> bool:
+    if type(value) is float:
+        return False
+    from cutjoint.model.units import fault_of_dimension  # of values that were written with a unit alone: it reads units by pint
+
+    return bool(fault_of_dimension(value, unit))
 
 
 def find_cached_run(request: Request, parameters: Mapping[str, float]) -> PreparedRun | None:
@@ -144,6 +155,6 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
     return PreparedRun(
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
-        following=tuple(data["following"]), inputs=tuple(data["inputs"]),
+        following=tuple(data["following"]), inputs=tuple(data["inputs"]), units=data["units"],
         run=SimulatorRun(**{**run, "simulator": cache_folder() / run["simulator"] / "simulator"}),
     )  # fmt: skip

@@ -114,5 +114,5 @@ def _seconds(text: str) -> list[float]:
 @options.reports_errors
 def command(changes: tuple[str, ...], links: tuple[str, ...], **how: Any) -> None:
     """Measure speed and accuracy of all methods on MODELS against a reference, and write a report."""
-    for path in run_bench(parameters=options.read_parameters(changes), link_masses=options.read_parameters(links, "--link-mass"), **how):
+    for path in run_bench(parameters=options.read_parameters(changes), link_masses=options.read_masses(links), **how):
         options.out.print(str(path), markup=False)

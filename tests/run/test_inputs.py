@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 from scipy.interpolate import CubicHermiteSpline
 
 from cutjoint.batch import compile_scene_batch, simulate_batch
@@ -114,6 +114,31 @@ def test_the_command_line_holds_inputs_with_and_without_its_cache(tmp_path: Path
     header, *rows = tables[0].decode().splitlines()
     last = dict(zip(header.split(","), map(float, rows[-1].split(",")), strict=True))
     assert last["slider.x"] == pytest.approx(run("lawful", parameters={"push": 1.5, "gain": 2.0}).columns["slider.x"][-1], abs=1e-8)
+
+
+def test_the_command_line_takes_units_as_a_model_file_does(tmp_path: Path) -> None:
+    """Of a run that is kept as of one that is not: the second of each pair is the first in SI units."""
+    file = tmp_path / "driven.yaml"
+    file.write_text(DRIVEN)
+
+    def call(*changes: str) -> Result:
+        options = [text for change in changes for text in ("--set", change)]
+        run = ["simulate", str(file), "--scene", "lawful", "--no-error", "--out", str(tmp_path / "t.csv")]
+        return CliRunner().invoke(main, [*run, *options])
+
+    def rows(*changes: str) -> bytes:
+        assert (done := call(*changes)).exit_code == 0, done.output
+        return (tmp_path / "t.csv").read_bytes()
+
+    for _ in range(2):
+        assert rows("lift=250mrad", "push= 20 cN", "gain=3 m") == rows("lift=0.25", "push=0.2", "gain=3")
+        assert rows("lift=1/4") == rows("lift=0.25") != rows("lift=0.2")
+        for wrong, words in (
+            ("lift=2 N", f"{file}:6:3: parameter 'lift' needs an angle or a plain number, got N: 2 N"),
+            ("lift=2 furlongg", "--set lift=2 furlongg: unknown unit 'furlongg'; write NAME=NUMBER, or with a unit NAME=10mm"),
+            ("lift=1e", "--set lift=1e: '1e' is not an expression; write NAME=NUMBER, or with a unit NAME=10mm"),
+        ):
+            assert words in call(wrong).output
 
 
 def test_inputs_drive_what_submodels_have() -> None:

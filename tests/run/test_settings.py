@@ -101,9 +101,11 @@ def test_parameters_are_numbers() -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["--set", "gap=nan"], 1, "--set gap=nan: write NAME=NUMBER"),
+        (["--set", "gap=nan"], 1, "--set gap=nan: unknown symbol 'nan'; write NAME=NUMBER, or with a unit NAME=10mm"),
         (["--set", "gap=1e400"], 1, "--set gap=1e400: inf is not a finite number; write a plain number in SI units"),
         (["--set", "gap=1", "--set", "gap=2"], 1, "--set gap=2: 'gap' is set twice; write one of the two"),
+        (["--dt", "1 mm"], 2, "Invalid value for '--dt': '1 mm' is in m, and a time needs s."),
+        (["--dt", "1mss"], 2, "Invalid value for '--dt': unknown unit 'mss'."),
         (["--dt", "nan"], 2, "Invalid value for '--dt': 'nan' is not a plain decimal number."),
         (["--dt", "1e400"], 2, "Invalid value for '--dt': inf is not a finite number; write a plain number in SI units"),
         (["--end", "inf"], 2, "Invalid value for '--end': 'inf' is not a plain decimal number."),

@@ -20,6 +20,7 @@ from cutjoint.prepared import Request
 from cutjoint.report import tables
 from cutjoint.report.plots import plot_run
 from cutjoint.run.errors import RunError
+from cutjoint.run.inputs import require_unit
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import require_settings
@@ -116,12 +117,13 @@ def _named(connections: tuple[str, ...]) -> dict[str, str]:
 
 def _require_free(model: Model, parameters: Mapping[str, float], connections: Connections, path: Path) -> None:
     """Check that what --set names can be set."""
-    known = [p.name for p in (*open_parameters(model), *input_parameters(model))]
-    for name in parameters:
+    known = {p.name: p for p in (*open_parameters(model), *input_parameters(model))}
+    for name, value in parameters.items():
         if name not in known:
             raise RunError(f"--set {name}: model '{model.name}' has no such open parameter or input; {nearest(name, known, 'it has')}")
         if name in connections.driven:
             raise RunError(f"--set {name}: output '{connections.driven[name].name}' of {path} drives this input; leave out one of the two")
+        require_unit(known[name], value)
 
 
 def _report(plan: Plan, scene: Scene, run: Trajectory, out: Path, error: bool) -> None:

@@ -54,7 +54,7 @@ def command(
         if changes or asked:
             option = "--set" if changes else "--output"
             raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
-        checked = with_link_masses(read_model(model), options.read_parameters(links, "--link-mass"))
+        checked = with_link_masses(read_model(model), options.read_masses(links))
         export_fmu(
             checked, scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
             method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
@@ -66,7 +66,7 @@ def command(
     )  # fmt: skip
     if out.exists() and not out.is_dir():
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
-    checked = with_link_masses(read_model(model), options.read_parameters(links, "--link-mass"))
+    checked = with_link_masses(read_model(model), options.read_masses(links))
     chosen = find_scene(checked, scene)
     outputs = [_output(checked, name) for name in asked] or known_outputs(checked, chosen.outputs)
     with options.progress_bar(f"exporting {model.name}"):

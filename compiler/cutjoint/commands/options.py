@@ -19,7 +19,7 @@ from rich.text import Text
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.numbers import is_number, is_whole, read_number
 from cutjoint.model.printing import escaped_lines
-from cutjoint.model.ranges import WHOLE, fault_of, fault_of_setting
+from cutjoint.model.ranges import TIMES, WHOLE, fault_of, fault_of_setting
 from cutjoint.run.outputs import OutputError, descriptor_of
 
 if TYPE_CHECKING:
@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 
 class Setting(click.types.FloatParamType):
-    """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts."""
+    """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts.
+
+    Times may have a unit, as in 1ms.
+    """
 
     def __init__(self, setting: str, *, positive: bool = False) -> None:
         self.name = "integer" if setting in WHOLE else "float"
@@ -36,13 +39,28 @@ class Setting(click.types.FloatParamType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, as click has it."""
         whole = self._setting in WHOLE
-        if isinstance(value, str) and not (is_whole if whole else is_number)(value):
+        if isinstance(value, str) and self._setting in TIMES and not is_number(value):
+            value = self._time(value, param, ctx)
+        elif isinstance(value, str) and not (is_whole if whole else is_number)(value):
             self.fail(f"{value!r} is not a {'whole' if whole else 'plain decimal'} number.", param, ctx)
         number = (click.INT if whole else click.FLOAT).convert(value, param, ctx)
         fault = fault_of_setting(self._setting, number) or (fault_of(number, above=0.0) if self._positive else "")
         if fault:
             self.fail(fault, param, ctx)
         return number
+
+    def _time(self, text: str, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        from cutjoint.model.units import TIME, UnitError, described, read_measure
+
+        try:
+            written = read_measure(text)
+        except UnitError as error:
+            self.fail(f"{error}.", param, ctx)
+        if written is None:
+            self.fail(f"{text!r} is not a plain decimal number.", param, ctx)
+        if written.dimension != TIME:
+            self.fail(f"{text!r} is in {described(written.dimension)}, and a time needs s.", param, ctx)
+        return written.value
 
 
 class WholeRange(click.IntRange):
@@ -70,7 +88,8 @@ scene = click.option("--scene", metavar="NAME", help="Scene of the model file; m
 some_scene = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
 method = click.option("--method", type=click.Choice(list(METHODS)), default=DEFAULT_METHOD, show_default=True, help="Formulation.")
 changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, 
-                       help="Change a parameter, or hold an input constant, without recompiling (SI units).")  # fmt: skip
+                       help="Change a parameter, or hold an input constant, without recompiling: in SI units, or with a unit as "
+                       "in 10mm.")  # fmt: skip
 opened = click.option("--open", "opened", metavar="PATTERN", multiple=True,
                       help="Make parameters of the numbers of MODEL whose names match, such as '*.stiffness' or 'front.hub.*'; * stands "
                       "for any text. --set and tables of --batch change them without recompiling.")  # fmt: skip
@@ -177,7 +196,7 @@ class _Remaining(TimeRemainingColumn):
 
 
 def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str, float]:
-    """The values of NAME=VALUE by their names.
+    """The values of NAME=VALUE by their names: numbers in SI units, and what else a model file takes, `Quantity` where it has a unit.
 
     Raises:
         RunError: that is not what is written, a value is not finite, or a name has two.
@@ -186,10 +205,10 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
     for change in changes:
         name, _, text = change.partition("=")
         try:
-            value = read_number(text)
+            value = _read_value(text.strip())
             fault = fault_of(value)
-        except ValueError:
-            fault = "write NAME=NUMBER"
+        except ValueError as error:
+            fault = f"{error}{'; ' if str(error) else ''}write NAME=NUMBER, or with a unit NAME=10mm"
         if not fault and name in parameters:
             fault = f"'{name}' is set twice; write one of the two"
         if fault:
@@ -198,3 +217,32 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
             raise RunError(f"{option} {change}: {fault}")
         parameters[name] = value
     return parameters
+
+
+def read_masses(links: tuple[str, ...]) -> dict[str, float]:
+    """The masses (kg) of --link-mass by the names of bodies.
+
+    Raises:
+        RunError: as of `read_parameters`, or a mass has another unit.
+    """
+    masses = read_parameters(links, "--link-mass")
+    for name, mass in masses.items():
+        from cutjoint.model.units import fault_of_dimension
+
+        if fault := fault_of_dimension(mass, "kg"):
+            from cutjoint.run.errors import RunError
+
+            raise RunError(f"--link-mass {name}: {fault}")
+    return masses
+
+
+def _read_value(text: str) -> float:
+    """A number as it is typed, or what a model file has without names; ValueError where it is none."""
+    if not text or is_number(text):
+        return read_number(text)
+    from cutjoint.model.expressions import read_term
+    from cutjoint.model.units import Quantity
+
+    term = read_term(text, {})
+    assert term.number is not None  # an expression without names is a number
+    return term.number if term.dimension is None else Quantity.of(term.number, term.dimension, text)

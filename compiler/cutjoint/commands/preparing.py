@@ -8,7 +8,7 @@ from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.commands import options
-from cutjoint.formulate.inputs import input_parameters
+from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
@@ -104,6 +104,7 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
     return PreparedRun(
         model=model.name, counts=topology_facts(artifact.topology, find_mobility(artifact.mechanism)), places=artifact.places,
         compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
+        units={p.name: p.unit for p in (*open_parameters(model), *input_parameters(model))},
         run=make_simulator_run(artifact, asked, parameters),
     )  # fmt: skip
 

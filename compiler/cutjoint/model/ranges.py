@@ -27,6 +27,9 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "threads": {"above": 0.0, "most": 4096},
 }
 
+#: Settings in s.
+TIMES = frozenset({"dt", "output_step", "end", "at"})
+
 #: Settings that count something.
 WHOLE = frozenset({"iterations", "multiplier_updates", "threads"})
 

@@ -94,12 +94,33 @@ class Measure:
     unit: str
 
 
+class Quantity(float):
+    """A number in SI units that was written as ``text`` with a unit, of the ``dimension`` of that."""
+
+    dimension: Dimension
+    text: str
+
+    @classmethod
+    def of(cls, value: float, dimension: Dimension, text: str) -> Quantity:
+        """A value with what it was written as."""
+        made = cls(value)
+        made.dimension, made.text = dimension, text
+        return made
+
+
+def fault_of_dimension(value: float, unit: str) -> str:
+    """What is wrong where a number that was written with a unit stands for one of ``unit``, "" for any; "" where nothing is."""
+    if not isinstance(value, Quantity) or not unit or value.dimension == (own := measure(1.0, unit).dimension):
+        return ""
+    return f"needs {described(own)}, got {described(value.dimension)}: {value.text}"
+
+
 _NUMBER = rf"[-+]?{UNSIGNED}"
 _FACTOR = r"[A-Za-z]+(?:(?:\^|\*\*)-?[0-9]{1,2})?"
 _FACTORS = rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR})*"
 _UNIT = rf"(?:1\s*/\s*)?{_FACTORS}"
 _ZEROTH_POWER = re.compile(r"(?:\^|\*\*)-?0+(?![0-9])")
-_MEASURE = re.compile(rf"\s*({_NUMBER})(?:\s*({_FACTORS})|\s+(1\s*/\s*{_FACTORS}))\s*")
+_MEASURE = re.compile(rf"\s*({_NUMBER})(?![eE](?![A-Za-z]))(?:\s*({_FACTORS})|\s+(1\s*/\s*{_FACTORS}))\s*")
 MAX_UNIT_LENGTH = 40
 
 

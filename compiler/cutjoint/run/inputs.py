@@ -11,7 +11,8 @@ import sympy
 
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.model.ranges import fault_of
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Model, Parameter, Scene
+from cutjoint.model.units import fault_of_dimension
 from cutjoint.run.errors import RunError
 
 #: A constant, or a table: times ``t`` (s) and as many of ``value``, ``interpolation`` "cubic" (the default) or "linear", and of a cubic one
@@ -38,11 +39,33 @@ def input_entries(model: Model, scene: Scene, given: Mapping[str, GivenInput]) -
     return {name: _entry(f"input '{name}'", given[name], scene.end) for name in names if name in given}
 
 
+def given_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
+    """Those of ``changes`` that are inputs: they hold them constant.
+
+    Raises:
+        RunError: one has a unit that is not that of the input.
+    """
+    held = {p.name: (p, changes[p.name]) for p in input_parameters(model) if p.name in changes}
+    for parameter, value in held.values():
+        require_unit(parameter, value)
+    return {name: value for name, (_, value) in held.items()}
+
+
+def require_unit(parameter: Parameter, value: float) -> None:
+    """Check that a value that was written with a unit fits a parameter.
+
+    Raises:
+        RunError: it does not.
+    """
+    if fault := fault_of_dimension(value, parameter.unit):
+        raise RunError(f"{parameter.span}: parameter '{parameter.name}' {fault}")
+
+
 def with_held_inputs(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Scene, dict[str, float]]:
     """The scene with the inputs among ``parameters`` (SI units) as its laws, and the other parameters: for what a scene's laws decide."""
-    held = {p.name: sympy.Float(parameters[p.name]) for p in input_parameters(model) if p.name in parameters}
+    held = given_inputs(model, parameters)
     others = {name: value for name, value in parameters.items() if name not in held}
-    return replace(scene, inputs={**scene.inputs, **held}), others
+    return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in held.items()}}), others
 
 
 def _entry(what: str, given: GivenInput, end: float) -> float | dict[str, Any]:

@@ -22,7 +22,8 @@ from cutjoint.model.ranges import fault_of, fault_of_state
 from cutjoint.model.records import Binding, Body, Model, Scalar, Scene, Tyre
 from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.run.errors import RunError
-from cutjoint.run.inputs import GivenInput, input_entries
+from cutjoint.run.inputs import GivenInput, input_entries, require_unit
+from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.options import Options
 from cutjoint.run.roads import road_pieces
 from cutjoint.run.settings import Settings, find_settings, with_options
@@ -37,9 +38,10 @@ def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, fl
     """The open parameters with their values after ``changes`` (SI units); changes of inputs have no part in them.
 
     Raises:
-        RunError: a change names neither an open parameter nor an input, or has no finite value.
+        RunError: a change names neither an open parameter nor an input, has no finite value, or a unit that is not the parameter's.
     """
-    values, inputs = {p.name: p.value for p in open_parameters(model)}, {p.name for p in input_parameters(model)}
+    known, inputs = {p.name: p for p in open_parameters(model)}, {p.name for p in input_parameters(model)}
+    values = {name: p.value for name, p in known.items()}
     for name, value in changes.items():
         if name in inputs:
             continue
@@ -47,13 +49,9 @@ def parameter_values(model: Model, changes: Mapping[str, float]) -> dict[str, fl
             raise RunError(_unknown(model, name, sorted({*values, *inputs})))
         if fault := fault_of(value):
             raise RunError(f"parameter '{name}': {fault}")
+        require_unit(known[name], value)
         values[name] = value
     return values
-
-
-def given_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
-    """Those of ``changes`` that are inputs: they hold them constant."""
-    return {p.name: changes[p.name] for p in input_parameters(model) if p.name in changes}
 
 
 def _unknown(model: Model, name: str, known: list[str]) -> str:
