@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner, Result
+from jsonschema import Draft202012Validator
 
 from cutjoint import cli
 from cutjoint.cli import main
@@ -153,8 +155,19 @@ def test_a_run_that_fails_leaves_its_rows_and_says_where(tmp_path: Path) -> None
     assert np.loadtxt(tmp_path / "run.partial.csv", delimiter=",", skiprows=1)[-1, 0] == pytest.approx(4.0, abs=0.2)
 
 
-def test_schema_prints_what_the_docs_keep() -> None:
-    assert call("schema").output == (ROOT / "docs" / "model.schema.json").read_text()
+@pytest.mark.parametrize(
+    ("options", "kept", "files"),
+    [((), "model.schema.json", "models/*.yaml"), (("--study",), "study.schema.json", "examples/axle/study.yaml")],
+)
+def test_schema_prints_what_the_docs_keep(options: tuple[str, ...], kept: str, files: str) -> None:
+    """And what another reader of schemas finds right files to keep, and an unknown field not."""
+    said = call("schema", *options).output
+    assert said == (ROOT / "docs" / kept).read_text(encoding="utf-8")
+    reader = Draft202012Validator(json.loads(said))
+    for path in ROOT.glob(files):
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        assert [error.message for error in reader.iter_errors(document)] == []
+        assert not reader.is_valid({**document, "modell": 1})
 
 
 @pytest.mark.parametrize("command", ["check", "equilibrium", "explain", "modes"])

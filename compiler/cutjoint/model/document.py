@@ -236,11 +236,11 @@ class Document(Elements):
     scenes: dict[Name, Scene] = Field(default={})
 
 
-def json_schema() -> str:
-    """The JSON Schema of model files as text."""
+def json_schema(part: type[Part] = Document, title: str = "cutjoint model") -> str:
+    """The JSON Schema of model files, or of another document, as text."""
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **Document.model_json_schema(),
-        "title": "cutjoint model",
+        **part.model_json_schema(),
+        "title": title,
     }
     return json.dumps(schema, indent=2) + "\n"

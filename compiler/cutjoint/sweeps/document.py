@@ -8,6 +8,7 @@ from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
 
 from cutjoint.emit.standalone import INTEGRATORS_OF_CORE, STEPS
 from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.model.document import json_schema
 from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, shape_error, told_by
 
 #: Runs that a study has at most.
@@ -155,3 +156,8 @@ class Document(Part):
         if not self.objectives and self.trajectories is None:
             raise shape_error("there are no objectives and no trajectories", "write for example objectives: {peak: {maximum: body.z}}")
         return self
+
+
+def study_schema() -> str:
+    """The JSON Schema of study files as text."""
+    return json_schema(Document, "cutjoint study")
