@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-import pytest
+from collections.abc import Iterator
+from copy import deepcopy
+from typing import Any
 
-from .pendulum import check, problems
+import pytest
+import yaml
+
+from cutjoint.model.shape import element_of
+
+from .pendulum import PENDULUM, check, problems
 
 ARM = "arm: {mass: arm_mass, centre_of_mass: [1, 0, 0], inertia: [0.1, 0.2, 0.2]}"
 DRAG = 'drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}'
@@ -239,3 +246,64 @@ def test_names(old: str, new: str, expected: str | list[str]) -> None:
 def test_a_document_that_is_no_mapping() -> None:
     assert problems("[1, 2]") == ["m.yaml:1:1: model: needs a mapping"]
     assert problems("cutjoint: 1\nname: a\ngravity: [0, 0, 0]\nbodies: [1]") == ["m.yaml:4:9: model: bodies needs a mapping"]
+
+
+#: A model with an element of most kinds, one of which names a body that there is not.
+FAULTY = PENDULUM.replace("markers:", "markers:\n  far: {body: leg, at: [1, 0, 0]}").replace(
+    "{end: 2}", "{end: 2, rates: {hinge.angle_rate: 1}, inputs: {swing: t}, numerics: {dt: 1 ms}, output_step: 10 ms}"
+) + """\
+submodels:
+  wing:
+    connectors: [root]
+    parameters: [weight]
+    points: {P: [0, 1, 0]}
+    bodies: {flap: {mass: weight, centre_of_mass: P}}
+    joints: {pivot: {kind: revolute, bodies: [root, flap], at: P, axis: [0, 1, 0], spring: {stiffness: 1, damping: 0}}}
+    outputs: [flap.x, pivot.angle, pivot_spring.force]
+instances:
+  left: {use: wing, connect: {root: arm}, with: {weight: arm_mass}}
+"""  # fmt: skip
+
+
+def test_a_value_of_the_wrong_form_hides_no_other_problem_and_makes_none() -> None:
+    """Each value in turn, but for whole sections: what is told is about its element, besides the one body that there is not."""
+    planted, whole = "marker 'far': unknown body 'leg'", yaml.safe_load(FAULTY)
+    assert [planted in line for line in problems(FAULTY)] == [True]
+    hidden = {("markers", "far"), ("markers", "far", "body"), ("markers", "far", "at"), *(("markers", "far", "at", i) for i in range(3))}
+    for path in (path for path in _paths(whole) if path not in {("cutjoint",), *((key,) for key in whole if key != "gravity")}):
+        found = problems(yaml.safe_dump(_with_nonsense(whole, path), sort_keys=False))
+        assert path in hidden or any(planted in line for line in found), (path, found)
+        label = element_of(path)[0].partition(" of ")[0]
+        others = [line for line in found if planted not in line and f" {label}" not in line and " model:" not in line]
+        assert path[:3] in _USED or not others, (path, others)
+
+
+#: Whole sections of a submodel, whose names are then unknown.
+_USED = {("submodels", "wing", key) for key in ("connectors", "parameters", "points", "bodies", "joints")}
+
+
+def _paths(part: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    items = part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ()
+    for key, value in items:
+        yield (*path, key)
+        yield from _paths(value, (*path, key))
+
+
+def _with_nonsense(whole: Any, path: tuple[Any, ...]) -> Any:
+    copy = deepcopy(whole)
+    part = copy
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = {"nonsense": 1}
+    return copy
+
+
+def test_what_stands_in_a_section_of_a_wrong_name_is_not_missed() -> None:
+    """Nor what lacks a field that has a wrong name."""
+    for wrong in ("joint:", "parameter:", "instance:"):
+        found = problems(FAULTY.replace(f"{wrong[:-1]}s:\n", f"{wrong}\n", 1).replace("leg", "arm"))
+        assert len(found) == 1, found
+        assert f"unknown field '{wrong[:-1]}'; did you mean '{wrong[:-1]}s'?" in found[0]
+    found = problems(FAULTY.replace("mass: arm_mass, c", "mas: arm_mass, c"))
+    told = [line.split(": ", 1)[1].partition(";")[0] for line in found]
+    assert told == ["body 'arm': unknown field 'mas'", "marker 'far': unknown body 'leg'"]

@@ -36,7 +36,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening)
     """Read all elements of the model and of its instances; ``opening`` makes parameters of their numbers."""
     model, directory = shaped.document, _directory(shaped)
     scope = Scope(source, problems, directory, {}, {}, opening=opening)
-    parameters = read_parameters(scope, model)
+    parameters = read_parameters(scope, model, shaped.lost_parameters)
     scope = parameters.extend(scope)
     groups = [read_elements(scope, model), *_instances(scope, model)]
     return Expansion(parameters.given, parameters.derived, scope, _joined(groups))
@@ -75,8 +75,8 @@ def _instances(scope: Scope, model: document.Document) -> Iterator[Elements]:
     for name, instance in model.instances.items():
         where = element(scope, "instance", "instances", name)
         if instance.use not in model.submodels:
-            hint = nearest(instance.use, model.submodels, "submodels")
-            where.fail(f"unknown submodel '{instance.use}'", hint, ("use",))
+            if not scope.directory.misses(instance.use):
+                where.fail(f"unknown submodel '{instance.use}'", nearest(instance.use, model.submodels, "submodels"), ("use",))
             continue
         count += _count(model.submodels[instance.use])
         if count > MAX_ELEMENTS:

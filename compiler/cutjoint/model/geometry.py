@@ -80,7 +80,8 @@ def _between(element: Element, ends: values.FromTo, keys: Path) -> Vector:
 def _named_point(element: Element, name: str, keys: Path) -> Vector:
     points = element.scope.points
     if name not in points:
-        element.fail(f"unknown point '{name}'", nearest(name, points, "points here") or "define it under points", keys)
+        if not element.scope.directory.misses(element.scope.prefix + name):
+            element.fail(f"unknown point '{name}'", nearest(name, points, "points here") or "define it under points", keys)
         return (FAILED, FAILED, FAILED)
     return points[name]
 

@@ -36,18 +36,19 @@ class Parameters:
         )  # fmt: skip
 
 
-def read_parameters(scope: Scope, model: document.Document) -> Parameters:
-    """All parameters, whichever stands first in the file."""
+def read_parameters(scope: Scope, model: document.Document, lost: frozenset[str]) -> Parameters:
+    """All parameters, whichever stands first in the file; those that are ``lost`` have no value, and nothing is said of what uses them."""
     parts = {name: entry if isinstance(entry, document.Parameter) else document.Parameter(value=entry)
              for name, entry in model.parameters.items()}  # fmt: skip
     used = {name: symbols_of(part.value) & parts.keys() for name, part in parts.items()}
     where = {name: element(scope, "parameter", "parameters", name) for name in parts}
     numbers, terms = _read_numbers({name: part for name, part in parts.items() if not symbols_of(part.value)}, where)
     values = {p.symbol: p.value for p in numbers}
+    terms |= dict.fromkeys(lost, FAILED_TERM)
     for name in _in_order(used, where):
         if name not in terms:
             terms[name] = _read_derived(where[name], parts[name], terms, values)
-    terms = {name: terms.get(name, FAILED_TERM) for name in parts}
+    terms = {name: terms.get(name, FAILED_TERM) for name in (*parts, *sorted(lost))}
     derived = tuple(
         DerivedParameter(name=name, value=terms[name].value, span=where[name].span) for name in parts if symbols_of(parts[name].value)
     )

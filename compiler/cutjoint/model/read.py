@@ -48,7 +48,7 @@ def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Mode
     # document -> flat elements with expressions
     opening = Opening(list(opened))
     expansion = expand(source, problems, shaped, opening)
-    for problem in opening.problems(opened, Span(file=file, line=1, column=1)):
+    for problem in opening.problems(opened, Span(file=file, line=1, column=1)) if not shaped.removed else ():
         problems.add(problem.span, problem.element, problem.message, problem.hint)
     # elements -> scenes that refer to them
     scenes = read_scenes(document, expansion)

@@ -197,7 +197,7 @@ def _inputs(where: Element, laws: Mapping[str, Any], stage: _Stage) -> dict[str,
     """The functions of time that the scene gives to inputs."""
     scope = where.scope
     inputs = {p.name: p for p in stage.expansion.parameters if p.binding is Binding.INPUT}
-    for name in (name for name in laws if name not in inputs):
+    for name in (name for name in laws if name not in inputs and not scope.directory.misses(name)):
         hint = nearest(name, inputs, "inputs") or "give a parameter binding: input"
         where.fail(f"unknown input '{name}'", hint, ("inputs", name), at_key=True)
     names = {**scope.constants(), "t": Term(variable("t"))}

@@ -1,12 +1,12 @@
 """Checks a document's shape with pydantic, and words what is wrong for the user.
 
-Elements of the wrong shape are left out, so that the problems of the others come in the same go.
+Elements of the wrong shape are left out, and what refers to them is not judged, so that the problems of the others come in the same go.
 """
 
 from __future__ import annotations
 
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin
 
@@ -15,6 +15,7 @@ from pydantic_core import ErrorDetails
 
 from cutjoint.model.document import Document
 from cutjoint.model.errors import Problems, nearest, worded
+from cutjoint.model.forces import JOINT_FORCES
 from cutjoint.model.source import Path, Source, field_name
 
 _P = TypeVar("_P", bound=BaseModel)
@@ -22,8 +23,8 @@ _P = TypeVar("_P", bound=BaseModel)
 #: From the path to a place to the element that it leads into, in words, and how many keys lead to that.
 Names: TypeAlias = Callable[[Path], tuple[str, int]]
 
-#: Sections whose elements can be left out without making others wrong.
-_REMOVABLE = frozenset({"bodies", "joints", "gears", "forces", "reactions", "markers", "scenes"})
+#: What stands for a field of the model that it cannot do without.
+_STAND_INS: Mapping[str, Any] = {"gravity": (0, 0, 0), "name": "model"}
 
 #: The kind of element that each section holds.
 KINDS = {
@@ -43,10 +44,11 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Shaped:
-    """A document of the right shape, and the full names of the elements that were left out to make it so."""
+    """A document of the right shape, the full names of the elements that were left out to make it so, and which may be parameters."""
 
     document: Document
-    removed: frozenset[str]
+    removed: frozenset[str] = frozenset()
+    lost_parameters: frozenset[str] = frozenset()
 
 
 def check_shape(source: Source, problems: Problems) -> Shaped | None:
@@ -55,7 +57,7 @@ def check_shape(source: Source, problems: Problems) -> Shaped | None:
     None when too much is wrong to go on.
     """
     document, found = _validate(source, problems, Document, element_of)
-    return _without_broken(source, found) if document is None else Shaped(document, frozenset())
+    return _without_broken(source, found) if document is None else Shaped(document)
 
 
 def check_part(source: Source, problems: Problems, part: type[_P], element_of: Names) -> _P | None:
@@ -222,21 +224,40 @@ def _chosen_by(member: Any, step: str | int) -> bool:
 
 
 def _without_broken(source: Source, found: list[_Flaw]) -> Shaped | None:
-    """The document without elements of the wrong shape; None when more than elements is wrong."""
+    """The document without what is of the wrong shape; None when more than elements is wrong."""
     drop: set[Path] = set()
-    for flaw in found:
-        start = element_of(flaw.path)[1]
-        if flaw.kind == "extra_forbidden":
-            drop.add(flaw.path)
-        elif start and flaw.path[start - 2] in _REMOVABLE:
-            drop.add(flaw.path[:start])
-        else:
+    while True:
+        new = {place for flaw in found for place in _left_out(flaw)} - drop
+        if not new or () in new:
             return None
-    try:
-        document = Document.model_validate(_pruned(source.data, (), drop))
-    except ValidationError:
-        return None
-    return Shaped(document, frozenset(_full_names(document, drop)))
+        drop |= new
+        data = _pruned(source.data, (), drop)
+        data |= {name: value for name, value in _STAND_INS.items() if name not in data}
+        try:
+            document = Document.model_validate(data)
+        except ValidationError as error:  # what lacks something without the parts that were left out
+            found = [_Flaw(detail, _data_path(data, detail), Document, element_of) for detail in error.errors(include_url=False)]
+            continue
+        names = frozenset(_full_names(source, document, drop))
+        parameters = {str(path[1]) for path in drop if len(path) == 2 and path[0] == "parameters"}
+        return Shaped(document, names, frozenset({*parameters, *_in_unknown_sections(source, drop)}))
+
+
+def _left_out(flaw: _Flaw) -> Iterator[Path]:
+    """What is left out for a flaw; () if too much would be."""
+    path, start = flaw.path, element_of(flaw.path)[1]
+    if flaw.kind == "extra_forbidden":
+        yield path
+    elif path[:1] == ("scenes",) and len(path) > 2 and path[2] != "end":
+        yield path[:3]
+        if path[2] == "numerics":  # steps and rows have to go together
+            yield (*path[:2], "output_step")
+    elif path[:1] == ("submodels",) and path[2:3] == ("outputs",):
+        yield path[:3]
+    elif start:
+        yield path[:start]
+    else:
+        yield path[:1] if path[:1] and path[0] in ("outputs", "scenes", *_STAND_INS) else ()
 
 
 def _pruned(data: Any, path: Path, drop: set[Path]) -> Any:
@@ -247,11 +268,20 @@ def _pruned(data: Any, path: Path, drop: set[Path]) -> Any:
     return data
 
 
-def _full_names(document: Document, drop: set[Path]) -> list[str]:
+def _full_names(source: Source, document: Document, drop: set[Path]) -> Iterator[str]:
     """The names by which others refer to elements that were left out."""
-    names = [str(path[1]) for path in drop if len(path) == 2]
-    for path in drop:
-        if len(path) == 4 and path[0] == "submodels":
-            users = [name for name, instance in document.instances.items() if instance.use == path[1]]
-            names += [f"{user}.{path[3]}" for user in users]
-    return names
+    yield from _in_unknown_sections(source, drop)
+    for path in (path for path in drop if path[0] != "scenes"):
+        submodel = path[1] if path[0] == "submodels" and len(path) == 4 else None
+        if len(path) != 2 and submodel is None:
+            continue
+        users = [""] if submodel is None else [f"{name}." for name, instance in document.instances.items() if instance.use == submodel]
+        endings = ["", *(f"_{suffix}" for suffix in JOINT_FORCES.values())] if path[-2] == "joints" else [""]
+        yield from (f"{user}{path[-1]}{ending}" for user in users for ending in endings)
+
+
+def _in_unknown_sections(source: Source, drop: set[Path]) -> Iterator[str]:
+    """The names in sections whose own names are wrong."""
+    for (section,) in (path for path in drop if len(path) == 1):
+        part = source.data.get(section)
+        yield from map(str, part if section not in Document.model_fields and isinstance(part, dict) else ())
