@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 .PHONY: demo test heavy sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches lint setup clean
 
 demo: setup
-	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --out results/simul1.csv --plots results/simul1
+	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --integrator dormand-prince --out results/simul1.csv --plots results/simul1
 
 test: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile

@@ -9,6 +9,7 @@ import pytest
 
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.accuracy import compare
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from tests.physics.simulation import completed
@@ -102,6 +103,19 @@ def test_a_chaotic_run_says_that_it_has_not_converged() -> None:
     run = completed(simulate(compiled(CHAOS)))
     assert not run.error.converged
     assert run.error["middle.angle"] > 0.1
+
+
+@pytest.mark.parametrize(("size", "converged"), [(1.0, True), (1e-6, False)])
+def test_rounding_of_what_is_zero_by_symmetry_falls_no_further(size: float, converged: bool) -> None:
+    """Three runs whose errors of ``far`` fall by four and whose noise of 1e-11 in ``across`` does not: beside a metre it is rounding."""
+    t, rng = np.linspace(0, 1, 50), np.random.default_rng(0)
+
+    def run(level: int) -> Trajectory:
+        columns = {"far": size * (np.sin(t) + 1e-3 * 4.0**-level * t), "across": 1e-11 * rng.standard_normal(t.size)}
+        units = {"far": "m", "across": "m"}
+        return Trajectory(t=t, columns=columns, units=units, steps=1, evaluations=1, seconds=0.0, undetermined=(), failure=None)
+
+    assert compare(run(0), run, left=0.25).estimate.converged is converged
 
 
 def test_runs_that_agree_by_chance_do_not_promise_much() -> None:

@@ -24,6 +24,8 @@ from cutjoint.run.simulator_run import SimulatorRun, start
 _FALLING = 1.5
 #: Differences that are this share of what an output reaches are small even where they fall no further.
 _SMALL = 1e-5
+#: Differences below this share of what outputs of the unit reach are rounding, as of what is zero by symmetry.
+_ROUNDING = 1e-8
 #: From one difference to the next no more than this share of the first is believed to have gone: by more, two runs agree by chance.
 _BELIEVED = 6 / 7
 
@@ -164,7 +166,7 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
 
     Of a run's error ``left`` is left with steps once finer.  What the run differs by from that one is its error, but for the smaller error
     of that second run.  A third, coarser one, or a still finer one where that fails, shows whether differences fall.  They do not where a
-    motion is chaotic, or goes another way at a singular pose.  Where they fall by more than orders of integrators explain, two runs agree
+    motion is chaotic, or goes another way at a singular pose, and need not where they are rounding.  Where they fall by more than orders of integrators explain, two runs agree
     by chance, and a share of the third's difference is the error.
     """
     finer = again(1)
@@ -180,7 +182,10 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     errors = {name: difference / (1 - left) for name, difference in apart.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
-    converged = all(_falls(run.columns[c], before[c], after[c]) for c in apart)
+    reach: dict[str, float] = {}
+    for name, values in run.columns.items():
+        reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
+    converged = all(after[c] <= _ROUNDING * reach[run.units[c]] or _falls(run.columns[c], before[c], after[c]) for c in apart)
     estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
