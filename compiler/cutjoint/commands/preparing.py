@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.skew import describe_skew
 from cutjoint.commands import options
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
@@ -100,9 +101,10 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
 
 def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:
     """The run of a compiled model with options and ``parameters`` (SI units), and what is reported of it."""
-    model = artifact.topology.model
+    model, mobility = artifact.topology.model, find_mobility(artifact.mechanism)
+    counts = topology_facts(artifact.topology, mobility, describe_skew(artifact.mechanism, mobility))
     return PreparedRun(
-        model=model.name, counts=topology_facts(artifact.topology, find_mobility(artifact.mechanism)), places=artifact.places,
+        model=model.name, counts=counts, places=artifact.places,
         compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*open_parameters(model), *input_parameters(model))},
         run=make_simulator_run(artifact, asked, parameters),

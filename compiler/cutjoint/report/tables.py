@@ -29,8 +29,8 @@ def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
     return table
 
 
-def topology_facts(topology: Topology, mobility: Mobility) -> tuple[tuple[str, str], ...]:
-    """The counts of a model by name."""
+def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") -> tuple[tuple[str, str], ...]:
+    """The counts of a model by name, and a warning if there is one."""
     model = topology.model
     massless = sum(1 for b in model.bodies if b.is_massless)
     guided = sum(1 for t in topology.tree if t.joint.guide is not None)
@@ -46,6 +46,7 @@ def topology_facts(topology: Topology, mobility: Mobility) -> tuple[tuple[str, s
         (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
         ("design position", _design_position(mobility)),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
+        *([("warning", warning)] if warning else []),
     )  # fmt: skip
 
 

@@ -166,8 +166,8 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
 
     Of a run's error ``left`` is left with steps once finer.  What the run differs by from that one is its error, but for the smaller error
     of that second run.  A third, coarser one, or a still finer one where that fails, shows whether differences fall.  They do not where a
-    motion is chaotic, or goes another way at a singular pose, and need not where they are rounding.  Where they fall by more than orders of integrators explain, two runs agree
-    by chance, and a share of the third's difference is the error.
+    motion is chaotic, or goes another way at a singular pose, and need not where they are rounding.  Where they fall by more than orders of
+    integrators explain, two runs agree by chance, and a share of the third's difference is the error.
     """
     finer = again(1)
     if run.failure is not None or finer is None:

@@ -1,0 +1,145 @@
+"""Axes that are nearly parallel, or nearly square to each other, where exact ones would leave a mechanism more freedom.
+
+Rounded numbers in a file make such axes.  A planar loop is then none, and rigid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import degrees
+
+import numpy as np
+import sympy
+
+from cutjoint.analysis.mobility import Mobility, find_mobility
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.model.records import Joint, Model
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.conditioning import TOLERANCE, design_jacobian
+from cutjoint.topology.geometry import Array, JointGeometry, evaluate
+from cutjoint.topology.records import TreeJoint
+from cutjoint.topology.spanning_tree import loops_of
+
+#: Axes that are this far (rad) from parallel or square may have been meant to be, and those that are less far are.
+_NEAR, _SAME = 0.02, 1e-10
+#: How many axes are named.
+_SHOWN = 3
+
+Loops = Sequence[tuple[Joint, Sequence[TreeJoint]]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkewAxis:
+    """An axis that is off by an ``angle`` (rad) from parallel to that of ``other``, or from square to it; ``meant`` would not be, (3,)."""
+
+    joint: Joint
+    other: Joint
+    is_square: bool
+    angle: float
+    meant: Array
+
+    def __str__(self) -> str:
+        wanted = "square" if self.is_square else "parallel"
+        return f"'{self.joint.name}' ({self.joint.span}) is {degrees(self.angle):.2g} deg from {wanted} to '{self.other.name}'"
+
+    @property
+    def advice(self) -> str:
+        """What to write."""
+        x, y, z = self.meant
+        if np.abs(self.meant).max() == 1.0:
+            return f"axis: [{x:g}, {y:g}, {z:g}] at '{self.joint.name}'"
+        return f"an axis at '{self.joint.name}' that is {'square to' if self.is_square else 'just'} that of '{self.other.name}'"
+
+
+def describe_skew(equations: RecursiveEquations, mobility: Mobility) -> str:
+    """Which axes are slightly off so that the mechanism has less freedom, and what to write; "" where none are."""
+    topology = equations.topology
+    geometry, found = JointGeometry(model=topology.model), list[SkewAxis]()
+    for loops in _groups(list(loops_of(topology.tree, topology.cuts).items()), topology.cuts):
+        skew = list(_find_skew(topology.model, loops))
+        if skew and _rank(JointGeometry(model=topology.model), loops, skew) < _rank(geometry, loops, ()):
+            found += skew
+    if not found:
+        return ""
+    meant = _with_axes(topology.model, found)
+    freedom = find_mobility(formulate_recursive(build_topology(meant), equations.scene, ())).degrees_of_freedom
+    if not freedom > mobility.degrees_of_freedom:
+        return ""
+    more = f", and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+    return (
+        f"axes are slightly off: {'; '.join(map(str, found[:_SHOWN]))}{more}; exact axes give the mechanism freedom {freedom} instead of "
+        f"{mobility.degrees_of_freedom}: write {'; '.join(axis.advice for axis in found[:_SHOWN])}"
+    )
+
+
+def _groups(around: Iterable[tuple[str, Sequence[TreeJoint]]], cuts: Iterable[Joint]) -> list[list[tuple[Joint, Sequence[TreeJoint]]]]:
+    """The loops, those that share a joint together."""
+    cut_of, groups = {cut.name: cut for cut in cuts}, list[list[tuple[Joint, Sequence[TreeJoint]]]]()
+    for name, tree in around:
+        mine = {t.joint.name for t in tree}
+        near = [group for group in groups if any(t.joint.name in mine for _, others in group for t in others)]
+        groups = [group for group in groups if group not in near]
+        groups.append([*(loop for group in near for loop in group), (cut_of[name], tree)])
+    return groups
+
+
+def _rank(geometry: JointGeometry, loops: Loops, skew: Sequence[SkewAxis]) -> int:
+    """Independent equations of loops in the design position, where the axes are as they were meant."""
+    meant = {axis.joint.name: axis for axis in skew}
+
+    def exact(joint: Joint) -> Joint:
+        return _turned(joint, meant[joint.name]) if joint.name in meant else joint
+
+    jacobian = design_jacobian(geometry, [(exact(cut), [replace(t, joint=exact(t.joint)) for t in tree]) for cut, tree in loops])
+    values = np.linalg.svd(jacobian, compute_uv=False) if jacobian.size else np.zeros(0)
+    return int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
+
+
+def _with_axes(model: Model, skew: Sequence[SkewAxis]) -> Model:
+    meant = {axis.joint.name: axis for axis in skew}
+    return replace(model, joints=tuple(_turned(j, meant[j.name]) if j.name in meant else j for j in model.joints))
+
+
+def _turned(joint: Joint, skew: SkewAxis) -> Joint:
+    x, y, z = (sympy.Float(float(c)) if c else sympy.Integer(0) for c in skew.meant)
+    return replace(joint, axes=((x, y, z),))
+
+
+def _find_skew(model: Model, loops: Loops) -> Iterator[SkewAxis]:
+    """The axes of loops that are slightly off: parallel ones from what most of them are, then those across from square to these."""
+    joints = {joint.name: joint for cut, tree in loops for joint in (cut, *(t.joint for t in tree)) if len(joint.axes) == 1}
+    ordered = sorted(joints.values(), key=lambda joint: joint.span)
+    axes = {joint.name: evaluate(model, joint.axes[0]) for joint in ordered}
+    exact: list[tuple[Joint, Array]] = []
+    for bundle in sorted(_bundles(ordered, axes), key=len, reverse=True):
+        first = max(bundle, key=lambda joint: sum(_angle(axes[joint.name], axes[other.name]) < _SAME for other in bundle))
+        meant, across = axes[first.name], None
+        for other, direction in exact:
+            if _SAME < abs(meant @ direction) < _NEAR:
+                meant, across = meant - (meant @ direction) * direction, other
+                meant = meant / np.linalg.norm(meant)
+        exact.append((first, meant))
+        for joint in bundle:
+            angle = _angle(axes[joint.name], meant)
+            if angle > _SAME:
+                towards = np.where(np.abs(meant) < _SAME, 0.0, meant if axes[joint.name] @ meant > 0 else -meant)
+                yield SkewAxis(joint=joint, other=across or first, is_square=across is not None, angle=angle, meant=towards)
+
+
+def _bundles(joints: Sequence[Joint], axes: Mapping[str, Array]) -> list[list[Joint]]:
+    """The joints, those with nearly parallel axes together."""
+    bundles: list[list[Joint]] = []
+    for joint in joints:
+        near = (bundle for bundle in bundles if _angle(axes[bundle[0].name], axes[joint.name]) < _NEAR)
+        bundle = next(near, None)
+        if bundle is None:
+            bundles.append(bundle := [])
+        bundle.append(joint)
+    return bundles
+
+
+def _angle(a: Array, b: Array) -> float:
+    """The angle (rad) between two lines along unit vectors."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), abs(a @ b)))
