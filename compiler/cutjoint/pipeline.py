@@ -117,4 +117,5 @@ def simulate(
                       events=events)  # fmt: skip
     plan = make_simulator_run(artifact, options, parameters, inputs=inputs, tangents=tangents is not None, coordinates=coordinates)
     run = run_accurately(plan, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error, advise=check)
-    return require_end(run, artifact) if check else run
+    held = {name: value for name, value in (inputs or {}).items() if not isinstance(value, Mapping)}
+    return require_end(run, artifact, {**(parameters or {}), **held}) if check else run

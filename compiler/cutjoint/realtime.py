@@ -88,6 +88,6 @@ def run_in_real_time(
         table = tables.finish() if failure is None else tables.leave(str(failure))
     times = StepTimes(period=run_file["numerics"]["dt"], took=columns["took"], late=columns["late"], failure=failure, table=table)
     if check and failure is not None:
-        where = describe_failure(failure, artifact.scene.name, artifact.places, artifact.file)
+        where = describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
         raise FailedRealTimeError(f"{where}; {describe_rest(table)}", times)
     return times

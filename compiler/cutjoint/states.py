@@ -15,9 +15,10 @@ from cutjoint.locations import AnyPath
 from cutjoint.methods import DEFAULT_METHOD, LINEARISED, PLAIN_CLOSURE
 from cutjoint.model.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import compile_scene, generate, simulate
-from cutjoint.run.artifact import make_simulator_run, require_end
+from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.errors import RunError
+from cutjoint.run.failures import describe_failure, is_impossible
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
@@ -26,7 +27,6 @@ from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.run.simulator_run import start
-from cutjoint.toolchain.build import build
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 
@@ -34,11 +34,14 @@ _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
 class NoEquilibriumError(RuntimeError):
-    """No static equilibrium was found; ``report`` says where the search ended."""
+    """No static equilibrium was found; ``report`` says where the search ended, ``said`` with its place in the model file."""
 
-    def __init__(self, report: FailureReport) -> None:
-        super().__init__(str(report))
+    def __init__(self, report: FailureReport, said: str) -> None:
+        super().__init__(report, said)  # both, so that the error can be sent to another process
         self.report = report
+
+    def __str__(self) -> str:
+        return str(self.args[1])
 
 
 def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
@@ -54,12 +57,12 @@ def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Map
     model = read_model(path)
     chosen = find_scene(model, scene)
     outputs = _everything(model)
-    _, _, source = generate(model, chosen, outputs)
+    artifact = compile_scene(model, chosen, outputs=outputs)
     run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
-    summary = call_simulator(build(source).path, run_file)
+    summary = call_simulator(artifact.binary.path, run_file)
     failure = failure_of(summary)
     if failure is not None:
-        raise NoEquilibriumError(failure)
+        raise NoEquilibriumError(failure, _said(failure, artifact, parameters))
     return MechanismState(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
 
 
@@ -68,7 +71,7 @@ def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str
     at_rest = with_closure(replace(scene, pose="equilibrium", rates={}, end=0.0), PLAIN_CLOSURE)
     artifact = compile_scene(model, at_rest, outputs=[])
     plan = make_simulator_run(artifact, PLAIN_STEPS, parameters)
-    run = require_end(start(replace(plan, with_coordinates=True)), artifact)
+    run = require_end(start(replace(plan, with_coordinates=True)), artifact, parameters)
     assert run.coordinates is not None
     return np.asarray(run.coordinates[0])
 
@@ -124,10 +127,13 @@ def find_scene_modes(
         time, linearised = linearise_at(artifact, equations, at, parameters or {}, progress)
         modes = find_mode_shapes(linearised, time)
     except NotReachedError as error:
+        report = error.report
         if at is not None:
-            raise RunError(f"{where}: the run does not reach {at:g} s: {error}") from error
-        advice = f"{error.report.advice}, or linearise about a motion with --at"
-        raise NoEquilibriumError(replace(error.report, advice=advice)) from error
+            said = _said(report, artifact, parameters) if is_impossible(report) else f"{where}: the run does not reach {at:g} s: {report}"
+            raise RunError(said) from error
+        if not is_impossible(report):
+            report = replace(report, advice=f"{report.advice}, or linearise about a motion with --at")
+        raise NoEquilibriumError(report, _said(report, artifact, parameters)) from error
     except NoMassError as error:
         raise RunError(f"{where}: {error}") from error
     usual = find_mobility(artifact.mechanism).degrees_of_freedom
@@ -137,6 +143,10 @@ def find_scene_modes(
             "those of linear equations; linearise elsewhere"
         )
     return modes
+
+
+def _said(failure: FailureReport, artifact: Artifact, parameters: Mapping[str, float] | None) -> str:
+    return describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
 
 
 def _everything(model: Model) -> list[Output]:

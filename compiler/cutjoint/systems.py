@@ -109,18 +109,25 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
     try:
         return plan_unsymmetric(pattern, samples)
     except NoPivotError as error:
-        raise RunError(f"{equations.topology.model.span.file}: classical: {error}; use --method augmented or recursive") from error
+        words = "no order of elimination is safe in all poses near the design position"
+        raise RunError(f"{equations.scene.span}: scene '{equations.scene.name}': classical: {words}; {_INSTEAD}") from error
     except SingularError as error:
-        raise RunError(_singular(equations, [equations.row_names[row] for row in error.rows])) from error
+        raise RunError("\n".join(dict.fromkeys(_dependent(equations, row) for row in error.rows))) from error
 
 
-def _singular(equations: LagrangianEquations, names: Sequence[str]) -> str:
-    """What to say of coordinates and equations that have no equation of their own near the design position."""
-    model = equations.topology.model
-    spans = model.constraint_spans
-    lines = []
-    for name in names:
-        element = max((e for e in spans if name.startswith(f"{e}.")), key=len, default="")
-        place = spans[element] if element else model.span.file
-        lines.append(f"{place}: '{name}': the classical method finds no equation of its own for it near the design position")
-    return "\n".join([*lines, "hint: use --method augmented or recursive"])
+_INSTEAD = "use --method augmented or recursive"
+
+
+def _dependent(equations: LagrangianEquations, row: int) -> str:
+    """What to say of a coordinate or an equation that has none of its own near the design position."""
+    model, name = equations.topology.model, equations.row_names[row]
+    element = (*equations.coordinate_elements, *equations.equation_elements)[row]
+    rest = name.removeprefix(f"{element}.").split("*")
+    joints = [f"'{joint.name}'" for joint in model.joints if joint.name in rest and joint.name != element]
+    what = f"body '{element}'" if any(body.name == element for body in model.bodies) else f"'{element}'"
+    at = f" at {' and '.join(joints)}" if joints else ""
+    if row < equations.unknowns:
+        words = f"neither mass nor an equation determines its motion{at} in the design position or near it"
+    else:
+        words = f"what holds it{at} follows from what holds other elements in the design position or near it, as where links are in line"
+    return f"{model.constraint_spans.get(element, model.span)}: {what}: {words}, which classical cannot solve; {_INSTEAD}"

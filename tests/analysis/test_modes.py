@@ -268,7 +268,7 @@ def test_vehicle(tmp_path: Path) -> None:
 def test_errors_say_what_to_do(tmp_path: Path) -> None:
     status, output = command(MODELS / "flyball.yaml")
     assert status == 1
-    assert output.strip().startswith("no static equilibrium was found near the given pose")
+    assert "flyball.yaml:34:7: scene 'govern': no static equilibrium was found near the given pose" in output
     assert output.rstrip().endswith("or linearise about a motion with --at")
     status, output = command(MODELS / "iltis.yaml", "--at", 1)
     assert (status, output.split(": ")[1][:12]) == (1, "name a scene")

@@ -196,7 +196,7 @@ def test_masses_that_cannot_be_given() -> None:
 def test_a_link_mass_that_is_no_number(tmp_path: Path) -> None:
     result = export(ILTIS, "--scene", "simul1", "--to", "mujoco", "--link-mass", "rack=heavy", "--out", tmp_path)
     assert result.exit_code == 1
-    assert result.output.strip() == "--link-mass rack=heavy: write NAME=NUMBER"
+    assert result.output.strip() == "--link-mass rack=heavy: unknown symbol 'heavy'; write NAME=NUMBER, with a unit or without"
 
 
 def test_laws_in_cpp() -> None:

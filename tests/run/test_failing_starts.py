@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import chdir
 from functools import cache
+from math import hypot, sqrt
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
@@ -73,3 +76,49 @@ def test_links_stay_links_and_devices_stay(tmp_path: Path) -> None:
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "run.csv").read_text().startswith("t,pin.angle\n")
     assert Path("/dev/null").is_char_device()
+
+
+#: An arm on a strut, whose length at the start is an input's by a guide, or else a parameter's.
+STRUT = """\
+cutjoint: 1
+name: strut
+gravity: [0, 0, -9.81]
+parameters: {reach: {value: 0, unit: m, binding: param}}
+points: {A: [0, 0, 0], B: [0.5, 0, 0.4], C: [0.6, 0, 0]}
+bodies:
+  arm: {mass: 1, centre_of_mass: {midpoint: [A, B]}, inertia: [0.01, 0.01, 0.01]}
+  tube: {mass: 1, centre_of_mass: C, inertia: [0.01, 0.01, 0.01]}
+  rod: {mass: 1, centre_of_mass: B, inertia: [0.01, 0.01, 0.01]}
+joints:
+  a: {kind: revolute, bodies: [ground, arm], at: A, axis: [0, 1, 0]}
+  foot: {kind: revolute, bodies: [ground, tube], at: C, axis: [0, 1, 0]}
+  slide: {kind: prismatic, bodies: [tube, rod], at: C, axis: {from: C, to: B}, spring: {stiffness: 1000, damping: 10}}
+  head: {kind: revolute, bodies: [rod, arm], at: B, axis: [0, 1, 0], cut: true}
+outputs: [a.angle]
+scenes:
+  out: {end: 0.01, positions: {slide.displacement: reach}}
+"""
+DRIVEN = STRUT.replace("binding: param", "binding: input").replace("spring: {stiffness: 1000, damping: 10}", "guide: reach").replace(
+    ", positions: {slide.displacement: reach}", ""
+)  # fmt: skip
+COMMANDS = ("simulate --no-error --dt 1ms --out run.csv", "modes", "modes --at 0.01", "equilibrium", "view --out page.html")
+
+
+@pytest.mark.parametrize(("text", "place"), [(STRUT, "strut.yaml:17:32"), (DRIVEN, "strut.yaml:13:3")], ids=["positions", "guide"])
+def test_a_loop_that_cannot_close_is_told_in_the_same_words_everywhere(text: str, place: str, tmp_path: Path) -> None:
+    """The circle that the strut's head reaches leaves the arm's, of radius |AB|: the gap is what is left between the two at least."""
+    (tmp_path / "strut.yaml").write_text(text, encoding="utf-8")
+    told = set()
+    with chdir(tmp_path):
+        for command in COMMANDS:
+            done = CliRunner(env={"COLUMNS": "300"}).invoke(main, [*command.split(), "strut.yaml", "--set", "reach=3"])
+            assert done.exit_code == 1
+            (line,) = (line for line in done.output.splitlines() if "cannot close" in line)
+            told.add(line.removesuffix("; no file has rows of it"))
+    (line,) = told
+    begin = f"{place}: scene 'out': the loop cannot close from the given coordinates with reach = 3: "
+    assert line.startswith(begin)
+    gap, _, rest = line.removeprefix(begin).partition(" ")
+    apart = 3 + hypot(0.1, 0.4) - hypot(0.5, 0.4) - 0.6
+    assert apart / sqrt(2) < float(gap) < apart * 1.1
+    assert rest.startswith("m or rad are left at 'head.x' (strut.yaml:14:3), which closes it; check the joints' points, guides, and the")

@@ -101,7 +101,7 @@ def test_parameters_are_numbers() -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["--set", "gap=nan"], 1, "--set gap=nan: unknown symbol 'nan'; write NAME=NUMBER, or with a unit NAME=10mm"),
+        (["--set", "gap=nan"], 1, "--set gap=nan: unknown symbol 'nan'; write NAME=NUMBER, with a unit or without"),
         (["--set", "gap=1e400"], 1, "--set gap=1e400: inf is not a finite number; write a plain number in SI units"),
         (["--set", "gap=1", "--set", "gap=2"], 1, "--set gap=2: 'gap' is set twice; write one of the two"),
         (["--dt", "1 mm"], 2, "Invalid value for '--dt': '1 mm' is in m, and a time needs s."),

@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.model.read import read_model_text
+from cutjoint.pipeline import generate
+from cutjoint.run.errors import RunError
 from tests.conftest import needs_cpp
+from tests.mechanisms.overconstrained import IN_LINE, parallel_cranks_text
 from tests.runtime.points import (
     AUGMENTED,
     CLASSICAL,
@@ -133,3 +137,11 @@ def test_solvers_that_do_not_fit(tmp_path: Path) -> None:
         "cholmod, klu and umfpack need a simulator built for comparison"
     )
     assert "no solver 'gauss'" in refusal(tmp_path, CLASSICAL, "gauss", comparison=True)
+
+
+def test_the_compiler_names_the_body_that_classical_cannot_solve_for() -> None:
+    """Of cranks in line with their coupler the pins' distances say the same for a moment."""
+    model = read_model_text(f"{parallel_cranks_text(2, IN_LINE)}scenes: {{run: {{end: 1}}}}\n", "cranks.yaml")
+    place = r"cranks\.yaml:[56]:3: body 'crank_[01]': what holds it at 'closure_[01]' follows from what holds other elements"
+    with pytest.raises(RunError, match=rf"^{place} in the design position or near it, .*; use --method augmented or recursive$"):
+        generate(model, model.scenes["run"], (), method="classical")

@@ -208,7 +208,7 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
             value = _read_value(text.strip())
             fault = fault_of(value)
         except ValueError as error:
-            fault = f"{error}{'; ' if str(error) else ''}write NAME=NUMBER, or with a unit NAME=10mm"
+            fault = f"{f'{error}; ' if text.strip() else ''}write NAME=NUMBER, with a unit or without"
         if not fault and name in parameters:
             fault = f"'{name}' is set twice; write one of the two"
         if fault:

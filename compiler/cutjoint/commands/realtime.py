@@ -30,14 +30,15 @@ def command(
 ) -> None:  # fmt: skip
     """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
     require_apart({"the model": model}, tables={"--out": out})
+    parameters = options.read_parameters(changes)
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_model(model, scene=scene, method=method)
     with options.progress_bar(f"running {artifact.scene.name}"):
         times = run_in_real_time(
-            artifact, dt=dt, end=end, iterations=iterations, parameters=options.read_parameters(changes), out=out, check=False)
+            artifact, dt=dt, end=end, iterations=iterations, parameters=parameters, out=out, check=False)
     for table in time_tables(times):
         options.console_beside(out).print(table)
     if times.failure is not None:
-        where = describe_failure(times.failure, artifact.scene.name, artifact.places, model)
+        where = describe_failure(times.failure, artifact.scene.name, artifact.places, model, parameters)
         options.err.print(f"{where}; the times are of the steps up to then; {describe_rest(times.table)}", markup=False)
         raise SystemExit(1)

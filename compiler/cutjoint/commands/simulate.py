@@ -144,7 +144,7 @@ def command(
 
         console.print(f"view: {write_replay(request, played, view, over, parameters, prepared.run, run)}", markup=False)
     if run.failure is not None:
-        where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model)
+        where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model, parameters)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
         raise SystemExit(1)
 

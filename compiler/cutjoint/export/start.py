@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from cutjoint.methods import PLAIN_CLOSURE, Implementation
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
 from cutjoint.run.errors import RunError
+from cutjoint.run.failures import describe_failure, places_of
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
@@ -77,7 +79,8 @@ def run_generic(
         )  # fmt: skip
         summary = call_simulator(build_generic().path, {**run_file, "model": str(folder / "model.json")})
         if (failure := failure_of(summary)) is not None:
-            raise RunError(f"{scene.span}: scene '{scene.name}': {failure}")
+            where = places_of(topology, scene)
+            raise RunError(describe_failure(failure, scene.name, where, Path(topology.model.span.file), parameters))
         return read_table(folder / "table.csv")
 
 

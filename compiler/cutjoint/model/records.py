@@ -366,7 +366,7 @@ class Scene:
     formulation that the scene wants ("" for the default) or "auto", which picks model, formulation and step so
     that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as real time.
     ``on_violation`` says what follows when the guard of a force is violated that a reduced model leaves out:
-    "stop", or "restart" with the full model.
+    "stop", or "restart" with the full model.  ``entries`` are the places of positions and rates by "section.joint.coordinate".
     """
 
     name: str
@@ -385,6 +385,7 @@ class Scene:
     tolerance: float | None = None
     budget: float | None = None
     on_violation: str = "stop"
+    entries: Mapping[str, Span] = field(default_factory=dict, compare=False)
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"

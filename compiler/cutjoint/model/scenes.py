@@ -90,7 +90,11 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         tolerance=_above_zero(where, scene.tolerance, "tolerance"),
         budget=_above_zero(where, scene.budget, "budget"),
         on_violation=scene.on_violation,
-    )
+        entries={
+            f"{section}.{key}": where.scope.source.key_span((*where.path, section, key))
+            for section in ("positions", "rates") for key in getattr(scene, section)
+        },
+    )  # fmt: skip
 
 
 def _above_zero(where: Element, value: int | float | str | None, key: str) -> float | None:

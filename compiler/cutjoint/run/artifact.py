@@ -17,7 +17,7 @@ from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, I
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
-from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest
+from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
 from cutjoint.run.inputs import GivenInput
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
@@ -81,8 +81,8 @@ class Artifact:
 
     @property
     def places(self) -> dict[str, str]:
-        """Where each body, joint and gear stands in the model file."""
-        return {name: str(span) for name, span in self.topology.model.constraint_spans.items()}
+        """What `places_of` says of the model and the scene."""
+        return places_of(self.topology, self.scene)
 
     @property
     def iteration(self) -> str:
@@ -137,14 +137,14 @@ def make_simulator_run(
     )  # fmt: skip
 
 
-def require_end(run: Trajectory, artifact: Artifact) -> Trajectory:
-    """Check that a run came to its end.
+def require_end(run: Trajectory, artifact: Artifact, changed: Mapping[str, float]) -> Trajectory:
+    """Check that a run with ``changed`` parameters (SI units) came to its end.
 
     Raises:
         FailedRunError: it failed.
     """
     if run.failure is not None:
-        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact.file)
+        where = describe_failure(run.failure, artifact.scene.name, artifact.places, artifact.file, changed)
         raise FailedRunError(f"{where}; {describe_rest(run.table)}", run)
     return run
 

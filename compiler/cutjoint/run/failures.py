@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cutjoint.run.results import Batch, FailureReport, Trajectory
+
+if TYPE_CHECKING:
+    from cutjoint.model.records import Scene
+    from cutjoint.topology.records import Topology
 
 
 class IncompleteError(RuntimeError):
@@ -39,10 +43,48 @@ class FailedBatchError(IncompleteError):
         return batch
 
 
-def describe_failure(failure: FailureReport, scene: str, places: Mapping[str, str], model: Path) -> str:
-    """What failed, with the place of its joint in the model file."""
-    where = places.get(failure.element.rpartition(".")[0], str(model))
-    return f"{where}: scene '{scene}': {failure}"
+#: What makes a start impossible, and the section of the scene that may give it.
+_IMPOSSIBLE = {"the loop cannot close from the given coordinates": "positions", "the given speeds contradict the loops": "rates"}
+
+
+def places_of(topology: Topology, scene: Scene) -> dict[str, str]:
+    """Where each body, joint and gear stands in the model file, and for the loop of each cut joint what gives its coordinates and speeds at
+    the start: the scene's first entry, else a guide."""
+    spans = dict(topology.model.constraint_spans)
+    for loop in topology.loops:
+        around = {topology.joint_of[body].joint.name: topology.joint_of[body].joint for body in loop.bodies}
+        for section in ("positions", "rates"):
+            given = {key.removeprefix(f"{section}."): span for key, span in scene.entries.items() if key.startswith(f"{section}.")}
+            entries = (span for coordinate, span in given.items() if coordinate.rpartition(".")[0] in around)
+            guides = (joint.span for joint in around.values() if joint.guide is not None)
+            if span := next(entries, next(guides, None)):
+                spans[_entry(section, loop.cut)] = span
+    return {name: str(span) for name, span in spans.items()}
+
+
+def _entry(section: str, cut: str) -> str:
+    return f"{section} for {cut}"
+
+
+def is_impossible(failure: FailureReport) -> bool:
+    """Whether what is given leaves no start."""
+    return failure.message in _IMPOSSIBLE
+
+
+def describe_failure(
+    failure: FailureReport, scene: str, places: Mapping[str, str], model: Path, changed: Mapping[str, float]
+) -> str:  # fmt: skip
+    """What failed, with the place of its joint in the model file, or of what the scene gives if that is why, and ``changed`` parameters."""
+    joint = failure.element.rpartition(".")[0]
+    place = places.get(joint, str(model))
+    if not is_impossible(failure):
+        return f"{place}: scene '{scene}': {failure}"
+    section = _IMPOSSIBLE[failure.message]
+    where = places.get(_entry(section, joint), place)
+    values = f" with {', '.join(f'{name} = {value:g}' for name, value in changed.items())}" if changed else ""
+    unit = "m or rad" if section == "positions" else "m/s or rad/s"
+    left = f"{failure.residual:.3g} {unit} are left at '{failure.element}' ({place}), which closes it"
+    return f"{where}: scene '{scene}': {failure.message}{values}: {left}; {failure.advice}"
 
 
 def describe_rest(table: Path | None) -> str:
