@@ -25,6 +25,7 @@ bench: setup
 
 flags: setup
 	$(BIN)/python -m cutjoint_bench.studies.flags
+	$(BIN)/python -m cutjoint_bench.studies.fmu_targets
 
 sweep: setup
 	$(BIN)/python -m cutjoint_bench.studies.sweep

@@ -116,7 +116,7 @@ def test_two_models_step_side_by_side_as_by_hand(version: int, tmp_path: Path) -
     model = read_model_text(HANGING, "hanging.yaml")
     fmu = tmp_path / "hanging.fmu"
     made = make_fmu(model, find_scene(model, None), version=version, integrator="rk4")
-    fmu.write_bytes(made.pack(sources=False, binary=True, picture=b""))
+    fmu.write_bytes(made.pack(sources=False, binary=True, picture=b"", target="baseline"))
     out, step = tmp_path / "pushed.csv", 0.004
     connections = ("--connect", "given=mass.x", "--connect", "pull.force=given")
     result = simulate(paths["pushed"], fmu, out, *connections, "--communication-step", step, "--integrator", "rk4", "--no-error")

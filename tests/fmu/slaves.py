@@ -65,8 +65,8 @@ def write(fmu: Fmu, place: Path, **content: bool) -> Path:
 
 
 def packed(fmu: Fmu, **content: Any) -> bytes:
-    """The FMU's archive, as the command writes it."""
-    return fmu.pack(**content, picture=picture_graph(fmu.topology))
+    """The FMU's archive, as the command writes it but for binaries, which have the code of the command line alone."""
+    return fmu.pack(**({"target": "baseline"} | content), picture=picture_graph(fmu.topology))
 
 
 def names_in(packed: bytes) -> list[str]:
@@ -90,7 +90,7 @@ class Slave:
         self._told, self._update, self._intermediate = (ctypes.c_bool(events), ctypes.c_bool(early)), update, intermediate
         self.event, self.early, self.last = False, False, 0.0
         self.references = {v.name: i for i, v in enumerate(fmu.interface.variables)}
-        self._library = ctypes.CDLL(str(fmu.build()))
+        self._library = ctypes.CDLL(str(fmu.build(target="baseline")))
         guid = (fmu.subject.token if token is None else token).encode()
         self._instantiate = self._instantiate_2 if fmu.version == 2 else self._instantiate_3
         self._c = ctypes.c_void_p(self._instantiate(guid))

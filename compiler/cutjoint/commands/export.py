@@ -10,6 +10,7 @@ from cutjoint.commands import options
 from cutjoint.commands.export_fmu import export_fmu, require_fmu
 from cutjoint.emit.standalone import INTEGRATORS_OF_CORE, STEPS
 from cutjoint.export.columns import known_outputs
+from cutjoint.export.fmu.archive import TARGETS
 from cutjoint.export.fmu.description import KINDS
 from cutjoint.export.peers import PEERS, write_export
 from cutjoint.methods import DEFAULT_METHOD
@@ -40,14 +41,16 @@ FMU = "fmu"
 @click.option("--both", "content", flag_value="both", help="An FMU with both, which is the default.")
 @click.option("--platform", "platforms", type=click.Choice(list(PLATFORMS)), multiple=True,
               help="A platform of an FMU's binaries, by Debian's cross-compilers; several may be given, by default this machine's.")
+@click.option("--target", type=click.Choice(TARGETS),
+              help="x86-64 processors of an FMU's binaries: all (baseline), those with AVX2 and FMA (avx2), or both, chosen at load.")
 @click.option("--method", type=click.Choice(list(STEPS)), help="Formulation of an FMU's steps; recursive otherwise.")
 @click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of an FMU's steps instead of the scene's.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file.")
 @options.reports_errors
 def command(
     model: Path, scene: str | None, peer: str, changes: tuple[str, ...], links: tuple[str, ...], asked: tuple[str, ...],
-    fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], method: str | None, integrator: str | None,
-    out: Path,
+    fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None, method: str | None,
+    integrator: str | None, out: Path,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
     if peer == FMU:
@@ -58,10 +61,11 @@ def command(
         export_fmu(
             checked, scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
             method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
+            target=target,
         )  # fmt: skip
         return
     require_fmu(
-        peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None,
+        peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None, target=target,
         **({} if content is None else {content: True}),
     )  # fmt: skip
     if out.exists() and not out.is_dir():

@@ -23,12 +23,12 @@ CONTENTS = {"sources": (True, False), "binary": (False, True), "both": (True, Tr
 
 def export_fmu(
     model: Model, scene: str | None, path: Path, *, version: int, kind: str, content: str, method: str, integrator: str | None,
-    out: Path, platforms: Sequence[str] = (),
+    out: Path, platforms: Sequence[str] = (), target: str | None = None,
 ) -> None:  # fmt: skip
     """Write a model as an FMU; errors as of `make_fmu` and `Fmu.pack`.
 
     Raises:
-        UsageError: platforms are named for an FMU without binaries.
+        UsageError: platforms or a target are named for an FMU without binaries.
         RunError: the file's name does not end as those of FMUs do.
         OutputError: the file is the model, or cannot be written.
     """
@@ -36,11 +36,11 @@ def export_fmu(
         raise RunError(f"--out {out}: an FMU is one file whose name ends in .fmu")
     require_apart({"the model": path}, documents=[("--out", out)])
     sources, binary = CONTENTS[content]
-    if platforms and not binary:
-        raise click.UsageError("--platform is for binaries; leave out --sources")
+    if (platforms or target) and not binary:
+        raise click.UsageError(f"--{'platform' if platforms else 'target'} is for binaries; leave out --sources")
     with options.progress_bar(f"exporting {path.name}"):
         fmu = make_fmu(model, find_scene(model, scene), version=version, kind=kind, method=method, integrator=integrator)
-        packed = fmu.pack(sources=sources, binary=binary, picture=picture_graph(fmu.topology), platforms=platforms)
+        packed = fmu.pack(sources=sources, binary=binary, picture=picture_graph(fmu.topology), platforms=platforms, target=target)
     write_whole(out, packed)
     variables = fmu.interface.variables
     inputs, outputs = ([v.name for v in variables if v.causality == kind] for kind in ("input", "output"))

@@ -111,7 +111,7 @@ def build_files(
     """Build the CMake project of ``files`` around the folder of a model for a ``platform``, by default this machine's, or find the file
     ``made`` by it in the cache; errors as above."""
     compiler, there = (platform.find_compiler(), platform.settings) if platform else (find_compiler(), ())
-    key = digest_of([digest, *files.values(), *compiler.key, *resolve(flags), *there])
+    key = digest_of([digest, *files.values(), *compiler.key, *resolve(flags), *settings, *there])
     cached = cache_folder() / f"alone-{key}" / made
 
     def make(folder: Path) -> Path:

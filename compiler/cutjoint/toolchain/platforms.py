@@ -13,14 +13,15 @@ from cutjoint.toolchain.errors import ToolchainError
 
 @dataclass(frozen=True, kw_only=True)
 class Platform:
-    """A system and a processor as CMake names them, the prefix of the tools that compile for both, Debian's package of these, and how names
-    of modules end there."""
+    """A system and a processor as CMake names them, the prefix of the tools that compile for both, Debian's package of these, how names
+    of modules end there, and the flags of code for processors with AVX2 and FMA, where there are such."""
 
     system: str
     processor: str
     tools: str
     package: str
     suffix: str = ".so"
+    avx2: tuple[str, ...] = ()
 
     def is_here(self) -> bool:
         """Whether it is this machine's."""
@@ -53,11 +54,16 @@ class Platform:
         )  # fmt: skip
 
 
+_AVX2 = ("-mavx2", "-mfma")
+#: GCC does not align the stack for AVX on Windows (its bug 54412); the assembler writes moves that take any address.
+_UNALIGNED = "-Wa,-muse-unaligned-vector-move"
+
 #: By the names that commands have.
 PLATFORMS: Mapping[str, Platform] = {
-    "linux-x86_64": Platform(system="Linux", processor="x86_64", tools="x86_64-linux-gnu", package="g++-x86-64-linux-gnu"),
+    "linux-x86_64": Platform(system="Linux", processor="x86_64", tools="x86_64-linux-gnu", package="g++-x86-64-linux-gnu", avx2=_AVX2),
     "windows-x86_64": Platform(
-        system="Windows", processor="x86_64", tools="x86_64-w64-mingw32", package="g++-mingw-w64-x86-64", suffix=".dll"
+        system="Windows", processor="x86_64", tools="x86_64-w64-mingw32", package="g++-mingw-w64-x86-64", suffix=".dll",
+        avx2=(*_AVX2, _UNALIGNED),
     ),
     "linux-aarch64": Platform(system="Linux", processor="aarch64", tools="aarch64-linux-gnu", package="g++-aarch64-linux-gnu"),
 }  # fmt: skip

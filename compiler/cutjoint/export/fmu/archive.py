@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +28,9 @@ from cutjoint.topology.records import Topology
 #: How binaries are optimised, unless $CUTJOINT_FLAGS says otherwise: for any processor of the platform.
 FMU_FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3").split())
 
+#: For which processors a binary for x86-64 has code: all, those with AVX2 and FMA alone, or both, of which the processor chooses.
+TARGETS = ("baseline", "avx2", "both")
+
 #: The folders of binaries by platform, in FMI 2 and 3.
 FOLDERS: Mapping[str, Mapping[int, str]] = {
     "linux-x86_64": {2: "linux64", 3: "x86_64-linux"},
@@ -44,14 +48,14 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)
 @dataclass(frozen=True, kw_only=True)
 class Fmu:
     """An FMU by FMI ``version``: the folder of the model, what describes it, its variables, the layer over the folder's C interface, the
-    project that builds both, the licence, a page about it, and the topology of which that page shows a picture."""
+    files by name of the project that builds both, the licence, a page about it, and the topology of which that page shows a picture."""
 
     version: int
     standalone: Standalone
     subject: Subject
     interface: Interface
     layer: str
-    project: str
+    project: Mapping[str, str]
     license: str
     page: str
     topology: Topology
@@ -62,22 +66,25 @@ class Fmu:
         code = {name: self.standalone.files[name] for name in _code_of(self.standalone)}
         return {**code, f"fmi{self.version}.cpp": self.layer}
 
-    def build(self, flags: Sequence[str] = FMU_FLAGS, *, platform: str | None = None) -> Path:
-        """The binary for one of `toolchain.platforms.PLATFORMS`, by default this machine's.
+    def build(self, flags: Sequence[str] = FMU_FLAGS, *, platform: str | None = None, target: str | None = None) -> Path:
+        """The binary for one of `toolchain.platforms.PLATFORMS`, by default this machine's, with code for one of `TARGETS`, by default both
+        unless the flags name a processor; other platforms than x86-64 have code for all their processors.
 
         Raises:
-            RunError: there is no name for binaries of this machine.
+            RunError: there is no name for binaries of this machine, or the processor is named by flags and by target.
             ToolchainError: a tool is missing, or the compiler refused the code.
         """
-        target = PLATFORMS[platform or _require_platform()]
+        there, name = PLATFORMS[platform or _require_platform()], self.standalone.name
+        settings = [f"-D{name}_TARGET={choose_target(flags, target)}", f"-D{name}_AVX2={' '.join(there.avx2)}"] if there.avx2 else []
         model = {f"model/{name}": text for name, text in self.standalone.files.items()}
-        files = {**model, f"fmi{self.version}.cpp": self.layer, "CMakeLists.txt": self.project}
-        made = f"{self.standalone.name}{target.suffix}"
-        return build_files(self.standalone.name, files, made, self.standalone.digest, flags, platform=target)
+        files = {**model, f"fmi{self.version}.cpp": self.layer, **self.project}
+        return build_files(name, files, f"{name}{there.suffix}", self.standalone.digest, flags, *settings, platform=there)
 
-    def pack(self, *, sources: bool, binary: bool, picture: bytes, platforms: Sequence[str] = ()) -> bytes:
+    def pack(
+        self, *, sources: bool, binary: bool, picture: bytes, platforms: Sequence[str] = (), target: str | None = None
+    ) -> bytes:  # fmt: skip
         """The archive, with the sources, a binary for each of the ``platforms``, by default for this machine, or both, and a ``picture``
-        (PNG) of the topology; errors as of `build`."""
+        (PNG) of the topology; ``target`` and errors as of `build`."""
         subject = replace(self.subject, sources=tuple(n for n in self.sources if n.endswith(".cpp")) if sources else ())
         files = {
             "modelDescription.xml": write_description(subject, self.interface, self.version).encode(),
@@ -90,7 +97,7 @@ class Fmu:
                 files["sources/buildDescription.xml"] = write_build_description(subject).encode()
         if binary:
             for name in dict.fromkeys(platforms or [_require_platform()]):
-                made = self.build(platform=name)
+                made = self.build(platform=name, target=target)
                 files[f"binaries/{FOLDERS[name][self.version]}/{made.name}"] = made.read_bytes()
         return _pack(files)
 
@@ -119,13 +126,26 @@ def make_fmu(
     return Fmu(
         version=version, standalone=standalone, subject=subject, interface=interface,
         layer=page.render(f"fmu/fmi{version}.cpp.jinja", **view, token=token),
-        project=page.render("fmu/CMakeLists.txt.jinja", **view), license=page.render("fmu/license.txt.jinja", **view),
+        project={name: page.render(f"fmu/{name}.jinja", **view) for name in ("CMakeLists.txt", "avx2.cpp", "chosen.h")},
+        license=page.render("fmu/license.txt.jinja", **view),
         page=page.render(
             "fmu/index.html.jinja", **view, scene=scene.name, integrator=standalone.integrator, variables=interface.variables,
             picture=f"../{PICTURES[version]}" if version == 2 else PICTURES[version].removeprefix("documentation/"),
         ),
         topology=equations.topology,
     )  # fmt: skip
+
+
+def choose_target(flags: Sequence[str], target: str | None = None) -> str:
+    """The one of `TARGETS` that a binary for x86-64 has with flags, unless one is named.
+
+    Raises:
+        RunError: a target is named, and a processor by the flags.
+    """
+    named = [flag for flag in flags if flag.startswith("-m")]
+    if named and target is not None:
+        raise RunError(f"target: the flags name a processor, {' '.join(named)}; leave out --target, or take them from $CUTJOINT_FLAGS")
+    return target or ("baseline" if named else "both")
 
 
 def _require_method(method: str, kind: str) -> None:
@@ -145,6 +165,7 @@ def _view(standalone: Standalone, interface: Interface, version: int, kind: str,
     return {
         "p": name, "P": name.upper(), "header": header.removesuffix(".h"), "fmi": version,
         "cs": KINDS[kind][0], "me": exchanges, "kinds": " and ".join(["co-simulation"] * KINDS[kind][0] + ["model exchange"] * exchanges),
+        "functions": sorted(set(re.findall(rf"\b{name}_(\w+)\(", standalone.files[header]))),
         "stops": stops, "missing": missing_functions(exchanges=exchanges, stops_at_events=stops),
         "adaptive": steps.adaptive, "iterated": steps.is_iterated, "starts": interface.starts, "rated": interface.rated,
         "mark": sha256(f"{standalone.digest} {standalone.integrator} {interface!r}".encode()).hexdigest()[:16],
