@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import cutjoint
+from cutjoint.export.fmu.description import write_description
 from tests.conftest import MODELS, needs_cpp, with_heavy
-from tests.mechanisms.driven import DRIVEN
+from tests.mechanisms.driven import DRIVEN, LIFT, PUSH
 
 from .slaves import DISCARD, OK, Slave, advanced, fmu_of, started
 
@@ -75,6 +77,24 @@ def test_parameters_start_and_step_are_the_hosts() -> None:
     advanced(slave, 10, 0.01, 0.1)
     sim.advance(0.2)
     assert slave.get() == pytest.approx(list(sim.outputs.array), rel=1e-12)
+
+
+@versions
+def test_inputs_begin_with_the_scenes_value_and_are_held(version: int, driven: Path) -> None:
+    fmu = fmu_of("driven", version, "lawful")
+    described = ElementTree.fromstring(write_description(fmu.subject, fmu.interface, version))
+    starts = {v.get("name"): next(iter(v), v).get("start") for v in described.iter("ScalarVariable" if version == 2 else "Float64")}
+    assert {name: float(str(starts[name])) for name in ("lift", "push")} == {"lift": LIFT(0.0), "push": PUSH(0.0)}
+    slave, sim = started(fmu), cutjoint.load(driven, scene="lawful")
+    sim.set_input("lift", LIFT(0.0))
+    sim.set_input("push", PUSH(0.0))
+    sim.reset()
+    assert slave.get() == list(sim.outputs.array)
+    for i in range(4):
+        assert slave.step(0.1 * i, 0.1) == OK
+        sim.advance(0.1 * i + 0.1)
+        assert slave.get() == list(sim.outputs.array)
+    assert slave.get("lift", "push") == [LIFT(0.0), PUSH(0.0)]
 
 
 def test_inputs_are_held_or_go_on_by_their_derivatives(driven: Path) -> None:

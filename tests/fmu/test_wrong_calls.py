@@ -134,6 +134,17 @@ def test_derivatives_of_inputs() -> None:
         assert said(slave) == words
 
 
+_OF_CLOCKS = ("Clock", "IntervalDecimal", "IntervalFraction", "ShiftDecimal", "ShiftFraction")
+
+
+@pytest.mark.parametrize("function", [verb + what for verb in ("Get", "Set") for what in _OF_CLOCKS])
+def test_there_are_no_clocks(function: str) -> None:
+    slave = started(fmu_of("press", 3))
+    places, values = (ctypes.c_uint * 1)(1), (ctypes.c_uint64 * 2)()
+    assert slave.call(function, places, ctypes.c_size_t(1), values, values) == ERROR
+    assert slave.log == [f"fmi3{function}: the FMU has no clocks"]
+
+
 RANDOM = [("press", 2, "cs", None), ("press", 3, "both", None), ("spinning", 3, "both", None), ("bounce", 3, "both", "rk4")]
 
 

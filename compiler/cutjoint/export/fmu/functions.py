@@ -5,50 +5,50 @@ from __future__ import annotations
 _REFERENCES = "const fmi3ValueReference*, size_t"
 _KNOWN = f", {_REFERENCES}, {_REFERENCES}, const fmi3Float64*, size_t, fmi3Float64*, size_t"
 
-Function = tuple[str, str]
+Function = tuple[str, str, str]
 
-#: What no FMU has: names without the prefix, and what C++ arguments they have after the instance.
+#: What no FMU has: names without the prefix, what C++ arguments they have after the instance, and what the FMU lacks.
 MISSING: tuple[Function, ...] = (
-    ("GetNumberOfVariableDependencies", ", fmi3ValueReference, size_t*"),
-    ("GetVariableDependencies", ", fmi3ValueReference, size_t*, fmi3ValueReference*, size_t*, int*, size_t"),
-    ("EnterConfigurationMode", ""),
-    ("ExitConfigurationMode", ""),
-    ("GetIntervalDecimal", f", {_REFERENCES}, fmi3Float64*, int*"),
-    ("GetIntervalFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*, int*"),
-    ("GetShiftDecimal", f", {_REFERENCES}, fmi3Float64*"),
-    ("GetShiftFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*"),
-    ("SetIntervalDecimal", f", {_REFERENCES}, const fmi3Float64*"),
-    ("SetIntervalFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*"),
-    ("SetShiftDecimal", f", {_REFERENCES}, const fmi3Float64*"),
-    ("SetShiftFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*"),
-    ("EvaluateDiscreteStates", ""),
-    ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t"),
-    ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64"),
+    ("GetNumberOfVariableDependencies", ", fmi3ValueReference, size_t*", "dependencies that change"),
+    ("GetVariableDependencies", ", fmi3ValueReference, size_t*, fmi3ValueReference*, size_t*, int*, size_t", "dependencies that change"),
+    ("EnterConfigurationMode", "", "configuration mode"),
+    ("ExitConfigurationMode", "", "configuration mode"),
+    ("GetIntervalDecimal", f", {_REFERENCES}, fmi3Float64*, int*", "clocks"),
+    ("GetIntervalFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*, int*", "clocks"),
+    ("GetShiftDecimal", f", {_REFERENCES}, fmi3Float64*", "clocks"),
+    ("GetShiftFraction", f", {_REFERENCES}, fmi3UInt64*, fmi3UInt64*", "clocks"),
+    ("SetIntervalDecimal", f", {_REFERENCES}, const fmi3Float64*", "clocks"),
+    ("SetIntervalFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*", "clocks"),
+    ("SetShiftDecimal", f", {_REFERENCES}, const fmi3Float64*", "clocks"),
+    ("SetShiftFraction", f", {_REFERENCES}, const fmi3UInt64*, const fmi3UInt64*", "clocks"),
+    ("EvaluateDiscreteStates", "", "discrete states"),
+    ("GetOutputDerivatives", f", {_REFERENCES}, const fmi3Int32*, fmi3Float64*, size_t", "derivatives of outputs"),
+    ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64", "model partitions"),
 )
 
 #: What only FMUs for co-simulation with event mode have.
-OF_STEPS: tuple[Function, ...] = (("EnterStepMode", ""),)
+OF_STEPS: tuple[Function, ...] = (("EnterStepMode", "", "event mode"),)
 
 #: What these and FMUs for model exchange have.
 OF_EVENTS: tuple[Function, ...] = (
-    ("EnterEventMode", ""),
-    ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*"),
+    ("EnterEventMode", "", "event mode"),
+    ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*", "event mode"),
 )
 
 #: What only FMUs for model exchange have.
 OF_EXCHANGE: tuple[Function, ...] = (
-    ("GetDirectionalDerivative", _KNOWN),
-    ("GetAdjointDerivative", _KNOWN),
-    ("EnterContinuousTimeMode", ""),
-    ("CompletedIntegratorStep", ", fmi3Boolean, fmi3Boolean*, fmi3Boolean*"),
-    ("SetTime", ", fmi3Float64"),
-    ("SetContinuousStates", ", const fmi3Float64*, size_t"),
-    ("GetContinuousStateDerivatives", ", fmi3Float64*, size_t"),
-    ("GetEventIndicators", ", fmi3Float64*, size_t"),
-    ("GetContinuousStates", ", fmi3Float64*, size_t"),
-    ("GetNominalsOfContinuousStates", ", fmi3Float64*, size_t"),
-    ("GetNumberOfEventIndicators", ", size_t*"),
-    ("GetNumberOfContinuousStates", ", size_t*"),
+    ("GetDirectionalDerivative", _KNOWN, "directional derivatives"),
+    ("GetAdjointDerivative", _KNOWN, "adjoint derivatives"),
+    ("EnterContinuousTimeMode", "", "model exchange"),
+    ("CompletedIntegratorStep", ", fmi3Boolean, fmi3Boolean*, fmi3Boolean*", "model exchange"),
+    ("SetTime", ", fmi3Float64", "model exchange"),
+    ("SetContinuousStates", ", const fmi3Float64*, size_t", "model exchange"),
+    ("GetContinuousStateDerivatives", ", fmi3Float64*, size_t", "model exchange"),
+    ("GetEventIndicators", ", fmi3Float64*, size_t", "model exchange"),
+    ("GetContinuousStates", ", fmi3Float64*, size_t", "model exchange"),
+    ("GetNominalsOfContinuousStates", ", fmi3Float64*, size_t", "model exchange"),
+    ("GetNumberOfEventIndicators", ", size_t*", "model exchange"),
+    ("GetNumberOfContinuousStates", ", size_t*", "model exchange"),
 )
 
 
