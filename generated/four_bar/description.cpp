@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "four_bar.hpp"
+#include "cutjoint/mechanism.hpp"
 
 namespace cutjoint::generated {
 

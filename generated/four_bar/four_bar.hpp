@@ -4,8 +4,7 @@
 
 #include <cmath>
 
-#include "cutjoint/core/road.hpp"
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 
 namespace cutjoint::generated {
 

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/contract.hpp"
 
 namespace cutjoint {
 
@@ -20,25 +21,12 @@ struct Chart {
   bool reversed = false;
 };
 
-/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
-/// has a penalty for each cut joint, which `load` reads, and nothing else.
-template <class Real>
-struct Stabilisation {
-  Real penalty{1};
-  Real damping_ratio{1};
-  Real frequency{10};
-  const Real* penalties = nullptr;
-};
-
 /// A value that is watched for a change of formula: the place along a `road`, or where there is none, one that changes its sign; the switch
 /// `across` has the place across the road (without one, that place is right of the middle).
 struct SwitchPlace {
   int road = -1;
   int across = -1;
 };
-
-template <class Real>
-class Road;
 
 /// A mechanism.  All arrays belong to the caller and have the lengths of its lists; nothing allocates.  It knows these lengths, `sizes`, or has
 /// a `description`.
@@ -64,12 +52,6 @@ concept Mechanism = requires(M& m, typename M::real_type* out, const typename M:
   m.constraint_residual(in, in, out, out);
   m.report(in, in, in, in, out);
 };
-
-/// condition ? yes : no, both evaluated.
-template <class Real>
-constexpr Real where(bool condition, Real yes, Real no) {
-  return condition ? yes : no;
-}
 
 /// The charts of a mechanism.
 template <class M>

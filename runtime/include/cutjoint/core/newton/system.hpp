@@ -11,20 +11,6 @@
 
 namespace cutjoint {
 
-/// Weights of the terms of a tangent, A = M + damping C + stiffness K with K = -dQ/dq, C = -dQ/dqd:
-///
-/// - augmented: A + constraint Phi_q^T Phi_q, the symmetric part of C and K,
-/// - classical: [A, constraint Phi_q^T; constraint Phi_q, 0].
-///
-/// In relative coordinates the tangent is whole, and `turns` has for each ball the 3x3 matrix of `turn_matrices` (retraction.hpp), by rows.
-template <class Real>
-struct Weights {
-  Real damping;
-  Real stiffness;
-  Real constraint;
-  const Real* turns = nullptr;
-};
-
 /// How many rows a tangent has, entries that are not always zero, and numbers in its factors.
 struct TangentSizes {
   std::size_t rows = 0, entries = 0, factors = 0;

@@ -1,0 +1,48 @@
+// Mechanisms behind virtual functions.
+#pragma once
+
+#include <exception>
+
+#include "cutjoint/core/contract.hpp"
+#include "cutjoint/core/inputs.hpp"
+#include "cutjoint/precision.hpp"
+
+namespace cutjoint {
+
+struct Description;
+
+/// A function was called that the compiler had no reason to make.
+class MissingFunction : public std::exception {
+ public:
+  explicit MissingFunction(const char* message) : message_(message) {}
+  const char* what() const noexcept override { return message_; }
+
+ private:
+  const char* message_;
+};
+
+[[noreturn]] inline void throw_no_energy() { throw MissingFunction("this mechanism was compiled without the function energy"); }
+[[noreturn]] inline void throw_no_projection() { throw MissingFunction("this mechanism was compiled without the function project"); }
+
+/// The base of generated mechanisms: the same contract behind virtual functions, so that one driver serves all models.
+template <class Real>
+class AnyMechanism {
+ public:
+  using real_type = Real;
+
+  virtual ~AnyMechanism() = default;
+  virtual const Description& description() const = 0;
+  virtual void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) = 0;
+  virtual void begin_step(Real t, Real motion) = 0;
+  virtual void drive_by(const InputSource<Real>&) {}  ///< only models with inputs have it
+  virtual void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const = 0;
+  virtual void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const = 0;
+  virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
+  virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_no_energy(); }  ///< of q, v, vdot, lambda
+  virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_no_projection(); }
+  virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
+  virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
+  virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v, the margins of the domains; only models that have some
+};
+
+}  // namespace cutjoint

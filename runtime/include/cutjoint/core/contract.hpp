@@ -1,0 +1,39 @@
+// What generated functions see of the runtime, beside lanes, roads and inputs.  Each of their files reads this: it includes nothing.
+#pragma once
+
+namespace cutjoint {
+
+template <class Real>
+class Road;
+
+/// Figures of the cut joints: penalty alpha, damping ratio xi, frequency omega in 1/s (Cuadrado et al. 2000, eq. 39).  The proximal closure
+/// has a penalty for each cut joint, which `load` reads, and nothing else.
+template <class Real>
+struct Stabilisation {
+  Real penalty{1};
+  Real damping_ratio{1};
+  Real frequency{10};
+  const Real* penalties = nullptr;
+};
+
+/// Weights of the terms of a tangent, A = M + damping C + stiffness K with K = -dQ/dq, C = -dQ/dqd:
+///
+/// - augmented: A + constraint Phi_q^T Phi_q, the symmetric part of C and K,
+/// - classical: [A, constraint Phi_q^T; constraint Phi_q, 0].
+///
+/// In relative coordinates the tangent is whole, and `turns` has for each ball the 3x3 matrix of `turn_matrices` (retraction.hpp), by rows.
+template <class Real>
+struct Weights {
+  Real damping;
+  Real stiffness;
+  Real constraint;
+  const Real* turns = nullptr;
+};
+
+/// condition ? yes : no, both evaluated.
+template <class Real>
+constexpr Real where(bool condition, Real yes, Real no) {
+  return condition ? yes : no;
+}
+
+}  // namespace cutjoint
