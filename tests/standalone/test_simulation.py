@@ -131,6 +131,16 @@ def test_what_cannot_go_on_is_told(press: cutjoint.Simulation) -> None:
     assert press.reset().coordinates["pin.angle"] == 0.0  # what did not close is forgotten
 
 
+def test_a_host_is_told_what_a_stiff_model_takes() -> None:
+    """And the method that the advice names goes on with the same steps."""
+    explicit, implicit = (cutjoint.load(PRESS, method=method) for method in ("recursive", "recursive-newton"))
+    for sim in (explicit, implicit):
+        sim.reset(dt=1e-3).parameters["stiffness"] = 1e8
+    with pytest.raises(cutjoint.SimulationError, match="not tried: a smaller dt, or compiling with the method recursive-newton"):
+        explicit.play(20)
+    assert implicit.play(20).shape[0] == 20
+
+
 def test_coordinates_and_speeds_hold_for_one_start(press: cutjoint.Simulation) -> None:
     first = press.reset().snapshot()
     assert press.reset(coordinates={"pin.angle": 0.3}, speeds={"pin.angle_rate": 2.0}).coordinates["pin.angle"] == pytest.approx(0.3)

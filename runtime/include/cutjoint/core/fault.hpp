@@ -101,12 +101,15 @@ constexpr const char* advice_of_newton(const Fault& fault) {
   return "look at the forces on this coordinate; not tried: a smaller dt";
 }
 
+/// What may help where a step is too long for the accelerations.
+constexpr const char* shorter_steps = "not tried: a smaller dt, or compiling with the method recursive-newton, as for stiff models";
+
 /// What may help; "not tried" where nobody has tried it.
 constexpr const char* advice_of(const Fault& fault) {
   switch (fault.cause) {
     case Cause::none: return "";
-    case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "what is left may be rounding; not tried: a larger tolerance" : "not tried: a smaller dt";
-    case Cause::diverged:
+    case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "what is left may be rounding; not tried: a larger tolerance" : shorter_steps;
+    case Cause::diverged: return shorter_steps;
     case Cause::loops_open:
     case Cause::speeds_open: return "not tried: a smaller dt";
     case Cause::no_assembly:
@@ -114,8 +117,8 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line";
     case Cause::stages_not_found:
     case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose; not tried: a larger tolerance";
-    case Cause::stiff: return "stability limits the steps, as of a stiff model; not tried: method recursive-newton";
-    case Cause::accelerations_not_finite: return "not tried: a smaller dt";
+    case Cause::stiff: return "stability limits the steps, as of a stiff model; not tried: compiling with the method recursive-newton";
+    case Cause::accelerations_not_finite: return shorter_steps;
     case Cause::switches_without_end: return "make its law continuous there, or let steps go over it with events: crossed";
     case Cause::masses_lost: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; not tried: a smaller penalty";
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
