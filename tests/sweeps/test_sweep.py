@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 import sympy
 from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
 
 import cutjoint
 from cutjoint.cli import main
@@ -123,6 +124,44 @@ def test_scenes_and_starts_that_follow_from_parameters(tmp_path: Path) -> None:
     assert done["scene"].tolist() == ["turn", "turn", "slow", "slow"]
     assert [values[0] for values in done["pin.angle_rate(t)"]] == pytest.approx([4, 9, 2, 4.5], rel=1e-12)
     assert [len(values) for values in done["pin.angle_rate(t)"]] == [201, 201, 21, 21]
+
+
+#: A body that a ball holds, turned at the start by parameters in three ways.
+TURNED = """
+cutjoint: 1
+name: turned
+gravity: [0, 0, 0]
+parameters:
+  bend: {value: 0.3, unit: rad, binding: param}
+  size: {value: 1, unit: "1", binding: param}
+bodies: {arm: {mass: 1, centre_of_mass: [1, 0, 0], inertia: [1, 2, 3]}}
+joints: {ball: {kind: spherical, bodies: [ground, arm], at: [0, 0, 0]}}
+outputs: [arm.x, arm.y, arm.z]
+scenes:
+  euler: {end: 0.01, output_step: 0.01, positions: {ball.attitude: {euler: [bend, 0.4, 2*bend], order: zyx}}}
+  vector: {end: 0.01, output_step: 0.01, positions: {ball.attitude: {rotation_vector: [0.2, bend, -bend]}}}
+  given: {end: 0.01, output_step: 0.01, positions: {ball.attitude: {quaternion: [size*cos(bend), 0, size*sin(bend), 0]}}}
+"""
+
+
+def test_attitudes_that_follow_from_parameters(tmp_path: Path) -> None:
+    (tmp_path / "turned.yaml").write_text(TURNED, encoding="utf-8")
+    asked = {
+        "parameters": {"bend": [0, 0.7], "size": [1.0009, 1.002]}, "rates": None, "end": None, "trajectories": None, "design": "grid",
+        "objectives": {axis: {"maximum": f"arm.{axis}", "to": 0} for axis in "xyz"},
+    }  # fmt: skip
+    path = study(tmp_path, model="turned.yaml", scenes=["euler", "vector", "given"], **asked)
+    done = cutjoint.sweep(path, tmp_path / "out.parquet")
+    for run, (scene, bend, size) in enumerate(zip(done["scene"], done["bend"], done["size"], strict=True)):
+        if scene == "given" and size > 1.001:
+            assert "out of its range" in str(done.failures[run])
+            continue
+        turn = {
+            "euler": Rotation.from_euler("ZYX", [bend, 0.4, 2 * bend]), "vector": Rotation.from_rotvec([0.2, bend, -bend]),
+            "given": Rotation.from_rotvec([0, 2 * bend, 0]),
+        }[scene]  # fmt: skip
+        assert [done[axis][run] for axis in "xyz"] == pytest.approx(turn.apply([1, 0, 0]), abs=1e-14)
+    assert done.failures.count(None) == 10
 
 
 def test_ranges_that_are_missing() -> None:

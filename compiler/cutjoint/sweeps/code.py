@@ -10,6 +10,7 @@ from cutjoint.elements.joint import ATTITUDE
 from cutjoint.emit.source import environment
 from cutjoint.export.laws import expression
 from cutjoint.formulate.records import Column
+from cutjoint.model.attitudes import UNIT_BOUND
 from cutjoint.model.expressions import variable
 from cutjoint.model.records import Model, Scalar, Scene, Tyre
 from cutjoint.run.errors import RunError
@@ -31,7 +32,7 @@ def with_runs(
     symbols = _symbols(study.model, columns, names)
     p, calls = alone.name, _calls(alone.name, study.variables, names)
     text = environment().get_template("sweep/runs.cpp.jinja").render(
-        p=p, P=p.upper(), lanes=alone.lanes, variables=study.variables,
+        p=p, P=p.upper(), lanes=alone.lanes, variables=study.variables, unit_bound=UNIT_BOUND,
         series=[_print(s.value, symbols) for s in study.series],
         parameters=[call for v, call in calls if v.kind in (Kind.PARAMETER, Kind.INPUT)],
         following=list(_following(p, study, scene, symbols, names)),
@@ -75,12 +76,17 @@ def _following(
         raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use simulate --batch")
     calls = []
     for part, function, table in (("positions", "give_coordinate", "coordinate"), ("rates", "give_speed", "speed")):
-        for name, value in getattr(scene, part).items():
-            if value.free_symbols & moving:
-                if name.rpartition(".")[2] in ATTITUDE:
-                    reason = f"the attitude '{name}' follows from a parameter of the study"
-                    raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use simulate --batch")
-                calls.append(f"{p}_{function}(sim, {list(names[table]).index(name)}, {_print(value, symbols)})")
+        given = getattr(scene, part)
+        for name, value in given.items():
+            joint, _, component = name.rpartition(".")
+            if component in ATTITUDE[1:]:
+                continue  # its first component gives an attitude
+            values = [given[f"{joint}.{e}"] for e in ATTITUDE] if component in ATTITUDE else [value]
+            if any(each.free_symbols & moving for each in values):
+                call, printed = f"{p}_{function}", ", ".join(_print(each, symbols) for each in values)
+                if component in ATTITUDE:
+                    call, printed = "give_attitude", f"{{{printed}}}"
+                calls.append(f"{call}(sim, {list(names[table]).index(name)}, {printed})")
     masses = [value for body in model.bodies for value in (body.mass, *body.inertia[:3])]
     calls += [f"{_print(m, symbols)} >= 0.0 ? {p.upper()}_OK : {p.upper()}_NOT_FINITE" for m in masses if m.free_symbols & moving]
     return calls
