@@ -18,10 +18,12 @@ from cutjoint.model.records import Model
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.scenes import with_closure
 from cutjoint.standalone import pays_in_lanes
+from cutjoint.sweeps import build
 from cutjoint.sweeps.build import build_kernels
 from cutjoint.sweeps.kernel import Kernel, Left
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Array, Study
+from cutjoint.sweeps.work import Work
 from tests.conftest import MODELS, needs_cpp
 from tests.run.test_batch import TEXT
 
@@ -158,6 +160,18 @@ def test_workers_do_not_matter_and_the_table_says_that_there_are_lanes(tmp_path:
         assert cutjoint.sweep(path, out, threads=threads).manifest["lanes"] == {"turn": 8}
         contents.append(out.read_bytes())
     assert contents[0] == contents[1]
+
+
+def test_rows_in_memory_are_those_of_all_lanes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = read_study(study(tmp_path, design={"sobol": 101}))
+    one, many = _kernels(asked)
+    work = Work(kernels=(many,), has_scenes=False, objectives=(), trajectories=(), every=1)
+    for rows, held in ((1000, 4000), (10**5, 40), (3 * 10**5, 8), (10**6, 8)):  # of 4 million numbers
+        assert work._at_once(replace(many, rows=rows, series=1)) == held
+        assert work._at_once(replace(one, rows=rows, series=1)) == 4 * 10**6 // rows
+    for most, lanes in ((8 * one.rows, 8), (8 * one.rows - 1, 1)):
+        monkeypatch.setattr(build, "_MOST_ROWS", most)
+        assert build_kernels(asked, lanes=True)[0].lanes == lanes
 
 
 def test_lanes_pay_from_so_many_steps_on() -> None:

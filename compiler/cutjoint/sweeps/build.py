@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cutjoint.emit.standalone import LANES
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.model.records import Scene
 from cutjoint.pipeline import generate
@@ -18,7 +19,8 @@ from cutjoint.toolchain.digests import digest_of
 def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, ...]:
     """Compile a study for each of its scenes, or find the libraries in the cache.
 
-    Runs go in ``lanes`` where steps can and there are so many runs that these pay (`pays_in_lanes`), or as is said.
+    Runs go in ``lanes`` where steps can and there are so many runs that these pay (`pays_in_lanes`), or as is said, unless those side by
+    side have too many rows.
 
     Raises:
         TopologyError, NoInertiaError, GuideError, RunError: the model is wrong, or the study asks for what its library does not have.
@@ -30,7 +32,9 @@ def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, .
 def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     equations, program, source = generate(study.model, scene, study.outputs, method=study.method)
     alone = make_standalone(equations, program, source, integrator=study.integrator)
-    if alone.steps.in_lanes and (_pays(study, program, alone) if lanes is None else lanes):
+    rows, row_step = _count_rows(scene, alone)
+    may = alone.steps.in_lanes and rows * LANES <= _MOST_ROWS
+    if may and (_pays(study, program, alone) if lanes is None else lanes):
         alone = make_standalone(equations, program, source, integrator=study.integrator, side_by_side=True)
     start = equations.mechanism
     names = {
@@ -38,12 +42,6 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
         "coordinate": start.coordinate_names, "speed": start.speed_names,
     }  # fmt: skip
     ready = with_runs(alone, study, scene, equations.columns, names)
-    row_step, end = float(ready.run_file["output_step"]), float(ready.run_file["end"])
-    rows = 1
-    while (rows - 1) * row_step < end * (1 - 1e-12):
-        rows += 1
-    if rows > _MOST_ROWS:
-        raise RunError(f"{scene.span}: scene '{scene.name}': {rows} rows are more than {_MOST_ROWS}; give the study a longer output_step")
     return Kernel(
         model=alone.name, scene=scene.name, source=digest_of(list(ready.files.values())),
         content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), lanes=max(1, ready.lanes),
@@ -51,8 +49,18 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     )  # fmt: skip
 
 
-#: Rows of a run at most: a chunk of runs holds them all in memory.
+#: Rows of a run at most, and of all that go side by side: a chunk of runs holds them all in memory.
 _MOST_ROWS = 10_000_000
+
+
+def _count_rows(scene: Scene, alone: Standalone) -> tuple[int, float]:
+    """How many rows a run has, and how far they are apart, s."""
+    row_step, end, rows = float(alone.run_file["output_step"]), float(alone.run_file["end"]), 1
+    while (rows - 1) * row_step < end * (1 - 1e-12):
+        rows += 1
+    if rows > _MOST_ROWS:
+        raise RunError(f"{scene.span}: scene '{scene.name}': {rows} rows are more than {_MOST_ROWS}; give the study a longer output_step")
+    return rows, row_step
 
 
 def _pays(study: Study, program: Program, alone: Standalone) -> bool:

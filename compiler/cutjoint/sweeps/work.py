@@ -12,7 +12,7 @@ from cutjoint.sweeps.kernel import Kernel, Left
 from cutjoint.sweeps.objectives import reduce_series
 from cutjoint.sweeps.records import Array, Counts, Objective
 
-#: Bytes of series that a worker holds at a time, unless one run has more.
+#: Bytes of series that a worker holds at a time, unless one run, or those that go side by side, have more.
 _HELD = 32_000_000
 
 
@@ -86,7 +86,8 @@ class Work:
         )  # fmt: skip
 
     def _at_once(self, kernel: Kernel) -> int:
-        return in_lanes(max(1, _HELD // (8 * kernel.rows * max(1, kernel.series))), kernel.lanes)
+        together = 8 * kernel.rows * max(1, kernel.series) * kernel.lanes
+        return max(1, _HELD // together) * kernel.lanes
 
     def _reduce(self, kernel: Kernel, left: Left, objectives: Array, at: Counts) -> None:
         """The objectives of runs that came to their ends."""
