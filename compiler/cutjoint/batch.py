@@ -16,7 +16,7 @@ from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import AnyPath
-from cutjoint.methods import CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, either, names_of
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, either, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import derive
 from cutjoint.run.artifact import start_of
@@ -65,17 +65,19 @@ def compile_batch(path: AnyPath, *, scene: str | None = None, opened: Sequence[s
 
 
 def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
-    """Compile a model for batches of a scene, with the recursive method.
+    """Compile a model for batches of a scene, with the recursive method; cut joints are held by penalties where the scene names no closure.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
-        RunError: the scene has a closure, an integrator or events that batches do not have.
+        RunError: the scene has an integrator or events that batches do not have.
         ToolchainError: the C++ side failed.
     """
     _require_batch(scene)
-    scene = with_closure(scene, PLAIN_CLOSURE)
+    closure = scene.numerics.closure or PLAIN_CLOSURE
+    scene = with_closure(scene, closure)
     begin = perf_counter()
-    equations = derive(model, scene, scene.outputs).starting
+    derived = derive(model, scene, scene.outputs, closure=closure)
+    equations = derived.starting if closure == PLAIN_CLOSURE else derived.crossing
     source = emit(schedule_recursive(equations, lanes=False), equations, batch=True)
     generated = perf_counter()
     binary = build(source, flags=flags)
@@ -87,10 +89,9 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
 
 def _require_batch(scene: Scene) -> None:
     """Check that a scene says nothing that batches do not have."""
-    numerics, method = scene.numerics, METHODS[METHOD]
+    numerics = scene.numerics
     integrator = INTEGRATORS[numerics.integrator or DEFAULT_INTEGRATOR]
     faults = (
-        ("closure", numerics.closure is not None and not method.closure(numerics.closure).batch, names_of(CLOSURES, lambda c: c.batch)),
         ("integrator", METHOD in integrator.methods and not integrator.batch, names_of(INTEGRATORS, lambda i: i.batch)),
         ("events", numerics.events == Events.LOCATED, (Events.CROSSED,)),
     )

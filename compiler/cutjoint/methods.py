@@ -132,7 +132,6 @@ class Closure:
     penalty_of_each_cut: bool = False
     twin: bool = False
     fixed_cost: bool = False
-    batch: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,7 +228,7 @@ INTEGRATORS: Mapping[str, Integrator] = _catalogue(
 
 #: The ways to hold cut joints.
 CLOSURES: Mapping[str, Closure] = _catalogue(
-    Closure(name="penalty", twin=True, fixed_cost=True, batch=True),
+    Closure(name="penalty", twin=True, fixed_cost=True),
     Closure(name="proximal", penalty_of_each_cut=True, fixed_cost=True),
 )
 
@@ -255,7 +254,7 @@ DEFAULT_METHOD = "recursive"
 #: The integrator of equal steps.
 DEFAULT_INTEGRATOR = "trapezoidal"
 DEFAULT_CLOSURE = "proximal"
-#: The closure of methods without a choice, of generic twins, and of batches.
+#: The closure of methods without a choice, of generic twins, and of batches whose scene names none.
 PLAIN_CLOSURE = "penalty"
 DEFAULT_SOLVER = "emitted"
 DEFAULT_PRECISION = "double"

@@ -24,6 +24,7 @@ from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.cases import read_cases
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Batch, Trajectory
+from cutjoint.run.scenes import with_closure
 
 #: A quarter of a car on a road: two arms of a loop, a tyre, a spring with a stop, and a spring that is no number beyond its length.
 TEXT = """
@@ -116,6 +117,17 @@ def test_each_run_is_that_of_its_parameters_alone() -> None:
     assert len({round(x, 6) for x in batch.end["chassis.z"]}) == len(CASES)
 
 
+def test_the_closure_is_that_of_the_scene() -> None:
+    """Runs whose steps project, beside single ones, whose closure is the same."""
+    scene = with_closure(replace(ride(), pose="design"), "proximal")
+    batch = simulate_batch(compile_scene_batch(model(), scene), CASES[:3], threads=1)
+    single = compile_scene(model(), scene)
+    for i, case in enumerate(CASES[:3]):
+        run = simulate(single, parameters=case)
+        check_same(batch, i, run)
+        assert batch.evaluations[i] == run.evaluations
+
+
 @pytest.mark.parametrize("how", [{"threads": 0}, {"dt": float("inf")}, {"end": -1.0}, {"tolerance": 0.0}], ids=lambda how: next(iter(how)))
 def test_figures_that_no_run_has_are_refused(how: dict[str, Any]) -> None:
     with pytest.raises(RunError, match=f"^{next(iter(how))}: .*; write a "):
@@ -184,8 +196,7 @@ def test_guards_stop_the_runs_whose_forces_would_act() -> None:
 
 def test_what_a_batch_does_not_have() -> None:
     lacks = (
-        ({"closure": "proximal"}, "closure: penalty"), ({"integrator": "rk4"}, "integrator: trapezoidal"),
-        ({"events": "located"}, "events: crossed"),
+        ({"integrator": "rk4"}, "integrator: trapezoidal"), ({"events": "located"}, "events: crossed"),
     )  # fmt: skip
     for change, words in lacks:
         scene = replace(ride(), numerics=replace(ride().numerics, **change))  # type: ignore[arg-type]

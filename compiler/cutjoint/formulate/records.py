@@ -239,7 +239,12 @@ class RecursiveEquations(Equations):
     @property
     def starting(self) -> RecursiveEquations:
         """The equations without the functions that a start does not call."""
-        return replace(self, functions=tuple(f for f in self.functions if f.name not in ("project", "events", "energy")), switches=())
+        return replace(self.crossing, functions=tuple(f for f in self.crossing.functions if f.name != "project"))
+
+    @property
+    def crossing(self) -> RecursiveEquations:
+        """The equations without the functions that steps over events do not call."""
+        return replace(self, functions=tuple(f for f in self.functions if f.name not in ("events", "energy")), switches=())
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -10,6 +10,22 @@
 
 namespace cutjoint {
 
+/// The failure of a state at the end of a step in which `margins` of guards are violated: it names the forces that would act.
+template <class Real>
+Failure failure_of_guards(const std::vector<Guard>& guards, const std::vector<Real>& margins, double t, long number) {
+  std::vector<std::string> violated;
+  std::size_t worst = 0;
+  for (std::size_t i = 0; i < margins.size(); ++i) {
+    if (!(margins[i] >= margins[worst])) worst = i;
+    if (!(margins[i] >= Real(0))) violated.emplace_back(guards[i].force);
+  }
+  const std::string name(guards[worst].force), place(guards[worst].place);
+  Failure failure("the guard of '" + name + "' (" + place + ") is violated: the force would act", t, number, name,
+                  static_cast<double>(-margins[worst]), "run the full model, or with on_violation: restart");
+  failure.guards = violated;
+  return failure;
+}
+
 /// The guards of a mechanism or system; nothing allocates while they hold, and without guards nothing is called.
 template <class Subject>
 class Guards {
@@ -25,24 +41,10 @@ class Guards {
     if (empty()) return;
     subject_.guard(state.q.data(), state.v.data(), margin_.data());
     for (const Real margin : margin_)
-      if (!(margin >= Real(0))) stop(static_cast<double>(state.t), number);
+      if (!(margin >= Real(0))) throw failure_of_guards(guards_, margin_, static_cast<double>(state.t), number);
   }
 
  private:
-  [[noreturn]] void stop(double t, long number) const {
-    std::vector<std::string> violated;
-    std::size_t worst = 0;
-    for (std::size_t i = 0; i < margin_.size(); ++i) {
-      if (!(margin_[i] >= margin_[worst])) worst = i;
-      if (!(margin_[i] >= Real(0))) violated.emplace_back(guards_[i].force);
-    }
-    const std::string name(guards_[worst].force), place(guards_[worst].place);
-    Failure failure("the guard of '" + name + "' (" + place + ") is violated: the force would act", t, number, name,
-                    static_cast<double>(-margin_[worst]), "run the full model, or with on_violation: restart");
-    failure.guards = violated;
-    throw failure;
-  }
-
   Subject& subject_;
   std::vector<Guard> guards_;
   std::vector<Real> margin_;

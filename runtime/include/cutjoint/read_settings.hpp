@@ -109,8 +109,8 @@ class SettingsReader {
     if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
     if (abilities_.solvers && integrator != Integrator::reference && !s.solver) refuse_null("solver");
     const bool can_be_proximal = integrator == Integrator::trapezoidal || integrator == Integrator::reference || is_explicit;
-    if (s.stabilisation.closure == Closure::proximal && (!can_be_proximal || s.task == Task::batch))
-      refuse("closure", "is \"proximal\", which trapezoidal, rk4 and dormand-prince take, in single runs; write \"penalty\"");
+    if (s.stabilisation.closure == Closure::proximal && !can_be_proximal)
+      refuse("closure", "is \"proximal\", which trapezoidal, rk4 and dormand-prince take; write \"penalty\"");
   }
 
   [[noreturn]] void refuse_null(std::string_view key) const { refuse(key, "is null, but a run with these settings needs it"); }

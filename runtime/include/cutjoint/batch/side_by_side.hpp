@@ -7,6 +7,7 @@
 
 #include "cutjoint/batch/real.hpp"
 #include "cutjoint/core/lane_inputs.hpp"
+#include "cutjoint/core/lane_steps.hpp"
 #include "cutjoint/core/start.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
@@ -16,7 +17,7 @@ namespace cutjoint::batch {
 /// A mechanism with several instances.
 using Instances = AnyMechanism<Real>;
 
-/// A mechanism with the penalty closure, as a search for equilibrium takes it: most of that is accelerations of neighbouring states.
+/// A mechanism as a search for equilibrium takes it: most of that is accelerations of neighbouring states.
 class SideBySide {
  public:
   using real_type = double;
@@ -35,7 +36,10 @@ class SideBySide {
       Road<Real>& all = roads_.emplace_back();
       for (int k = 0; k < width; ++k) all.put(k, roads[i]);
     }
-    instances_.load(parameters_.data(), {.penalty = s.penalty, .damping_ratio = s.damping_ratio, .frequency = s.frequency}, roads_.data());
+    if (s.penalties) penalties_.assign(s.penalties, s.penalties + description().cuts.size());
+    instances_.load(parameters_.data(),
+                    {.penalty = s.penalty, .damping_ratio = s.damping_ratio, .frequency = s.frequency, .penalties = s.penalties ? penalties_.data() : nullptr},
+                    roads_.data());
   }
 
   void drive_by(const InputSource<double>& source) {
@@ -64,43 +68,17 @@ class SideBySide {
     for (std::size_t first = 0; first < states.size(); first += width) {
       State<Real> together(description());
       const std::size_t n = std::min<std::size_t>(width, states.size() - first);
-      for (std::size_t k = 0; k < width; ++k) put(states[first + std::min(k, n - 1)], static_cast<int>(k), together);
+      for (std::size_t k = 0; k < width; ++k) put_lane(static_cast<int>(k), states[first + std::min(k, n - 1)], together);
       cutjoint::accelerate(instances_, together, Real(motion), next_, correction_);
-      for (std::size_t k = 0; k < n; ++k) take(together, static_cast<int>(k), states[first + k]);
+      for (std::size_t k = 0; k < n; ++k) take_lane(static_cast<int>(k), together, states[first + k]);
     }
   }
 
-  /// A state becomes that of instance k.
-  static void put(const State<double>& state, int k, State<Real>& together) {
-    together.t.v[k] = state.t;
-    put(state.q, k, together.q);
-    put(state.v, k, together.v);
-    put(state.vdot, k, together.vdot);
-    put(state.lambda, k, together.lambda);
-  }
-
-  /// The state of instance k.
-  static void take(const State<Real>& together, int k, State<double>& state) {
-    state.t = together.t[k];
-    take(together.q, k, state.q);
-    take(together.v, k, state.v);
-    take(together.vdot, k, state.vdot);
-    take(together.lambda, k, state.lambda);
-  }
-
  private:
-  static void put(const std::vector<double>& values, int k, std::vector<Real>& together) {
-    for (std::size_t i = 0; i < values.size(); ++i) together[i].v[k] = values[i];
-  }
-
-  static void take(const std::vector<Real>& together, int k, std::vector<double>& values) {
-    for (std::size_t i = 0; i < values.size(); ++i) values[i] = together[i][k];
-  }
-
   AnyMechanism<double>& alone_;
   Instances& instances_;
   LaneInputs<Instances> lanes_;
-  std::vector<Real> parameters_, next_, correction_;
+  std::vector<Real> parameters_, penalties_, next_, correction_;
   std::vector<Road<Real>> roads_;
 };
 

@@ -165,10 +165,8 @@ class Simulation {
   Fault step() {
     heed_settings();
     const Real until = origin_ + Real(number_ + 1) * Real(settings_.dt);
-    const Fault fault = integrate(Real(settings_.dt), until);
-    if (fault) return fault;
+    if (const Fault fault = integrate(Real(settings_.dt), until)) return fault;
     ++number_;
-    state_.t = until;
     return {};
   }
 
@@ -183,7 +181,6 @@ class Simulation {
         continue;
       }
       if (const Fault fault = integrate(left, Real(until))) return fault;
-      state_.t = Real(until);
       count_from_here();
     }
     return {};
@@ -449,8 +446,9 @@ class Simulation {
   Fault integrate(Real h, Real until) {
     heed_changes();
     is_reported_ = false;
-    const Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
-    return fault ? fault : watch();
+    if (const Fault fault = steps_->step(state_, settings_, h, until, number_ + 1)) return fault;
+    state_.t = until;
+    return watch();
   }
 
   M mechanism_;

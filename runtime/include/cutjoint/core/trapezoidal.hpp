@@ -87,6 +87,9 @@ class Trapezoidal {
   /// How often each instance was evaluated until it had converged.
   const typename Instances::Count& evaluations() const { return evaluations_; }
 
+  /// Count evaluations from nought.
+  void count_anew() { evaluations_ = typename Instances::Count{}; }
+
  private:
   /// The same without the projection of the proximal closure.
   ///

@@ -1,0 +1,221 @@
+// Steps of several instances of a mechanism side by side, each in a lane of its own.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/inputs.hpp"
+#include "cutjoint/core/instances.hpp"
+#include "cutjoint/core/lane_inputs.hpp"
+#include "cutjoint/core/lane_road.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/simulation_settings.hpp"
+#include "cutjoint/core/stabilisation.hpp"
+#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/trapezoidal.hpp"
+
+namespace cutjoint {
+
+/// Values become those of lane k of as many numbers.
+template <class Values, class Numbers>
+void put_lane(int k, const Values& values, Numbers& numbers) {
+  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i].v[k] = values[i];
+}
+
+/// A state becomes that of lane k.
+template <class Single, class Several, int N, class Arrays>
+void put_lane(int k, const State<Single, Several>& state, State<Lanes<Single, N>, Arrays>& states) {
+  states.t.v[k] = state.t;
+  put_lane(k, state.q, states.q), put_lane(k, state.v, states.v);
+  put_lane(k, state.vdot, states.vdot), put_lane(k, state.lambda, states.lambda);
+}
+
+/// The numbers of lane k.
+template <class Numbers, class Values>
+void take_lane(int k, const Numbers& numbers, Values& values) {
+  for (std::size_t i = 0; i < numbers.size(); ++i) values[i] = numbers[i][k];
+}
+
+/// The state of lane k.
+template <class Single, class Several, int N, class Arrays>
+void take_lane(int k, const State<Lanes<Single, N>, Arrays>& states, State<Single, Several>& state) {
+  state.t = states.t[k];
+  take_lane(k, states.q, state.q), take_lane(k, states.v, state.v);
+  take_lane(k, states.vdot, state.vdot), take_lane(k, states.lambda, state.lambda);
+}
+
+/// What an instance goes on from: a consistent state, and what its mechanism is loaded with and driven by.  Steps are counted from `origin`, s, of which
+/// `number` are made.  The sources of roads and inputs outlive the steps.
+template <class StateOfOne>
+struct LaneStart {
+  const StateOfOne& state;
+  const double* parameters;
+  const double* penalties;
+  const Road<double>* roads;
+  InputSource<double> inputs{};
+  double origin = 0.0;
+  long number = 0;
+};
+
+/// Steps by the trapezoidal rule of instances side by side.
+///
+/// They go as one alone would, up to rounding.  What the other lanes have changes no bit of one, nor does the lane that it is in.  One that fails
+/// stops at its last state, and the others go on.
+template <Mechanism M>
+class LaneSteps {
+ public:
+  using Real = typename M::real_type;
+  using Instances = Selection<Real>;
+  using Mask = typename Instances::Mask;
+  static constexpr int width = Instances::number;
+
+  explicit LaneSteps(M& mechanism)
+      : mechanism_(mechanism), roads_(sizes_of(mechanism).roads), parameters_(sizes_of(mechanism).parameters), penalties_(sizes_of(mechanism).cuts),
+        state_(blank(mechanism)), sources_(mechanism), steps_(mechanism, Real(1), FixedPoint{}), columns_(sizes_of(mechanism).columns),
+        margins_(sizes_of(mechanism).guards) {}
+
+  LaneSteps(const LaneSteps&) = delete;
+  LaneSteps& operator=(const LaneSteps&) = delete;
+
+  /// All lanes stand still.
+  void clear() { going_ = Instances::all_if(false); }
+
+  /// An instance goes in a lane; the first one stands in for those that do not.
+  template <class StateOfOne>
+  void put(int k, const LaneStart<StateOfOne>& start) {
+    const bool is_first = !any_goes();
+    for (int lane = is_first ? 0 : k; lane < (is_first ? width : k + 1); ++lane) fill(lane, start);
+    going_[k] = -1;
+  }
+
+  /// Get ready for steps of those that were put, which have the same settings.
+  void begin(const SimulationSettings& settings) {
+    settings_ = settings;
+    load_mechanism(mechanism_, parameters_.data(), roads_.data(), settings_.stabilisation, penalties_);
+    if constexpr (!Sized<M> || sizes.inputs > 0) sources_.drive(mechanism_, [this](int k) { return at(inputs_, k); });
+    mechanism_.begin_step(state_.t, Real(1));
+    steps_.set_fixed_point(settings_.fixed_point);
+    steps_.count_anew();
+  }
+
+  bool any_goes() const { return Instances::any(going_); }
+  bool goes(int k) const { return Instances::has(going_, k); }
+  Mask going() const { return going_; }
+
+  /// Why the one in a lane stopped.
+  const Fault& fault(int k) const { return at(faults_, k); }
+
+  /// Its state and its time, s.
+  const StateOf<M>& states() const { return state_; }
+  double time(int k) const { return state_.t[k]; }
+
+  /// How often it was evaluated since the beginning until its iterations had converged.
+  long evaluations(int k) const { return static_cast<long>(steps_.evaluations()[k]); }
+
+  /// A step of the settings' length.
+  void step() {
+    integrate(Real(settings_.dt), origin_ + (number_ + Real(1)) * Real(settings_.dt));
+    number_ = number_ + Real(1);
+  }
+
+  /// Steps of all, which have the same time, to another, the last one shorter where they do not end there.
+  void advance(double until) {
+    const double rounding = 1e-9 * settings_.dt;
+    while (any_goes()) {
+      const double left = until - present();
+      if (!(left > rounding)) return;
+      if (left + rounding >= settings_.dt) {
+        step();
+        continue;
+      }
+      integrate(Real(left), Real(until));
+      origin_ = state_.t;
+      number_ = Real(0);
+    }
+  }
+
+  /// Stop those in which a force that was left out would act at the end of a step.
+  void watch([[maybe_unused]] Real number) {
+    if constexpr (!Sized<M> || sizes.guards > 0) {
+      if (margins_.empty()) return;
+      mechanism_.guard(state_.q.data(), state_.v.data(), margins_.data());
+      for (std::size_t i = 0; i < margins_.size(); ++i)
+        for (int k = 0; k < width; ++k)
+          if (goes(k) && !(margins_[i][k] >= 0.0))
+            stop(k, {.cause = Cause::guard_violated, .list = FaultList::guards, .index = static_cast<int>(i), .t = state_.t[k],
+                     .step = static_cast<long>(number[k]), .value = -margins_[i][k]});
+    }
+  }
+
+  /// The smallest margin of each guard at the end of the last step.
+  const auto& margins() const { return margins_; }
+
+  /// Find the columns of all at the present states; of those that stopped in the last step, at their last ones.
+  const auto& report() {
+    mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), columns_.data());
+    return columns_;
+  }
+
+  /// Those of one.
+  void columns(int k, double* columns) const { take_lane(k, columns_, columns); }
+
+ private:
+  static constexpr Sizes sizes = static_sizes<M>();
+
+  template <class Items>
+  static auto& at(Items& items, int k) {
+    return items[static_cast<std::size_t>(k)];
+  }
+
+  template <class StateOfOne>
+  void fill(int k, const LaneStart<StateOfOne>& start) {
+    put_lane(k, start.state, state_);
+    put_lane(k, start.parameters, parameters_), put_lane(k, start.penalties, penalties_);
+    for (std::size_t i = 0; i < roads_.size(); ++i) roads_[i].put(k, start.roads[i]);
+    at(inputs_, k) = start.inputs;
+    origin_.v[k] = start.origin;
+    number_.v[k] = static_cast<double>(start.number);
+  }
+
+  /// The time of those that go.
+  double present() const {
+    for (int k = 0; k < width; ++k)
+      if (goes(k)) return state_.t[k];
+    return 0.0;
+  }
+
+  void integrate(Real h, Real until) {
+    const Real begun = state_.t;
+    steps_.set_step(h);
+    const Mask failed = steps_.step_of(state_, going_);
+    for (int k = 0; k < width; ++k)
+      if (Instances::has(failed, k)) stop(k, steps_.fault(k, static_cast<long>(number_[k]) + 1));
+    if (Instances::any(failed)) mechanism_.begin_step(where(failed, begun, begun + h), Real(1));
+    state_.t = where(going_, until, state_.t);
+    watch(number_ + Real(1));
+  }
+
+  void stop(int k, const Fault& fault) {
+    going_[k] = 0;
+    at(faults_, k) = fault;
+  }
+
+  M& mechanism_;
+  SimulationSettings settings_{};
+  Array<M, sizes.roads, Road<Real>> roads_;
+  Array<M, sizes.parameters> parameters_;
+  Cuts<M> penalties_;
+  StateOf<M> state_;
+  Real origin_{0}, number_{0};  ///< of whole steps since the origin
+  std::array<InputSource<double>, width> inputs_;
+  LaneInputs<M> sources_;
+  Trapezoidal<M> steps_;
+  Array<M, sizes.columns> columns_;
+  Array<M, sizes.guards> margins_;
+  Mask going_{};
+  std::array<Fault, width> faults_{};
+};
+
+}  // namespace cutjoint
