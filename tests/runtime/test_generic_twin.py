@@ -19,11 +19,11 @@ from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.scene_inputs import LAW_TIME
-from cutjoint.locations import runtime_folder
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.interpret import interpret_blocks
+from cutjoint.toolchain.build import build_generic
 from cutjoint.topology.build import build_topology
 from cutjoint.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
@@ -114,13 +114,9 @@ STEPPED = Road(
 
 
 @pytest.fixture(scope="session")
-def generic(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The twin's binary."""
-    folder = tmp_path_factory.mktemp("generic")
-    for command in (["cmake", "-S", str(runtime_folder()), "-B", str(folder), "-G", "Ninja"], ["ninja", "-C", str(folder)]):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
-    return folder / "generic"
+def generic() -> Path:
+    """The twin's binary, the one of `--implementation generic`."""
+    return build_generic().path
 
 
 @dataclass(frozen=True)
