@@ -69,7 +69,7 @@ class Translator:
     def _polynomial(self, e: Any) -> Block | None:
         """Horner's scheme for a polynomial with constant coefficients in one symbol."""
         x = _polynomial_symbol(e)
-        if x is None or sympy.degree(e, x) < 2:
+        if x is None or _largest_degree(e) < 2 or sympy.degree(e, x) < 2:
             return None
         at = self._scalar(x)
         result = self._b.zero(1)
@@ -144,3 +144,12 @@ def _polynomial_symbol(e: Any) -> Any:
         return None
     found = {_polynomial_symbol(part) for part in e.args if not part.is_number}
     return found.pop() if len(found) == 1 else None
+
+
+def _largest_degree(e: Any) -> int:
+    """What the degree of such a polynomial cannot exceed; without SymPy's polynomials, which take a hundred times as long."""
+    if e.is_Mul:
+        return sum(map(_largest_degree, e.args))
+    if e.is_Add:
+        return max(map(_largest_degree, e.args))
+    return int(e.exp) if e.is_Pow and e.base.is_Symbol else int(e.is_Symbol)
