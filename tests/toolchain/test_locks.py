@@ -102,6 +102,13 @@ def output(binary: Binary) -> str:
     return subprocess.run([binary.path], capture_output=True, text=True, check=True).stdout
 
 
+def test_what_was_compiled_is_found_and_other_flags_compile_again(site: Site) -> None:
+    site.open_gate()
+    assert [site.build("one").fresh for _ in range(2)] == [True, False]
+    assert [site.build("one", ("-O0",)).fresh for _ in range(2)] == [True, False]
+    assert site.log == 2 * ["simulator one", "parts"]
+
+
 def test_one_of_two_processes_compiles(site: Site) -> None:
     first = site.ask("one")
     site.wait_for("simulator one")
