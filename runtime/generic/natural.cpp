@@ -1,6 +1,5 @@
 #include "natural.hpp"
 
-#include "cutjoint/generic/mechanism.hpp"
 #include "cutjoint/generic/natural/system.hpp"
 #include "cutjoint/lagrangian/method.hpp"
 #include "cutjoint/read_settings.hpp"
@@ -18,9 +17,8 @@ const cutjoint::Abilities abilities{
 
 }  // namespace
 
-cutjoint::Json run_natural(const cutjoint::Json& model, const cutjoint::Json& file) {
+cutjoint::Json run_natural(const cutjoint::Json& model, cutjoint::AnyMechanism<double>& start, const cutjoint::Json& file) {
   using System = cutjoint::generic::natural::GenericSystem<double>;
-  cutjoint::generic::GenericMechanism<double> start(model.at("start"));
   System system(model);
   const cutjoint::RunSettings settings = cutjoint::read_settings<double>(file, abilities);
   cutjoint::LagrangianMethod<System> method(system, settings, file);
