@@ -33,7 +33,13 @@ class Implementation(StrEnum):
     """How a model becomes a simulator."""
 
     GENERATED = "generated"  #: code made for the model
+    INTERPRETED = "interpreted"  #: the same program as data for a simulator that is compiled once
     GENERIC = "generic"  #: the generic twin, which interprets the model at run time
+
+    @property
+    def is_twin(self) -> bool:
+        """Whether the equations are those written by hand, and not those that the compiler derives."""
+        return self is Implementation.GENERIC
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,9 +58,9 @@ class Method:
     pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
     ``instead`` are methods that may go on where this one fails.
     ``default_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
-    where none are given; the penalty then follows from masses and step.  ``fixed_cost`` is whether steps can have a fixed number of
-    iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report the Jacobians of its
-    accelerations, ``stands_alone`` whether it is compiled into folders that need nothing else.
+    where none are given; the penalty then follows from masses and step.  ``interpreted`` is whether its programs can run as data,
+    ``fixed_cost`` whether steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated side by side, ``tangents``
+    whether a run can report the Jacobians of its accelerations, ``stands_alone`` whether folders that need nothing else can have it.
     """
 
     name: str
@@ -66,6 +72,7 @@ class Method:
     instead: tuple[str, ...] = ()
     default_updates: int | None = None
     twin: Twin | None = None
+    interpreted: bool = False
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
@@ -85,7 +92,7 @@ class Method:
         """The closure of a scene, which is meant for the methods that have it; where none is wanted, the one that needs no penalty."""
         if wanted in self.closures:
             return CLOSURES[wanted]
-        can_choose = wanted is None and self.closures and implementation == Implementation.GENERATED
+        can_choose = wanted is None and self.closures and not implementation.is_twin
         return CLOSURES[DEFAULT_CLOSURE if can_choose else PLAIN_CLOSURE]
 
 
@@ -117,7 +124,7 @@ class Integrator:
 
     def takes(self, method: Method, implementation: Implementation) -> bool:
         """Whether it runs an implementation of a method."""
-        return method.name in self.methods and (self.twin or implementation == Implementation.GENERATED)
+        return method.name in self.methods and (self.twin or not implementation.is_twin)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +185,7 @@ def _catalogue(*records: R) -> Mapping[str, R]:
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, instead=("recursive-newton",),
-        twin=Twin(), fixed_cost=True, batch=True, tangents=True, stands_alone=True,
+        twin=Twin(), interpreted=True, fixed_cost=True, batch=True, tangents=True, stands_alone=True,
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,

@@ -3,6 +3,7 @@
 #include "newton.hpp"
 
 #include "cutjoint/lagrangian/method.hpp"
+#include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/reference/method.hpp"
@@ -31,18 +32,20 @@ Json run(AnyMechanism<double>& start, S& system, const RunSettings& settings, co
 
 }  // namespace
 
+Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnySystem<Precision>& system) {
+  const RunSettings settings = read_settings<Precision>(file, abilities);
+  switch (settings.integrator) {
+    case Integrator::reference:
+      return run<reference::NaturalReference<S>>(start, system, settings, file);
+    case Integrator::sdirk4:
+    case Integrator::sdirk4_fixed:
+      return run<sdirk::ImplicitMethod<S>>(start, system, settings, file);
+    default:
+      if (settings.events) return run<stepping::SplitSteps<S, stepping::NewtonRule<S>>>(start, system, settings, file);
+      return run<LagrangianMethod<S>>(start, system, settings, file);
+  }
+}
+
 int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system) {
-  return run_program(argc, argv, "simulator", [&](const Json& file) {
-    const RunSettings settings = read_settings<Precision>(file, abilities);
-    switch (settings.integrator) {
-      case Integrator::reference:
-        return run<reference::NaturalReference<S>>(start, system, settings, file);
-      case Integrator::sdirk4:
-      case Integrator::sdirk4_fixed:
-        return run<sdirk::ImplicitMethod<S>>(start, system, settings, file);
-      default:
-        if (settings.events) return run<stepping::SplitSteps<S, stepping::NewtonRule<S>>>(start, system, settings, file);
-        return run<LagrangianMethod<S>>(start, system, settings, file);
-    }
-  });
+  return run_program(argc, argv, "simulator", [&](const Json& file) { return perform(file, start, system); });
 }

@@ -2,6 +2,7 @@
 #include "cutjoint/driver.hpp"
 #include "integrators.hpp"
 
+#include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/recursive.hpp"
@@ -29,19 +30,21 @@ Json run(AnyMechanism<double>& start, M& mechanism, const RunSettings& settings,
 
 }  // namespace
 
+Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism) {
+  const RunSettings settings = read_settings<Precision>(file, abilities);
+  switch (settings.integrator) {
+    case Integrator::reference:
+      return run<reference::RelativeReference<M>>(start, mechanism, settings, file);
+    case Integrator::rk4:
+      return run<runge_kutta::ExplicitMethod<M, runge_kutta::ClassicalTable>>(start, mechanism, settings, file);
+    case Integrator::dormand_prince:
+      return run<runge_kutta::ExplicitMethod<M, runge_kutta::DormandPrinceTable>>(start, mechanism, settings, file);
+    default:
+      if (settings.events) return run<stepping::SplitSteps<M, stepping::TrapezoidalRule<M>>>(start, mechanism, settings, file);
+      return run<Recursive<M>>(start, mechanism, settings, file);
+  }
+}
+
 int cutjoint::run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism) {
-  return run_program(argc, argv, "simulator", [&](const Json& file) {
-    const RunSettings settings = read_settings<Precision>(file, abilities);
-    switch (settings.integrator) {
-      case Integrator::reference:
-        return run<reference::RelativeReference<M>>(start, mechanism, settings, file);
-      case Integrator::rk4:
-        return run<runge_kutta::ExplicitMethod<M, runge_kutta::ClassicalTable>>(start, mechanism, settings, file);
-      case Integrator::dormand_prince:
-        return run<runge_kutta::ExplicitMethod<M, runge_kutta::DormandPrinceTable>>(start, mechanism, settings, file);
-      default:
-        if (settings.events) return run<stepping::SplitSteps<M, stepping::TrapezoidalRule<M>>>(start, mechanism, settings, file);
-        return run<Recursive<M>>(start, mechanism, settings, file);
-    }
-  });
+  return run_program(argc, argv, "simulator", [&](const Json& file) { return perform(file, start, mechanism); });
 }

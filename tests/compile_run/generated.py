@@ -1,20 +1,24 @@
-"""Generated code as a function, and the same function by the interpreter."""
+"""Generated code as a function, and the same function by the interpreters of blocks and of scalars."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from cutjoint.analysis.closing import design_coordinates, make_inputs
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
-from cutjoint.program.interpret import interpret_blocks
+from cutjoint.program.interpret import interpret_blocks, interpret_scalars
+from cutjoint.program.records import Program
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import call_simulator
+
+Inputs: TypeAlias = Mapping[str, np.ndarray]
 
 
 class FlatRoad:
@@ -52,34 +56,54 @@ def random_states(equations: RecursiveEquations, count: int, seed: int) -> list[
     return states
 
 
-def run_evaluate(binary: Path, model: Model, scene: Scene, states: list[At]) -> list[dict[str, np.ndarray]]:
-    """What the simulator's functions give at the states."""
+def run_evaluate(
+    binary: Path, model: Model, scene: Scene, states: list[At], description: Mapping[str, Any] | None = None
+) -> list[dict[str, np.ndarray]]:  # fmt: skip
+    """What the simulator's functions give at the states; ``description`` is what it reads of the model, if it reads it."""
     run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate", options=PLAIN_STEPS)
     run_file["states"] = [{"t": s.t, "q": list(s.q), "v": list(s.v), "lambda": list(s.multipliers)} for s in states]
+    if description is not None:
+        run_file["model"] = description
     results = call_simulator(binary, run_file)["results"]
     return [{name: np.array(values, dtype=float) for name, values in r.items()} for r in results]
 
 
 def interpret(equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]:
     """The same by the block interpreter."""
+    roads = {name: FlatRoad() for name in equations.roads}
+
+    def results(function: str, prefix: str, inputs: Inputs) -> np.ndarray:
+        blocks = [b for target, b in equations.function(function).results.items() if target.startswith(prefix)]
+        values = interpret_blocks(blocks, inputs, roads)
+        return np.concatenate([values[b].ravel() for b in blocks]) if blocks else np.zeros(0)
+
+    return _interpret(equations, state, results)
+
+
+def interpret_program(program: Program, equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]:
+    """The same by the interpreter of scalars, which rounds as the program says."""
+    roads = {name: FlatRoad() for name in equations.roads}
+
+    def results(function: str, prefix: str, inputs: Inputs) -> np.ndarray:
+        scalars = [r.scalar for r in program.function(function).results if r.target.startswith(prefix)]
+        values = interpret_scalars(program.graph, scalars, inputs, roads)
+        return np.array([values[n] for n in scalars])
+
+    return _interpret(equations, state, results)
+
+
+def _interpret(equations: RecursiveEquations, state: At, results: Callable[[str, str, Inputs], np.ndarray]) -> dict[str, np.ndarray]:
+    """Each of the functions by ``results``, of a function, the beginning of its results' names, and the inputs."""
     inputs = make_inputs(equations, state.q, state.v, state.t)
     penalty = equations.scene.numerics.penalty
     inputs |= {"motion": np.ones(1), "penalties": np.full(max(len(equations.closures), 1), 1.0 if penalty is None else penalty)}
     for closure in equations.closures:
         inputs[f"lambda:{closure.joint}"] = state.multipliers[closure.first : closure.first + len(closure.names)]
-    roads = {name: FlatRoad() for name in equations.roads}
-    evaluate, close, report, project = (equations.function(name) for name in ("evaluate", "constraint_residual", "report", "project"))
-    found = {name: _results(evaluate, f"{name}:", inputs, roads) for name in ("vdot", "correction")}
-    found |= {name: _results(close, f"{name}:", inputs, roads) for name in ("residual", "rate")}
+    found = {name: results("evaluate", f"{name}:", inputs) for name in ("vdot", "correction")}
+    found |= {name: results("constraint_residual", f"{name}:", inputs) for name in ("residual", "rate")}
     for closure in equations.closures:
         inputs[f"gap:{closure.joint}"] = found["residual"][closure.first : closure.first + len(closure.names)]
-    found["dz"] = _results(project, "dz:", inputs, roads)
+    found["dz"] = results("project", "dz:", inputs)
     for chart in equations.charts:
         inputs[f"vdot:{chart.joint}"] = found["vdot"][chart.v : chart.v + len(chart.speed_names)]
-    return found | {"columns": _results(report, "column:", inputs, roads)}
-
-
-def _results(function: Any, prefix: str, inputs: dict[str, np.ndarray], roads: dict[str, Any]) -> np.ndarray:
-    blocks = [b for target, b in function.results.items() if target.startswith(prefix)]
-    values = interpret_blocks(blocks, inputs, roads)
-    return np.concatenate([values[b].ravel() for b in blocks]) if blocks else np.zeros(0)
+    return found | {"columns": results("report", "column:", inputs)}

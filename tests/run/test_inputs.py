@@ -13,6 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.cli import main
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
@@ -29,8 +30,16 @@ from tests.physics.simulation import completed
 
 TABLES = {"lift": table(LIFT), "push": table(PUSH)}
 
-#: Each method with generated code, and by the twin where it has one.
-WAYS = [(method, how) for method in METHODS for how in Implementation if how == Implementation.GENERATED or METHODS[method].twin]
+MAKERS = {
+    Implementation.GENERATED: compile_scene, Implementation.INTERPRETED: compile_interpreted, Implementation.GENERIC: compile_generic,
+}  # fmt: skip
+
+#: Each method with generated code, by the interpreter and by the twin where it has one.
+WAYS = [
+    *((method, Implementation.GENERATED) for method in METHODS),
+    *((method, Implementation.INTERPRETED) for method in METHODS if METHODS[method].interpreted),
+    *((method, Implementation.GENERIC) for method in METHODS if METHODS[method].twin),
+]
 
 
 @cache
@@ -40,8 +49,7 @@ def model() -> Model:
 
 @cache
 def compiled(scene: str, method: str = "recursive", how: Implementation = Implementation.GENERIC) -> Artifact:
-    make = compile_generic if how == Implementation.GENERIC else compile_scene
-    return make(model(), model().scenes[scene], method=method)
+    return MAKERS[how](model(), model().scenes[scene], method=method)
 
 
 def run(scene: str, method: str = "recursive", how: Implementation = Implementation.GENERIC, **given: Any) -> Trajectory:

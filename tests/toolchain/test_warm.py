@@ -19,7 +19,7 @@ from tests.toolchain.test_locks import Site, output, pytestmark, site
 
 __all__ = ["pytestmark", "site"]
 
-#: Both libraries of a driver, and a note of each build.
+#: Both libraries of a driver, the simulator that interprets programs, and a note of each build.
 DRIVER = """
 cmake_minimum_required(VERSION 3.18)
 project(small CXX)
@@ -30,6 +30,7 @@ foreach(part initial_state driver)
     add_library(${{part}} STATIC part.cpp)
   endif()
 endforeach()
+file(WRITE "${{CMAKE_BINARY_DIR}}/simulator" "interpreter")
 """
 
 

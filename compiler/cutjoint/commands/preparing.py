@@ -86,6 +86,8 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str) -
     with options.progress_bar(f"compiling {request.model.name}"):
         if request.implementation == Implementation.GENERIC:
             return _compile_generic(request, model, scene, method)
+        if request.implementation == Implementation.INTERPRETED:
+            return _compile_interpreted(request, model, scene, method)
         comparison = solver is not None and SOLVERS[solver].comparison
         return compile_scene(model, scene, method=method, precision=request.precision, comparison=comparison)
 
@@ -97,6 +99,14 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
         able = either(names_of(PRECISIONS, lambda p: p.twin))
         raise RunError(f"--precision {request.precision}: the generic twin runs in {able}; use --implementation generated")
     return compile_generic(model, scene, method=method)
+
+
+def _compile_interpreted(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
+    from cutjoint.interpreted import compile_interpreted
+
+    if request.precision != DEFAULT_PRECISION:
+        raise RunError(f"--precision {request.precision}: programs are interpreted in {DEFAULT_PRECISION}; use --implementation generated")
+    return compile_interpreted(model, scene, method=method)
 
 
 def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:

@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 @click.option("--tolerance", type=options.Setting("tolerance"), help="Of method auto in m and rad, of a step of "
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
 @click.option("--implementation", type=click.Choice([x.value for x in Implementation]), default=Implementation.GENERATED.value,
-              show_default=True, help="Code made for the model, or a generic program that interprets it.")
+              show_default=True, help="Code made for the model; the same program interpreted, for which nothing is compiled; or a generic "
+              "simulator, whose equations are written by hand.")
 @click.option("--solver", type=click.Choice(list(SOLVERS)),
               help="Linear solver of the Lagrangian methods, by default emitted, of the generic twin a library's; "
               "cholmod, klu and umfpack are for comparison.")

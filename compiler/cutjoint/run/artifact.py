@@ -32,8 +32,8 @@ from cutjoint.topology.records import Topology
 class Artifact:
     """A compiled model: every stage's record, and the seconds that generating and compiling took.
 
-    ``method`` is a name of METHODS, ``precision`` one of PRECISIONS.  ``description`` is what the generic twin reads of the model, None
-    for generated code.
+    ``method`` is a name of METHODS, ``precision`` one of PRECISIONS.  ``description`` is what the simulator reads of the model, None
+    of generated code.
     """
 
     scene: Scene
@@ -133,7 +133,7 @@ def make_simulator_run(
         indeterminate=artifact.indeterminate,
         others=tuple(_other_settings(artifact, options, run_file["integrator"])),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
-        jumps=jump_times(artifact.topology.model, artifact.scene),
+        jumps=jump_times(artifact.topology.model, artifact.scene), balances=not artifact.implementation.is_twin,
     )  # fmt: skip
 
 

@@ -202,7 +202,7 @@ def find_events(
     """
     if asked is not None and asked not in list(Events):
         raise RunError(f"no events '{asked}'; there is {', '.join(Events)}")
-    can = method.events and implementation == Implementation.GENERATED
+    can = method.events and not implementation.is_twin
     if asked == Events.LOCATED and not can:
         raise RunError(f"events are located by generated code of the methods {all_of(names_of(METHODS, lambda m: m.events))}")
     if asked == Events.LOCATED and integrator.events is None:
@@ -226,7 +226,7 @@ def _solver(method: Method, implementation: Implementation, asked: str | None) -
     """The linear solver of a method that has one."""
     if not method.has_system:
         return None
-    return asked or (DEFAULT_SOLVER if implementation == Implementation.GENERATED or method.twin is None else method.twin.solver)
+    return asked or (method.twin.solver if implementation.is_twin and method.twin is not None else DEFAULT_SOLVER)
 
 
 def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> float | None:

@@ -20,7 +20,7 @@ from cutjoint.run.simulator import Progress, call_simulator, failure_of
 class SimulatorRun:
     """A program and what it reads, but for where results go: plain data.
 
-    ``simulator`` is the program, ``run_file`` what it reads, ``description`` what the generic twin reads of the model besides (None for
+    ``simulator`` is the program, ``run_file`` what it reads, ``description`` what it reads of the model besides (None for
     generated code), ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that
     steps are to keep, None where steps are given.
 
@@ -28,6 +28,7 @@ class SimulatorRun:
     these do not determine, ``others`` the settings of other integrators that it has: parts of a run file.  ``is_free`` is whether scene and
     caller leave the choice of the integrator and of what steps do at events.  ``with_coordinates`` is whether the trajectory has
     coordinates.  ``jumps`` are times (s) at which an input or a guide goes over to another formula: a row there has the values of one side.
+    ``balances`` is whether the program has work and energy.
     """
 
     simulator: Path
@@ -42,10 +43,11 @@ class SimulatorRun:
     is_free: bool = False
     with_coordinates: bool = False
     jumps: Sequence[float] = ()
+    balances: bool = True
 
     def with_balance(self) -> SimulatorRun:
         """The run with a balance of work and energy, if its program has one."""
-        if self.description is not None or not INTEGRATORS[self.run_file["integrator"]].balances:
+        if not self.balances or not INTEGRATORS[self.run_file["integrator"]].balances:
             return self
         return replace(self, run_file={**self.run_file, "energy": True})
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutjoint.methods import PRECISIONS
-from cutjoint.toolchain.cache import cache_folder, find_or_make
+from cutjoint.toolchain.cache import cache_folder, find_or_make, is_sound, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest
-from cutjoint.toolchain.drivers import Kind, driver_parts, make_drivers, parts_for, store_parts
+from cutjoint.toolchain.drivers import Kind, driver_parts, interpreter_part, make_drivers, parts_for, store_parts
 from cutjoint.toolchain.objects import fetch_objects, find_objects, store_objects
 from cutjoint.toolchain.platforms import Platform
 
@@ -84,6 +84,24 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
     key = digest_of([runtime_digest(part="generic"), *compiler.key, *resolve(flags)])
     cached = cache_folder() / f"generic-{key}" / "simulator"
     fresh = find_or_make(cached, lambda place: _build_generic_in(place, compiler, flags))
+    return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
+
+
+def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
+    """Build the simulator that interprets the programs of a driver's methods, or find it beside the installation or in the cache.
+
+    Raises:
+        ToolchainError: a tool is missing, or the compiler refused the code.
+    """
+    compiler = find_compiler()
+    part = interpreter_part(driver, compiler, flags)
+    installed, cached = part.places
+    fresh = False
+    if not is_sound(cached):
+        if is_sound(installed):
+            store(installed, cached)
+        else:
+            fresh = make_drivers(driver, compiler, flags, _PLAIN, cache_folder())
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
 
 

@@ -8,8 +8,8 @@ from functools import cache
 
 from cutjoint.locations import runtime_folder
 
-#: Parts of the runtime that only one kind of simulator has: the generic twin, and batches.
-_PARTS = ("generic", "batch")
+#: Parts of the runtime that only one kind of simulator has: the generic twin, batches, and the interpreter.
+_PARTS = ("generic", "batch", "interpreter")
 
 
 def digest_of(parts: Sequence[str]) -> str:

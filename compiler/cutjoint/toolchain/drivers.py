@@ -23,6 +23,12 @@ from cutjoint.toolchain.temporary import plain_folder
 #: The kinds of drivers, as `Source.driver` has them.
 DRIVERS = ("recursive", "lagrangian", "batch")
 
+#: The drivers with a simulator that interprets programs.
+INTERPRETING = ("recursive",)
+
+#: That simulator, as a part of its driver, and the file of each simulator.
+INTERPRETER, SIMULATOR = "interpreter", "simulator"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
@@ -39,15 +45,15 @@ class Kind:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A library of the driver: its ``name`` in CMake, and the digest of all that it follows from."""
+    """A library of the driver, or a program: its ``name`` in CMake, and the digest of all that it follows from."""
 
     name: str
     digest: str
 
     @property
     def file(self) -> str:
-        """The library's file."""
-        return f"lib{self.name}.a"
+        """The file that is built."""
+        return SIMULATOR if self.name == INTERPRETER else f"lib{self.name}.a"
 
     def place(self, folder: Path) -> Path:
         """Where one of the folders of libraries has it."""
@@ -79,6 +85,12 @@ def driver_parts(driver: str, compiler: Compiler, flags: Sequence[str], kind: Ki
     return Part(name="initial_state", digest=digest_of(start)), Part(name="driver", digest=digest_of(rest))
 
 
+def interpreter_part(driver: str, compiler: Compiler, flags: Sequence[str]) -> Part:
+    """The simulator of a driver that interprets programs."""
+    parts = driver_parts(driver, compiler, flags, Kind())
+    return Part(name=INTERPRETER, digest=digest_of([*(part.digest for part in parts), runtime_digest(part=INTERPRETER)]))
+
+
 @contextmanager
 def parts_for(parts: Sequence[Part], folder: Path, library: Path) -> Iterator[tuple[list[str], list[Part]]]:
     """Definitions for CMake of the parts that there are, copied into a folder, and the parts that are to be built for a ``library``.
@@ -102,16 +114,18 @@ def store_parts(missing: Sequence[Part], out: Path, library: Path) -> None:
         store(out / part.file, part.place(library))
 
 
-def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind) -> bool:
-    """Build the parts of a driver beside the installation, or in the cache where the installation cannot be written.
+def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind, library: Path | None = None) -> bool:
+    """Build the parts of a driver for a ``library``, by default beside the installation, or in the cache where that cannot be written.
 
     Parts for other versions of the runtime are removed from beside the installation.  Returns whether anything had to be built.
 
     Raises:
         ToolchainError: a tool is missing, the compiler refused the code, or neither place can be written.
     """
-    library = _library()
+    library = _library() if library is None else library
     parts = driver_parts(driver, compiler, flags, kind)
+    if driver in INTERPRETING and kind == Kind():
+        parts = (*parts, interpreter_part(driver, compiler, flags))
     with plain_folder(library) as folder, parts_for(parts, folder, library) as (definitions, missing):
         if missing:
             runtime = plain_runtime(folder)

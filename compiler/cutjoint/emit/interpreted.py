@@ -1,0 +1,230 @@
+"""Program -> what the interpreter (runtime/include/cutjoint/interpreter/) reads instead of generated code: plain data.
+
+All values stand in one memory of doubles.  Its first registers have an image: constants, the arrays of arguments, and what `load` and the
+beginning of a step compute; after these stand the values of the call that runs.  Lanes stand side by side; conditions are 1 or 0.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from cutjoint.emit.source import Source, description, switches_of
+from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.scene_inputs import LAW_TIME
+from cutjoint.program.records import Program, Result
+from cutjoint.program.scalars import Graph, Scalar
+
+#: An operation with its number of lanes, its result's register, and those of its arguments; a lookup has the number of its road last.
+Instruction: TypeAlias = tuple[str, int, int, tuple[int, ...]]
+
+#: Sums that take a product, or two, of which nothing else is made: rounded as the same one by one.
+_FUSED = {"add": ("muladd", "muladd", "mulmuladd"), "sub": ("mulsub", "submul", "mulmulsub")}
+
+#: Scalars that are not computed: they stand in memory when a function begins, or beside other lanes.
+_PLACED = frozenset({"const", "lane_const", "symbol", "lane"})
+
+#: Registers of the values of calls, before it is known how many stand before them.
+_LATE = 1 << 40
+
+#: Inputs of the program that are no columns of coordinates: the arrays where they stand.
+_ARRAYS = {"numerics": "stabilisation", LAW_TIME: "t"}
+
+
+def emit_interpreted(program: Program, equations: RecursiveEquations) -> tuple[Source, dict[str, Any]]:
+    """A mechanism for the interpreter: as a file, and what stands there."""
+    described = describe_mechanism(program, equations)
+    text = json.dumps(described)
+    files, digest = {"program.json": text}, hashlib.sha256(text.encode()).hexdigest()
+    return Source(stem=equations.topology.model.name, files=files, digest=digest, driver="recursive"), described
+
+
+def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[str, Any]:
+    """The mechanism of a program for the interpreter."""
+    lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
+    about = {
+        "charts": [[c.q, c.v, c.scalars, c.ball, c.reversed] for c in equations.charts], "cuts": [c.first for c in equations.closures],
+        **_description(equations, lists),
+    }  # fmt: skip
+    q, v, m, values = equations.coordinates, equations.speeds, len(equations.equation_names), equations.input_values
+    arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "gap": m, "stabilisation": 3, "penalties": max(len(equations.closures), 1)}
+    return {"description": about, "inputs": values, **_assemble(program, equations, arrays, values)}
+
+
+def _description(equations: RecursiveEquations, lists: Sequence[tuple[str, Sequence[str]]]) -> dict[str, Any]:
+    """What the model says of itself, as generated code has it."""
+    d: dict[str, Any] = description(equations, lists)
+    return {
+        "name": equations.topology.model.name,
+        **{x["field"]: list(x["names"]) for x in d["name_lists"]},
+        **{key: [[p["name"], p["unit"], float(p["value"])] for p in d[key]] for key in ("parameters", "inputs")},
+        "roads": list(d["roads"]), "columns": [[c.name, c.unit] for c in d["columns"]], "driven": d["driven"],
+        "guards": [[g["name"], g["place"]] for g in d["guards"]],
+        "domains": [[x["function"], x["element"], x["place"], x["strict"] == "true"] for x in d["domains"]],
+        "switches": [[s["element"], s["place"], s["road"], s["across"]] for s in switches_of(equations)],
+    }  # fmt: skip
+
+
+def _assemble(program: Program, equations: Equations, arrays: Mapping[str, int], values: int) -> dict[str, Any]:
+    """The memory and the functions; ``values`` is the length of the array of a step's inputs."""
+    assembler = _Assembler(program, equations)
+    for name, length in {**arrays, "parameters": len(equations.parameters), "t": 1, "motion": 1, "input": values}.items():
+        assembler.add_array(name, length)
+    for name, nodes in (("load", program.loaded), ("begin_step", program.stepped)):
+        assembler.assemble(name, nodes, (), early=True)
+    for f in program.functions:
+        assembler.assemble(f.name, f.statements, f.results)
+    return assembler.finish()
+
+
+@dataclass
+class _Assembler:
+    """Gives registers to the scalars of a program, function after function."""
+
+    program: Program
+    equations: Equations
+    arrays: dict[str, int] = field(default_factory=dict)
+    _image: list[float] = field(default_factory=list)
+    _constants: dict[tuple[float, ...], int] = field(default_factory=dict)
+    _early: dict[int, int] = field(default_factory=dict)
+    _late: dict[int, int] = field(default_factory=dict)
+    _spread: dict[tuple[int, int], int] = field(default_factory=dict)
+    _functions: dict[str, tuple[list[Instruction], dict[str, list[int]]]] = field(default_factory=dict)
+    _top: int = 0
+    _most: int = 0
+
+    @property
+    def _graph(self) -> Graph:
+        return self.program.graph
+
+    def add_array(self, name: str, length: int) -> None:
+        """Room for an array of arguments."""
+        self.arrays[name] = self._keep([0.0] * length)
+
+    def assemble(self, name: str, nodes: Sequence[int], results: Sequence[Result], *, early: bool = False) -> None:
+        """The instructions of a function and the registers of its results; the values of an ``early`` one stay."""
+        self._late, self._spread, self._top = {}, {}, 0
+        fused = set() if early else self._fuse(nodes, results)
+        computed = [n for n in nodes if self._graph.nodes[n].op not in _PLACED and n not in fused]
+        self._place(computed, early=early)
+        code: list[Instruction] = []
+        for n in computed:
+            self._add(code, n, fused)
+        self._functions[name] = code, self._placed(results)
+
+    def finish(self) -> dict[str, Any]:
+        """Functions and memory as data; the values of calls come after what has an image."""
+        first = len(self._image) - _LATE
+        operations: dict[tuple[str, int], int] = {}
+        functions = {}
+        for name, (instructions, results) in self._functions.items():
+            code: list[int] = []
+            for op, lanes, to, args in instructions:
+                code.append(operations.setdefault((op, lanes), len(operations)))
+                code += [x if x < _LATE else x + first for x in (to, *args)]
+            placed = {array: [x if x < _LATE else x + first for x in registers] for array, registers in results.items()}
+            functions[name] = {"code": code, "results": placed}
+        return {
+            "image": self._image, "registers": len(self._image) + self._most, "arrays": self.arrays,
+            "operations": [list(x) for x in operations], "functions": functions,
+        }  # fmt: skip
+
+    def _placed(self, results: Sequence[Result]) -> dict[str, list[int]]:
+        """The register of each element of the arrays that a function fills."""
+        found: dict[str, dict[int, int]] = {}
+        for r in results:
+            array, index = self._element(r.target, r.index)
+            found.setdefault(array, {})[index] = self._register(r.scalar)
+        return {array: [elements[i] for i in range(len(elements))] for array, elements in found.items()}
+
+    def _fuse(self, statements: Sequence[int], results: Sequence[Result]) -> set[int]:
+        """The products that only one sum needs, which takes them as it is computed."""
+        nodes, own = self._graph.nodes, set(statements)
+        uses = Counter([*(a for n in statements for a in nodes[n].args), *(r.scalar for r in results)])
+        return {
+            a for n in statements if nodes[n].op in _FUSED for a in nodes[n].args
+            if a in own and uses[a] == 1 and nodes[a].op == "mul" and nodes[a].lanes == nodes[n].lanes
+        }  # fmt: skip
+
+    def _place(self, computed: Sequence[int], *, early: bool) -> None:
+        """Registers for scalars; what is gathered is computed where it is gathered to."""
+        kept, nodes = self._early if early else self._late, self._graph.nodes
+        own = set(computed)
+        for n in sorted(computed, key=lambda n: nodes[n].op != "gather"):
+            if n in kept:
+                continue
+            width = max(nodes[n].lanes, 1)
+            kept[n] = self._keep([0.0] * width) if early else self._take(width)
+            if nodes[n].op == "gather":
+                kept |= {a: kept[n] + k for k, a in enumerate(nodes[n].args) if a in own and a not in kept}
+
+    def _add(self, code: list[Instruction], n: int, fused: set[int]) -> None:
+        """The instructions that compute a scalar."""
+        node, to = self._graph.nodes[n], self._register(n)
+        if node.op == "gather":
+            code += [("copy", 1, to + k, (x,)) for k, x in enumerate(map(self._register, node.args)) if x != to + k]
+            return
+        args = [self._operand(code, a, node) for a in node.args if a not in fused]
+        op, lanes = node.op, max(node.lanes, 1)
+        if node.op in _FUSED and (products := [a for a in node.args if a in fused]):
+            first = node.args[0] in fused
+            op = _FUSED[node.op][2 if len(products) == 2 else 0 if first else 1]
+            factors = [self._operand(code, x, node) for a in products for x in self._graph.nodes[a].args]
+            args = [*factors, *args]
+        elif node.op == "lane_sum":
+            lanes = self._graph.nodes[node.args[0]].lanes
+        elif node.op.startswith("road_"):
+            args.append(self.equations.roads.index(str(node.data)))
+        code.append((op, lanes, to, tuple(args)))
+
+    def _operand(self, code: list[Instruction], a: int, user: Scalar) -> int:
+        """The register of an argument; one that is the same in all lanes of its user is spread over these."""
+        if not user.lanes or self._graph.nodes[a].lanes:
+            return self._register(a)
+        value = self._graph.value(a)
+        if value is not None:
+            return self._constant((value,) * user.lanes)
+        if (a, user.lanes) not in self._spread:
+            to = self._spread[a, user.lanes] = self._take(user.lanes)
+            code.append(("spread", user.lanes, to, (self._register(a),)))
+        return self._spread[a, user.lanes]
+
+    def _register(self, n: int) -> int:
+        """Where a scalar stands."""
+        node = self._graph.nodes[n]
+        match node.op, node.data:
+            case "const", float(value):
+                return self._constant((value,))
+            case "lane_const", tuple(numbers):
+                return self._constant(numbers)
+            case "lane", int(k):
+                return self._register(node.args[0]) + k
+            case "symbol", (str(symbol), int(index)):
+                array, element = self._element(symbol, index)
+                return self.arrays[array] + element
+        return self._early[n] if n in self._early else self._late[n]
+
+    def _element(self, symbol: str, index: int) -> tuple[str, int]:
+        """Array and element of an input or a result."""
+        slot = self.equations.slots.get(symbol)
+        return (_ARRAYS.get(symbol, symbol), index) if slot is None else (slot.array, slot.offset + index)
+
+    def _constant(self, numbers: tuple[float, ...]) -> int:
+        if numbers not in self._constants:
+            self._constants[numbers] = self._keep(numbers)
+        return self._constants[numbers]
+
+    def _keep(self, values: Sequence[float]) -> int:
+        """Registers with an image."""
+        self._image += values
+        return len(self._image) - len(values)
+
+    def _take(self, count: int) -> int:
+        """Registers of a call."""
+        self._top += count
+        self._most = max(self._most, self._top)
+        return _LATE + self._top - count

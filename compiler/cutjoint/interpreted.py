@@ -1,0 +1,59 @@
+"""A model made ready for the interpreter: its program as data, for a simulator that is compiled once for all models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import perf_counter
+from typing import Any
+
+from cutjoint.emit.interpreted import emit_interpreted
+from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.locations import AnyPath
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, either, names_of
+from cutjoint.model.records import Model, Output, Scene
+from cutjoint.pipeline import derive
+from cutjoint.run.artifact import Artifact, require_choice
+from cutjoint.run.errors import RunError
+from cutjoint.run.scenes import find_scene
+from cutjoint.toolchain.build import FLAGS, build_interpreter
+from cutjoint.topology.reading import read_model
+
+
+def compile_interpreted_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:
+    """A model file for the interpreter; ``how`` as in `compile_interpreted`.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError, RunError, ToolchainError: as `compile_interpreted`.
+    """
+    model = read_model(path)
+    return compile_interpreted(model, find_scene(model, scene), **how)
+
+
+def compile_interpreted(
+    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None
+) -> Artifact:  # fmt: skip
+    """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
+        RunError: there is no such method, or it is not interpreted.
+        ToolchainError: the C++ side, which is built where it is not there, failed.
+    """
+    require_choice(method, DEFAULT_PRECISION, comparison=False)
+    if not METHODS[method].interpreted:
+        able = either(names_of(METHODS, lambda m: m.interpreted))
+        raise RunError(f"{method} is not interpreted: use --method {able}, or --implementation generated")
+    # Model -> Source
+    begin = perf_counter()
+    outputs = scene.outputs if outputs is None else outputs
+    equations = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
+    program = schedule_recursive(equations, lanes=True)
+    source, description = emit_interpreted(program, equations)
+    generated = perf_counter()
+    # Binary
+    binary = build_interpreter(source.driver, flags=flags)
+    return Artifact(
+        scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
+        implementation=Implementation.INTERPRETED, precision=DEFAULT_PRECISION, generate_seconds=generated - begin,
+        compile_seconds=perf_counter() - generated, description=description,
+    )  # fmt: skip

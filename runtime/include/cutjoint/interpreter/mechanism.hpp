@@ -1,0 +1,148 @@
+// A mechanism whose program is data.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/interpreter/program.hpp"
+#include "cutjoint/mechanism.hpp"
+
+namespace cutjoint::interpreter {
+
+inline std::vector<std::string_view> read_names(const Json& list) {
+  std::vector<std::string_view> names;
+  for (const Json& name : list) names.push_back(name.get_ref<const std::string&>());
+  return names;
+}
+
+/// A text in a document, which must outlive its use.
+inline std::string_view text(const Json& list, std::size_t i) { return list.at(i).get_ref<const std::string&>(); }
+
+/// Names with units and, of parameters and inputs, values.
+inline std::vector<Named> read_named(const Json& list) {
+  std::vector<Named> named;
+  for (const Json& item : list) named.push_back({text(item, 0), text(item, 1), item.size() > 2 ? item.at(2).get<double>() : 0.0});
+  return named;
+}
+
+/// An integer from `least` to below `end`.
+inline int read_index(const Json& value, int least, std::size_t end) {
+  const auto number = value.get<std::int64_t>();
+  if (number < least || number >= static_cast<std::int64_t>(end)) refuse("its description has no place " + value.dump());
+  return static_cast<int>(number);
+}
+
+inline std::vector<Chart> read_charts(const Json& list, std::size_t coordinates, std::size_t speeds) {
+  std::vector<Chart> charts;
+  for (const Json& c : list) {
+    const bool ball = c.at(3).get<bool>();
+    const int q = read_index(c.at(0), 0, coordinates), v = read_index(c.at(1), 0, speeds), scalars = read_index(c.at(2), 0, speeds + 1);
+    if (static_cast<std::size_t>(q + scalars + 4 * ball) > coordinates || static_cast<std::size_t>(v + scalars + 3 * ball) > speeds)
+      refuse("a joint has coordinates beyond the last");
+    charts.push_back({.q = q, .v = v, .scalars = scalars, .ball = ball, .reversed = c.at(4).get<bool>()});
+  }
+  return charts;
+}
+
+/// What a model says of itself; the texts stand in the document.
+inline Description read_description(const Json& d) {
+  Description found;
+  found.name = d.at("name").get_ref<const std::string&>();
+  found.coordinates = read_names(d.at("coordinates"));
+  found.speeds = read_names(d.at("speeds"));
+  found.equations = read_names(d.at("equations"));
+  found.charts = read_charts(d.at("charts"), found.coordinates.size(), found.speeds.size());
+  int first = 0;
+  for (const Json& cut : d.at("cuts")) found.cuts.push_back(first = read_index(cut, first, found.equations.size()));
+  found.parameters = read_named(d.at("parameters"));
+  found.inputs = read_named(d.at("inputs"));
+  found.roads = read_names(d.at("roads"));
+  found.columns = read_named(d.at("columns"));
+  for (const Json& g : d.at("guards")) found.guards.push_back({text(g, 0), text(g, 1)});
+  for (const Json& x : d.at("domains")) found.domains.push_back({text(x, 0), text(x, 1), text(x, 2), x.at(3).get<bool>()});
+  const Json& switches = d.at("switches");
+  for (const Json& s : switches)
+    found.switches.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
+                              .across = read_index(s.at(3), -1, switches.size())});
+  found.driven = d.at("driven").get<bool>();
+  return found;
+}
+
+/// Runs what the compiler has described (`describe_mechanism` of emit/interpreted.py) as generated code of the same program would; sums of
+/// products are rounded twice.  The document must outlive it.
+class InterpretedMechanism final : public AnyMechanism<double> {
+ public:
+  explicit InterpretedMechanism(const Json& document)
+      : description_(read_description(document.at("description"))), program_(document, description_.roads.size()),
+        input_(document.at("inputs").get<std::size_t>()) {
+    const Argument q{"q", description_.coordinates.size()}, v{"v", description_.speeds.size()}, vdot{"vdot", v.length};
+    const std::size_t m = description_.equations.size();
+    const Argument lambda{"lambda", m}, t{"t", 1}, input{"input", input_.size()}, parameters{"parameters", description_.parameters.size()};
+    if (input_.size() < numbers_per_input * description_.inputs.size()) refuse("an input has no numbers");
+    load_ = program_.read("load", {parameters, {"stabilisation", 3}, {"penalties", description_.cuts.size()}}, {});
+    begin_step_ = program_.read("begin_step", {t, {"motion", 1}, input}, {});
+    evaluate_ = program_.read("evaluate", {q, v, lambda}, {vdot, {"correction", m}});
+    constraint_residual_ = program_.read("constraint_residual", {q, v}, {{"residual", m}, {"rate", m}});
+    report_ = program_.read("report", {q, v, vdot, lambda}, {{"column", description_.columns.size()}});
+    energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
+    project_ = program_.read("project", {q, {"gap", m}}, {{"dz", v.length}});
+    read_if_any(guard_, "guard", {q, v}, {"margin", description_.guards.size()});
+    read_if_any(events_, "events", {q, v}, {"value", description_.switches.size()});
+    read_if_any(domains_, "domains", {q, v}, {"inside", description_.domains.size()});
+    read_if_any(scene_inputs_, "scene_inputs", {t}, input);
+  }
+
+  const Description& description() const override { return description_; }
+
+  void load(const double* parameters, const Stabilisation<double>& stabilisation, const Road<double>* roads) override {
+    const double numbers[] = {stabilisation.penalty, stabilisation.damping_ratio, stabilisation.frequency};
+    program_.use_roads(roads);
+    program_.call(load_, {parameters, numbers, stabilisation.penalties}, {});
+  }
+
+  void drive_by(const InputSource<double>& source) override { source_ = source; }
+
+  void begin_step(double t, double motion) override {
+    program_.call(scene_inputs_, {&t}, {input_.data()});
+    if (source_.fill) source_.fill(source_.host, t, input_.data());
+    program_.call(begin_step_, {&t, &motion, input_.data()}, {});
+  }
+
+  void evaluate(const double* q, const double* v, const double* lambda, double* vdot, double* correction) const override {
+    program_.call(evaluate_, {q, v, lambda}, {vdot, correction});
+  }
+
+  void constraint_residual(const double* q, const double* v, double* residual, double* rate) const override {
+    program_.call(constraint_residual_, {q, v}, {residual, rate});
+  }
+
+  void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const override {
+    program_.call(report_, {q, v, vdot, lambda}, {column});
+  }
+
+  void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const override {
+    program_.call(energy_, {q, v, vdot, lambda}, {energy});
+  }
+
+  void project(const double* q, const double* gap, double* dz) const override { program_.call(project_, {q, gap}, {dz}); }
+  void guard(const double* q, const double* v, double* margin) const override { program_.call(guard_, {q, v}, {margin}); }
+  void events(const double* q, const double* v, double* value) const override { program_.call(events_, {q, v}, {value}); }
+  void domains(const double* q, const double* v, double* inside) const override { program_.call(domains_, {q, v}, {inside}); }
+
+ private:
+  /// A function that a program has only if it has results; without them its arguments are ignored.
+  void read_if_any(Function& function, const char* name, std::initializer_list<Argument> arguments, const Argument& result) {
+    function.arguments.resize(arguments.size());
+    function.results.resize(1);
+    if (result.length > 0) function = program_.read(name, arguments, {result});
+  }
+
+  Description description_;
+  mutable Program program_;  ///< its memory has the values of the last call
+  std::vector<double> input_;
+  InputSource<double> source_;
+  Function load_, begin_step_, evaluate_, constraint_residual_, report_, energy_, project_, guard_, events_, domains_, scene_inputs_;
+};
+
+}  // namespace cutjoint::interpreter

@@ -1,0 +1,36 @@
+// The operations of interpreted programs.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "cutjoint/core/road.hpp"
+
+namespace cutjoint::interpreter {
+
+struct Instruction;
+
+/// Does an instruction in a memory, with the roads of the tyres.
+using Perform = void (*)(const Instruction& instruction, double* memory, const Road<double>* roads);
+
+/// An operation: the register of its result, and those of its arguments or, of a lookup, x, y and the number of the road.  With lanes each
+/// stands for as many registers side by side.
+struct Instruction {
+  Perform perform;
+  std::uint32_t to;
+  std::uint32_t from[4];
+};
+
+/// The registers of an operation: how many `arguments`, and how wide these and the result are.
+struct Operation {
+  Perform perform = nullptr;
+  int arguments = 0;
+  int width = 1;         ///< registers of each argument
+  int result_width = 1;  ///< registers of the result
+  bool lookup = false;   ///< the last argument is the number of a road
+};
+
+/// The operation of a name, in each of 1, 2, 4 or 8 lanes; `perform` is null where there is none.
+Operation find_operation(std::string_view name, int lanes);
+
+}  // namespace cutjoint::interpreter

@@ -1,0 +1,128 @@
+// Programs that are data: what the compiler (emit/interpreted.py) has scheduled, read and run instruction by instruction.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/interpreter/operations.hpp"
+#include "cutjoint/json.hpp"
+
+namespace cutjoint::interpreter {
+
+[[noreturn]] inline void refuse(const std::string& what) { throw std::runtime_error("program: " + what); }
+
+/// An array among the arguments of a function.
+struct Argument {
+  const char* name;
+  std::size_t length;
+};
+
+/// Registers that arrays are copied to, instructions, and the registers of the elements of the arrays that receive the results.
+struct Function {
+  struct Copied {
+    std::size_t to, length;
+  };
+  std::vector<Copied> arguments;
+  std::vector<Instruction> code;
+  std::vector<std::vector<std::uint32_t>> results;
+};
+
+/// A program with its memory.  Reading it throws where anything does not fit; running it neither throws nor allocates.
+class Program {
+ public:
+  /// `roads` is how many there will be.
+  Program(const Json& document, std::size_t roads)
+      : document_(document), number_of_roads_(roads), memory_(document.at("image").get<std::vector<double>>()) {
+    const auto size = document.at("registers").get<std::size_t>();
+    if (size < memory_.size() || size > largest) refuse("has no memory of " + std::to_string(size) + " registers");
+    memory_.resize(size);
+    for (const Json& o : document.at("operations")) {
+      const auto& name = o.at(0).get_ref<const std::string&>();
+      operations_.push_back(find_operation(name, o.at(1).get<int>()));
+      if (!operations_.back().perform) refuse("the operation " + o.dump() + " is unknown");
+    }
+  }
+
+  /// The function of a name.
+  Function read(const char* name, std::initializer_list<Argument> arguments, std::initializer_list<Argument> results) const {
+    const Json& described = document_.at("functions").at(name);
+    Function function{.arguments = {}, .code = read_code(described.at("code").get<std::vector<std::int64_t>>()), .results = {}};
+    for (const Argument& a : arguments) {
+      const std::size_t to = document_.at("arrays").at(a.name).get<std::size_t>();
+      if (to > memory_.size() || a.length > memory_.size() - to) refuse(std::string("has no room for ") + a.name);
+      function.arguments.push_back({to, a.length});
+    }
+    for (const Argument& r : results) {
+      auto& places = function.results.emplace_back();
+      if (r.length > 0) {
+        for (const Json& place : described.at("results").at(r.name)) places.push_back(checked(place.get<std::int64_t>(), 1));
+        if (places.size() != r.length) refuse(std::string(name) + " has a wrong number of elements of " + r.name);
+      }
+    }
+    return function;
+  }
+
+  void use_roads(const Road<double>* roads) { roads_ = roads; }
+
+  /// Call a function with as many arrays as it was read with; those of arguments may be null, which leaves what stands in their place.
+  void call(const Function& function, std::initializer_list<const double*> arguments, std::initializer_list<double*> results) {
+    double* const memory = memory_.data();
+    auto place = function.arguments.begin();
+    for (const double* const argument : arguments) {
+      if (argument) std::copy_n(argument, place->length, memory + place->to);
+      ++place;
+    }
+    for (const Instruction& instruction : function.code) instruction.perform(instruction, memory, roads_);
+    auto registers = function.results.begin();
+    for (double* const result : results) {
+      for (std::size_t i = 0; i < registers->size(); ++i) result[i] = memory[(*registers)[i]];
+      ++registers;
+    }
+  }
+
+ private:
+  static constexpr std::size_t largest = std::size_t(1) << 28;
+
+  std::vector<Instruction> read_code(const std::vector<std::int64_t>& numbers) const {
+    std::vector<Instruction> code;
+    for (std::size_t i = 0; i < numbers.size();) {
+      if (numbers[i] < 0 || numbers[i] >= static_cast<std::int64_t>(operations_.size())) refuse("an instruction has no operation");
+      const Operation& operation = operations_[static_cast<std::size_t>(numbers[i])];
+      const auto length = static_cast<std::size_t>(operation.arguments);
+      if (length + 2 > numbers.size() - i) refuse("the last instruction is not whole");
+      Instruction& instruction = code.emplace_back(Instruction{operation.perform, checked(numbers[i + 1], operation.result_width), {}});
+      for (std::size_t k = 0; k < length; ++k) {
+        const std::int64_t number = numbers[i + 2 + k];
+        const bool is_road = operation.lookup && k == length - 1;
+        instruction.from[k] = is_road ? checked_road(number) : checked(number, operation.width);
+      }
+      i += length + 2;
+    }
+    return code;
+  }
+
+  /// A register with those beside it.
+  std::uint32_t checked(std::int64_t first, int width) const {
+    if (first < 0 || first > static_cast<std::int64_t>(memory_.size()) - width) refuse("there is no register " + std::to_string(first));
+    return static_cast<std::uint32_t>(first);
+  }
+
+  std::uint32_t checked_road(std::int64_t number) const {
+    if (number < 0 || number >= static_cast<std::int64_t>(number_of_roads_)) refuse("there is no road " + std::to_string(number));
+    return static_cast<std::uint32_t>(number);
+  }
+
+  const Json& document_;
+  std::size_t number_of_roads_;
+  std::vector<double> memory_;
+  std::vector<Operation> operations_;
+  const Road<double>* roads_ = nullptr;
+};
+
+}  // namespace cutjoint::interpreter
