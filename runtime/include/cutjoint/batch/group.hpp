@@ -26,7 +26,9 @@ namespace cutjoint::batch {
 class Group {
  public:
   Group(AnyMechanism<double>& alone, Instances& instances, const RunSettings& settings, const Json& file)
-      : alone_(alone), side_by_side_(alone, instances), d_(alone.description()), settings_(settings), file_(file), lanes_(instances) {}
+      : alone_(alone), side_by_side_(alone), d_(alone.description()), settings_(settings), file_(file), probes_(instances), lanes_(instances) {
+    side_by_side_.lend(probes_);
+  }
 
   /// At most `width` cases: how each ended, with `end`, `smallest` and `largest` value of each column.  After a request to stop they have not
   /// come to their ends.
@@ -147,6 +149,7 @@ class Group {
   const RunSettings& settings_;
   const Json& file_;
   std::array<Case, width> cases_;
+  Probes<Instances> probes_;
   LaneSteps<Instances> lanes_;
   std::vector<Real> end_, smallest_, largest_;
   std::vector<Json> results_;

@@ -8,6 +8,7 @@
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/lane_steps.hpp"
+#include "cutjoint/core/side_by_side.hpp"
 #include "cutjoint/core/simulation.hpp"
 
 namespace cutjoint {
@@ -25,7 +26,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
  public:
   using LaneSteps<M>::width;
 
-  LaneSimulations() : LaneSteps<M>(this->mechanism) {}
+  LaneSimulations() : LaneSteps<M>(this->mechanism), probes_(this->mechanism) {}
 
   /// How many bytes some take in memory that begins anywhere, with so many for each simulation alone.
   static constexpr std::size_t bytes(std::size_t each) { return alignof(LaneSimulations) + sizeof(LaneSimulations) + width * each; }
@@ -37,6 +38,9 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
     alone = place + sizeof(LaneSimulations);
     return ::new (place) LaneSimulations();
   }
+
+  /// Have a simulation search its start in the instances, before their steps.
+  void lend_to(Sim& sim) { sim.mechanism().lend(probes_); }
 
   /// Go on from `settled` simulations with the same settings; where there is none its lane stands still.
   void take_over(const std::array<Sim*, width>& sims) {
@@ -55,6 +59,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
   }
 
  private:
+  Probes<M> probes_;
   std::array<HostInputs<double, M::sizes.inputs>, width> inputs_;
 };
 

@@ -2,10 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <span>
-#include <vector>
+#include <utility>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/dense.hpp"
@@ -47,7 +48,7 @@ void accelerate(M& mechanism, StateOf<M>& state, typename M::real_type motion, S
 }
 
 /// Finds starts of a mechanism; a speed that is `held` (given by the user) is not changed, nor is its coordinate.  All memory is taken in the
-/// constructor, but for the neighbouring states of a mechanism that finds the accelerations of several side by side.
+/// constructor, but for the neighbouring states of a mechanism that finds the accelerations of several side by side (`states_at_once`).
 template <Mechanism M>
 class Starter {
  public:
@@ -209,15 +210,20 @@ class Starter {
       for (std::size_t i = 0; i < rows; ++i) column[i] = held[j] ? Real(0) : (column[i] - next_[i]) / (2 * h);
     };
     std::fill(step_.begin(), step_.end(), Real(0));
-    if constexpr (requires(std::vector<StateOf<M>>& probes) { mechanism_.accelerate(probes, Real(0)); }) {
-      std::vector<StateOf<M>> probes;
-      for (std::size_t j = 0; j < n_; ++j) {
-        step_[j] = Real(1);
-        for (const Real side : {h, -h}) move(probes.emplace_back(state), step_.data(), side);
-        step_[j] = Real(0);
+    if constexpr (requires { M::states_at_once; }) {
+      constexpr std::size_t columns = M::states_at_once / 2;
+      for (std::size_t first = 0; first < n_; first += columns) {
+        auto probes = copies<M::states_at_once>(state);
+        const std::size_t number = std::min(columns, n_ - first);
+        for (std::size_t k = 0; k < number; ++k) {
+          step_[first + k] = Real(1);
+          move(probes[2 * k], step_.data(), h);
+          move(probes[2 * k + 1], step_.data(), -h);
+          step_[first + k] = Real(0);
+        }
+        mechanism_.accelerate(probes, Real(0));
+        for (std::size_t k = 0; k < number; ++k) put(first + k, probes[2 * k], probes[2 * k + 1]);
       }
-      mechanism_.accelerate(probes, Real(0));
-      for (std::size_t j = 0; j < n_; ++j) put(j, probes[2 * j], probes[2 * j + 1]);
     } else {
       for (std::size_t j = 0; j < n_; ++j) {
         probe_ = other_ = state;
@@ -230,6 +236,11 @@ class Starter {
         put(j, probe_, other_);
       }
     }
+  }
+
+  template <std::size_t number>
+  static std::array<StateOf<M>, number> copies(const StateOf<M>& state) {
+    return [&]<std::size_t... i>(std::index_sequence<i...>) { return std::array<StateOf<M>, number>{((void)i, state)...}; }(std::make_index_sequence<number>());
   }
 
   Real square_of(const Real* x) const {
