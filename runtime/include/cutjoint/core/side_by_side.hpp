@@ -15,7 +15,7 @@
 
 namespace cutjoint {
 
-/// Instances that find accelerations of several states of a mechanism, and all memory that they need.  Others may step them between two calls.
+/// Instances that find accelerations of several states of a mechanism, and all memory that they need.  Others may step them between calls.
 template <class M>
 class Probes {
  public:
