@@ -7,13 +7,15 @@ from time import perf_counter
 from typing import Any
 
 from cutjoint.emit.interpreted import emit_interpreted
+from cutjoint.emit.source import Source
+from cutjoint.formulate.records import Equations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import AnyPath
-from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, either, names_of
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import derive
+from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS, build_interpreter
 from cutjoint.topology.reading import read_model
@@ -23,7 +25,7 @@ def compile_interpreted_model(path: AnyPath, *, scene: str | None = None, **how:
     """A model file for the interpreter; ``how`` as in `compile_interpreted`.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError, ToolchainError: as `compile_interpreted`.
+        ModelError, TopologyError, NoInertiaError, GuideError, RunError, MissingLibraryError, ToolchainError: as `compile_interpreted`.
     """
     model = read_model(path)
     return compile_interpreted(model, find_scene(model, scene), **how)
@@ -36,19 +38,15 @@ def compile_interpreted(
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
-        RunError: there is no such method, or it is not interpreted.
+        RunError: there is no such method.
+        MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side, which is built where it is not there, failed.
     """
     require_choice(method, DEFAULT_PRECISION, comparison=False)
-    if not METHODS[method].interpreted:
-        able = either(names_of(METHODS, lambda m: m.interpreted))
-        raise RunError(f"{method} is not interpreted: use --method {able}, or --implementation generated")
     # Model -> Source
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs
-    equations = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
-    program = schedule_recursive(equations, lanes=True)
-    source, description = emit_interpreted(program, equations)
+    equations, program, source, description = _interpret(model, scene, tuple(outputs), method)
     generated = perf_counter()
     # Binary
     binary = build_interpreter(source.driver, flags=flags)
@@ -57,3 +55,13 @@ def compile_interpreted(
         implementation=Implementation.INTERPRETED, precision=DEFAULT_PRECISION, generate_seconds=generated - begin,
         compile_seconds=perf_counter() - generated, description=description,
     )  # fmt: skip
+
+
+def _interpret(model: Model, scene: Scene, outputs: tuple[Output, ...], method: str) -> tuple[Equations, Program, Source, dict[str, Any]]:
+    if METHODS[method].has_system:
+        from cutjoint.systems import interpret_system  # the recursive method does not wait for what this imports
+
+        return interpret_system(derive(model, scene, ()).starting, method, outputs)
+    equations = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
+    program = schedule_recursive(equations, lanes=True)
+    return equations, program, *emit_interpreted(program, equations)

@@ -58,9 +58,9 @@ class Method:
     pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
     ``instead`` are methods that may go on where this one fails.
     ``default_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
-    where none are given; the penalty then follows from masses and step.  ``interpreted`` is whether its programs can run as data,
-    ``fixed_cost`` whether steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated side by side, ``tangents``
-    whether a run can report the Jacobians of its accelerations, ``stands_alone`` whether folders that need nothing else can have it.
+    where none are given; the penalty then follows from masses and step.  ``fixed_cost`` is whether steps can have a fixed number of
+    iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report the Jacobians of its
+    accelerations, ``stands_alone`` whether it is compiled into folders that need nothing else.
     """
 
     name: str
@@ -72,7 +72,6 @@ class Method:
     instead: tuple[str, ...] = ()
     default_updates: int | None = None
     twin: Twin | None = None
-    interpreted: bool = False
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
@@ -185,7 +184,7 @@ def _catalogue(*records: R) -> Mapping[str, R]:
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, instead=("recursive-newton",),
-        twin=Twin(), interpreted=True, fixed_cost=True, batch=True, tangents=True, stands_alone=True,
+        twin=Twin(), fixed_cost=True, batch=True, tangents=True, stands_alone=True,
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,

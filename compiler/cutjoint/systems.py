@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
 from cutjoint.emit.factorisation import STRAIGHT_LINE
+from cutjoint.emit.interpreted import emit_interpreted_system
 from cutjoint.emit.source import Source
 from cutjoint.emit.system import emit_system
 from cutjoint.formulate.correspondence import find_corresponding
@@ -54,6 +55,14 @@ def generate_system(
     # Program, Plan -> Source
     mechanism, straight_line = schedule_recursive(start, lanes=lanes), STRAIGHT_LINE if packed else 0
     return equations, program, emit_system(mechanism, program, equations, plan, straight_line=straight_line)
+
+
+def interpret_system(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...]
+) -> tuple[SystemEquations, Program, Source, dict[str, Any]]:  # fmt: skip
+    """The same for the interpreter, with what it reads."""
+    equations, program, plan = plan_system(*formulate_system(start, method, outputs), lanes=True)
+    return equations, program, *emit_interpreted_system(schedule_recursive(start, lanes=True), program, equations, plan)
 
 
 def formulate_system(

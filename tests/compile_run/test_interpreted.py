@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from copy import deepcopy
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,14 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.analysis.closing import FlatRoad, design_coordinates, evaluate_scene_inputs
 from cutjoint.interpreted import compile_interpreted, compile_interpreted_model
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import JointKind, Model, Numerics, Scene
+from cutjoint.model.records import JointKind, Model, Numerics, Road, Scene
 from cutjoint.pipeline import simulate
+from cutjoint.program.interpret import interpret_scalars
+from cutjoint.program.records import Program
+from cutjoint.program.schedule import schedule
 from cutjoint.run.artifact import Artifact, make_simulator_run
-from cutjoint.run.errors import RunError
 from cutjoint.run.options import PLAIN_STEPS
+from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from tests.compile_run.generated import interpret_program, random_states, run_evaluate
 from tests.conftest import MODELS, needs_cpp
@@ -75,16 +78,84 @@ def test_all_kinds_as_their_programs_say() -> None:
         agree(compile_interpreted(model, scene), scene)
 
 
+@pytest.mark.parametrize("method", names_of(METHODS, lambda m: m.has_system))
+@pytest.mark.parametrize("name", ["slider_crank", "car"])
+def test_systems_as_their_programs_say(method: str, name: str) -> None:
+    """All functions of a system, and the solution by its tangent, at a state near the design position."""
+    model = read_model(MODELS / f"{name}.yaml")
+    artifact = compile_interpreted(model, next(iter(model.scenes.values())), method=method)
+    equations: Any = artifact.equations
+    state = system_state(equations, np.random.default_rng(4))
+    run_file = make_run_file(model, replace(artifact.scene, road=Road()), {}, task="evaluate", method=method, options=PLAIN_STEPS)
+    at = {key: value.tolist() for key, value in state.items() if key in ("q", "v", "vdot", "lambda", "w", "right")}
+    at |= {"t": 0.3, "penalty": 1e4, "weights": {"damping": 2e-3, "stiffness": 1e-6, "constraint": 0.6}}
+    at["relative"] = {key: state[f"relative_{key}"].tolist() for key in "qv"}
+    (found,) = call_simulator(artifact.binary.path, {**run_file, "states": [at], "model": artifact.description})["results"]
+    pattern: Any = artifact.description["description"]["pattern"] if artifact.description else {}
+    for function, names in RESULTS.items():
+        for array, values in system_results(artifact.program, equations, function, state).items():
+            result = np.array(found["placed"][array] if function == "initial_coordinates" else found[names.get(array, array)])
+            assert np.abs(result - values).max(initial=0.0) <= STIFF["vdot"] * max(1.0, float(np.abs(values).max(initial=0.0))), array
+    rows, first, tangent = np.array(pattern["row"]), pattern["first"], np.zeros((pattern["size"],) * 2)
+    for j in range(pattern["size"]):
+        column = slice(first[j], first[j + 1])
+        tangent[rows[column], j] = np.array(found["tangent"])[column]
+    matrix = tangent + np.tril(tangent, -1).T if pattern["symmetric"] else tangent
+    assert found["breakdown"] == -1
+    assert np.linalg.norm(matrix @ found["solution"] - state["right"]) < 1e-9 * np.abs(matrix).max() * np.linalg.norm(found["solution"])
+
+
+#: The functions of a system, and what the task "evaluate" calls results that others have too.
+RESULTS: dict[str, dict[str, str]] = {
+    "initial_coordinates": {}, "dynamic_residual": {}, "constraint_residual": {"residual": "closed_residual"},
+    "linearise": {"force_residual": "linearised_force_residual", "residual": "linearised_residual"},
+    "apply_jacobian_transposed": {}, "apply_jacobian": {}, "report": {"column": "columns"},
+}  # fmt: skip
+
+
+def system_state(equations: Any, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """The arrays that a system's functions read: near the design position, with unit matrices for balls."""
+    start, n, m = equations.start, len(equations.coordinate_names), len(equations.equation_names)
+    unknowns = len(equations.speed_names) if equations.charts else n
+    state = {"relative_q": design_coordinates(start) + 0.01 * rng.standard_normal(start.coordinates)}
+    state |= {"relative_v": rng.standard_normal(start.speeds), "penalty": np.array([1e4]), "weights": np.array([2e-3, 1e-6, 0.6])}
+    state |= {"vdot": rng.standard_normal(unknowns), "lambda": rng.standard_normal(m), "w": rng.standard_normal(m)}
+    state |= {"t": np.array([0.3]), "weights.turns": np.tile(np.eye(3).ravel(), sum(c.ball for c in equations.charts))}
+    program = schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
+    placed = system_results(program, equations, "initial_coordinates", state)
+    size = len(equations.row_names)
+    return {**state, **placed, "right": rng.standard_normal(size)}
+
+
+def system_results(program: Program, equations: Any, function: str, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays that a function of a system fills, by the interpreter of scalars."""
+    inputs = {**state, "motion": np.ones(1), "parameters": np.array([p.value for p in equations.parameters])}
+    inputs |= {
+        symbol: state[slot.array][slot.offset : slot.offset + len(slot.names)]
+        for symbol, slot in equations.slots.items() if slot.array in state and not symbol.startswith("placed")
+    }  # fmt: skip
+    inputs |= evaluate_scene_inputs(equations, inputs["parameters"], 0.3)
+    results = program.function(function).results
+    values = interpret_scalars(program.graph, [r.scalar for r in results], inputs, dict.fromkeys(equations.roads, FlatRoad()))
+    found: dict[str, dict[int, float]] = {}
+    for r in results:
+        slot = equations.slots[r.target]
+        found.setdefault(slot.array, {})[slot.offset + r.index] = values[r.scalar]
+    return {array: np.array([numbers[i] for i in range(len(numbers))]) for array, numbers in found.items()}
+
+
 @cache
-def bounce() -> Artifact:
+def bounce(method: str = "recursive") -> Artifact:
     model = read_model_text(bouncing_text(0.0, 0.5), "bounce.yaml")
-    return compile_interpreted(model, model.scenes["drop"])
+    return compile_interpreted(model, model.scenes["drop"], method=method)
 
 
-@pytest.mark.parametrize("integrator", names_of(INTEGRATORS, lambda i: "recursive" in i.methods and i.in_files))
-def test_all_integrators_find_a_bounce(integrator: str) -> None:
+@pytest.mark.parametrize(("method", "integrator"), [
+    (m.name, i.name) for m in METHODS.values() if m.events for i in INTEGRATORS.values() if m.name in i.methods and i.in_files
+])  # fmt: skip
+def test_all_integrators_find_a_bounce(method: str, integrator: str) -> None:
     """Located events, work and energy: without damping the mass comes back, and its energy stays."""
-    run = completed(simulate(bounce(), integrator=integrator, dt=2e-4, events="located"))
+    run = completed(simulate(bounce(method), integrator=integrator, dt=2e-4, events="located"))
     heights, switched = exact_bounces(run.t, 0.0, 0.5)
     assert run["mass.z"] == pytest.approx(heights, abs=1e-4)
     assert run.effort.events == switched
@@ -144,17 +215,33 @@ DAMAGES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_program_is_refused(damage: str) -> None:
-    change, message = DAMAGES[damage]
-    run = make_simulator_run(bounce(), PLAIN_STEPS)
-    description = deepcopy(run.description)
+#: The same of a system.
+DAMAGES_OF_SYSTEMS = {
+    "a tile of five": (put(5, "tables", "steps", 0, 0), "a tile has 5 pivots"),
+    "a tile beyond": (put(10**6, "tables", "steps", 0, 1), "its factorisation has no place 1000000"),
+    "an entry beyond": (put(10**6, "tables", "entries", 0, 1), "its factorisation has no place 1000000"),
+    "a value beyond": (put(-1, "tables", "entries", 0, 0), "its factorisation has no place -1"),
+    "a pivot beyond": (put(99, "tables", "pivots", 0, 2), "its factorisation has no place 99"),
+    "a row beyond": (put(99, "description", "pattern", "row", 0), "its pattern has no row 99"),
+    "a wrong column": (put(99, "description", "pattern", "first", 1), "its pattern has wrong columns"),
+    "another method": (put("augmented", "description", "method"), "its pattern is of another method"),
+    "no start": (lambda d: d.pop("start"), "'start' is missing"),
+}  # fmt: skip
+
+
+def check_refusal(artifact: Artifact, change: Callable[[Any], None], message: str) -> None:
+    run = make_simulator_run(artifact, PLAIN_STEPS)
+    description = json.loads(json.dumps(run.description))
     change(description)
     with pytest.raises(SimulatorError, match=message):
         call_simulator(run.simulator, {**run.run_file, "model": description})
 
 
-def test_other_methods_are_refused() -> None:
-    name = next(name for name in METHODS if not METHODS[name].interpreted)
-    with pytest.raises(RunError, match=f"{name} is not interpreted: use --method recursive"):
-        compile_interpreted_model(MODELS / "pendulum.yaml", method=name)
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_program_is_refused(damage: str) -> None:
+    check_refusal(bounce(), *DAMAGES[damage])
+
+
+@pytest.mark.parametrize("damage", DAMAGES_OF_SYSTEMS)
+def test_a_damaged_system_is_refused(damage: str) -> None:
+    check_refusal(bounce("recursive-newton"), *DAMAGES_OF_SYSTEMS[damage])

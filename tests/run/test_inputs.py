@@ -36,8 +36,7 @@ MAKERS = {
 
 #: Each method with generated code, by the interpreter and by the twin where it has one.
 WAYS = [
-    *((method, Implementation.GENERATED) for method in METHODS),
-    *((method, Implementation.INTERPRETED) for method in METHODS if METHODS[method].interpreted),
+    *((method, how) for how in (Implementation.GENERATED, Implementation.INTERPRETED) for method in METHODS),
     *((method, Implementation.GENERIC) for method in METHODS if METHODS[method].twin),
 ]
 

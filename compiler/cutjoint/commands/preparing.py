@@ -106,6 +106,8 @@ def _compile_interpreted(request: Request, model: Model, scene: Scene, method: s
 
     if request.precision != DEFAULT_PRECISION:
         raise RunError(f"--precision {request.precision}: programs are interpreted in {DEFAULT_PRECISION}; use --implementation generated")
+    if request.options.solver is not None and SOLVERS[request.options.solver].comparison:
+        raise RunError(f"--solver {request.options.solver} is for comparison: use --implementation generated")
     return compile_interpreted(model, scene, method=method)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
+from typing import TypeAlias
 
 from cutjoint.emit.factor_blocks import pivot_name
 from cutjoint.sparse.pattern import positions
@@ -16,6 +17,9 @@ from cutjoint.sparse.tiles import WIDTH
 
 #: A tile and another.
 Pair = tuple[int, int]
+
+#: What a table has.
+Item: TypeAlias = int | tuple[int, ...]
 
 #: Characters of a line.
 _LINE = 110
@@ -42,32 +46,45 @@ class _Sweep:
 
 
 def make_tables(plan: Plan, names: Sequence[str]) -> list[Table]:
-    """The members of `cutjoint::static_factor::Tables`."""
-    tiling = plan.tiling
+    """The members of `cutjoint::static_factor::Tables` as C++."""
+    tiling, items = plan.tiling, table_items(plan)
     tiles = range(len(tiling))
     by_tile = [f"tile {tile}: {'; '.join(pivot_name(plan, pivot, names) for pivot in tiling.pivots(tile))}" for tile in tiles]
-    sweeps = [_sweeps(plan, tile) for tile in tiles]
-    steps = [[_step(plan, tile, len(sweep))] for tile, sweep in zip(tiles, sweeps, strict=True)]
-    heads = [[(s.columns, s.source, s.multipliers, len(s.targets)) for s in sweep] for sweep in sweeps]
-    targets = [[place for s in sweep for place in s.targets] for sweep in sweeps]
-    others = [[WIDTH * other for other in (*tiling.upper[tile], *tiling.lower[tile])] for tile in tiles]
     return [
-        _table("steps", "static_factor::Step", "pivots, diagonal, reciprocals, uppers, lowers, sweeps", by_tile, steps),
-        _table("sweeps", "static_factor::Sweep", "columns, source, multipliers, blocks", by_tile, heads),
-        _table("targets", "int", "the places that sweeps change", by_tile, targets),
-        _table("others", "int", "the tiles right of each, then those below it", by_tile, others),
-        _table("entries", "static_factor::Entry", "value and place, by columns of the matrix", names, _entries(plan)),
+        _table("steps", "static_factor::Step", "pivots, diagonal, reciprocals, uppers, lowers, sweeps", by_tile, items["steps"]),
+        _table("sweeps", "static_factor::Sweep", "columns, source, multipliers, blocks", by_tile, items["sweeps"]),
+        _table("targets", "int", "the places that sweeps change", by_tile, items["targets"]),
+        _table("others", "int", "the tiles right of each, then those below it", by_tile, items["others"]),
+        _table("entries", "static_factor::Entry", "value and place, by columns of the matrix", names, items["entries"]),
         Table(name="pivots", type="static_factor::Pivot", about="row, column, place", rows=pivot_rows(plan, names)),
     ]
 
 
-def pivot_rows(plan: Plan, names: Sequence[str]) -> tuple[str, ...]:
-    """The table of pivots: row, column, and place in a vector with four numbers a tile."""
+def table_items(plan: Plan) -> dict[str, list[list[Item]]]:
+    """The items of each table, those of a tile together, of entries those of a column."""
+    tiling = plan.tiling
+    tiles = range(len(tiling))
+    sweeps = [_sweeps(plan, tile) for tile in tiles]
+    return {
+        "steps": [[_step(plan, tile, len(sweep))] for tile, sweep in zip(tiles, sweeps, strict=True)],
+        "sweeps": [[(s.columns, s.source, s.multipliers, len(s.targets)) for s in sweep] for sweep in sweeps],
+        "targets": [[place for s in sweep for place in s.targets] for sweep in sweeps],
+        "others": [[WIDTH * other for other in (*tiling.upper[tile], *tiling.lower[tile])] for tile in tiles],
+        "entries": [list(column) for column in _entries(plan)],
+        "pivots": [list(_pivots(plan))],
+    }
+
+
+def _pivots(plan: Plan) -> list[tuple[int, ...]]:
+    """Row, column, and place in a vector with four numbers a tile."""
     elimination, tiling = plan.tiling.elimination, plan.tiling
     places = [WIDTH * tile + lane for tile in range(len(tiling)) for lane in range(tiling.size(tile))]
-    return tuple(
-        f"{{{elimination.rows[k]}, {elimination.columns[k]}, {place}}},  // {pivot_name(plan, k, names)}" for k, place in enumerate(places)
-    )
+    return [(elimination.rows[k], elimination.columns[k], place) for k, place in enumerate(places)]
+
+
+def pivot_rows(plan: Plan, names: Sequence[str]) -> tuple[str, ...]:
+    """The table of pivots."""
+    return tuple(f"{{{', '.join(map(str, pivot))}}},  // {pivot_name(plan, k, names)}" for k, pivot in enumerate(_pivots(plan)))
 
 
 def _step(plan: Plan, tile: int, sweeps: int) -> tuple[int, ...]:
@@ -130,13 +147,13 @@ def _place(plan: Plan, p: int, q: int, row: int, column: int) -> int:
     return block + WIDTH * lane_q + lane_p
 
 
-def _table(name: str, kind: str, about: str, titles: Sequence[str], groups: Sequence[Sequence[int | tuple[int, ...]]]) -> Table:
+def _table(name: str, kind: str, about: str, titles: Sequence[str], groups: Sequence[Sequence[Item]]) -> Table:
     """A table in groups with a title each; one that is empty gets a zero, since C++ has no empty arrays."""
     rows = [row for title, group in zip(titles, groups, strict=True) if group for row in (f"// {title}", *_lines(group))]
     return Table(name=name, type=kind, about=about, rows=tuple(rows) or ("{},",))
 
 
-def _lines(group: Iterable[int | tuple[int, ...]]) -> list[str]:
+def _lines(group: Iterable[Item]) -> list[str]:
     """The items of a group, with none broken over two lines."""
     items = (str(item) if isinstance(item, int) else f"{{{','.join(map(str, item))}}}" for item in group)
     lines = wrap(" ".join(f"{item}," for item in items), width=_LINE)

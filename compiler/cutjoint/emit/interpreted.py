@@ -13,11 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from cutjoint.emit.factor_tables import table_items
 from cutjoint.emit.source import Source, description, switches_of
-from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.scene_inputs import LAW_TIME
 from cutjoint.program.records import Program, Result
 from cutjoint.program.scalars import Graph, Scalar
+from cutjoint.sparse.plan import Plan
 
 #: An operation with its number of lanes, its result's register, and those of its arguments; a lookup has the number of its road last.
 Instruction: TypeAlias = tuple[str, int, int, tuple[int, ...]]
@@ -37,29 +39,52 @@ _ARRAYS = {"numerics": "stabilisation", LAW_TIME: "t"}
 
 def emit_interpreted(program: Program, equations: RecursiveEquations) -> tuple[Source, dict[str, Any]]:
     """A mechanism for the interpreter: as a file, and what stands there."""
-    described = describe_mechanism(program, equations)
+    return _source(equations, "recursive", describe_mechanism(program, equations))
+
+
+def emit_interpreted_system(start: Program, program: Program, equations: SystemEquations, plan: Plan) -> tuple[Source, dict[str, Any]]:
+    """A system for the interpreter, with the mechanism that starts its runs."""
+    described = {"start": describe_mechanism(start, equations.start), **_describe_system(program, equations, plan)}
+    return _source(equations, "lagrangian", described)
+
+
+def _source(equations: Equations, driver: str, described: dict[str, Any]) -> tuple[Source, dict[str, Any]]:
     text = json.dumps(described)
-    files, digest = {"program.json": text}, hashlib.sha256(text.encode()).hexdigest()
-    return Source(stem=equations.topology.model.name, files=files, digest=digest, driver="recursive"), described
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return Source(stem=equations.topology.model.name, files={"program.json": text}, digest=digest, driver=driver), described
 
 
 def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[str, Any]:
     """The mechanism of a program for the interpreter."""
     lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
-    about = {
-        "charts": [[c.q, c.v, c.scalars, c.ball, c.reversed] for c in equations.charts], "cuts": [c.first for c in equations.closures],
-        **_description(equations, lists),
-    }  # fmt: skip
-    q, v, m, values = equations.coordinates, equations.speeds, len(equations.equation_names), equations.input_values
+    q, v, m = equations.coordinates, equations.speeds, len(equations.equation_names)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "gap": m, "stabilisation": 3, "penalties": max(len(equations.closures), 1)}
-    return {"description": about, "inputs": values, **_assemble(program, equations, arrays, values)}
+    about = {"cuts": [c.first for c in equations.closures], **_description(equations, lists)}
+    return {"description": about, **_assemble(program, equations, arrays)}
 
 
-def _description(equations: RecursiveEquations, lists: Sequence[tuple[str, Sequence[str]]]) -> dict[str, Any]:
+def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -> dict[str, Any]:
+    """The system, with its factorisation as index data."""
+    names, pattern = equations.coordinate_names, plan.pattern
+    speeds = equations.speed_names if equations.charts else names
+    lists = [("coordinates", names), ("equations", equations.equation_names), ("speeds", speeds if equations.charts else ())]
+    q, v, m, turns = len(names), len(speeds), len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
+    arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "w": m, "penalty": 1, "weights": 3, "weights.turns": turns}
+    arrays |= {"relative_q": equations.start.coordinates, "relative_v": equations.start.speeds}
+    about = {
+        "method": equations.method, "cuts": [], **_description(equations, lists), "factors": plan.storage.length,
+        "pattern": {"size": pattern.size, "symmetric": pattern.symmetric, "first": list(pattern.first), "row": list(pattern.row)},
+    }  # fmt: skip
+    tables = {name: [item for group in groups for item in group] for name, groups in table_items(plan).items()}
+    return {"description": about, "tables": tables, **_assemble(program, equations, arrays)}
+
+
+def _description(equations: RecursiveEquations | SystemEquations, lists: Sequence[tuple[str, Sequence[str]]]) -> dict[str, Any]:
     """What the model says of itself, as generated code has it."""
     d: dict[str, Any] = description(equations, lists)
     return {
         "name": equations.topology.model.name,
+        "charts": [[c.q, c.v, c.scalars, c.ball, c.reversed] for c in equations.charts],
         **{x["field"]: list(x["names"]) for x in d["name_lists"]},
         **{key: [[p["name"], p["unit"], float(p["value"])] for p in d[key]] for key in ("parameters", "inputs")},
         "roads": list(d["roads"]), "columns": [[c.name, c.unit] for c in d["columns"]], "driven": d["driven"],
@@ -69,16 +94,16 @@ def _description(equations: RecursiveEquations, lists: Sequence[tuple[str, Seque
     }  # fmt: skip
 
 
-def _assemble(program: Program, equations: Equations, arrays: Mapping[str, int], values: int) -> dict[str, Any]:
-    """The memory and the functions; ``values`` is the length of the array of a step's inputs."""
-    assembler = _Assembler(program, equations)
+def _assemble(program: Program, equations: Equations, arrays: Mapping[str, int]) -> dict[str, Any]:
+    """The memory and the functions."""
+    assembler, values = _Assembler(program, equations), equations.input_values
     for name, length in {**arrays, "parameters": len(equations.parameters), "t": 1, "motion": 1, "input": values}.items():
         assembler.add_array(name, length)
     for name, nodes in (("load", program.loaded), ("begin_step", program.stepped)):
         assembler.assemble(name, nodes, (), early=True)
     for f in program.functions:
         assembler.assemble(f.name, f.statements, f.results)
-    return assembler.finish()
+    return {"inputs": values, **assembler.finish()}
 
 
 @dataclass

@@ -24,7 +24,7 @@ from cutjoint.toolchain.temporary import plain_folder
 DRIVERS = ("recursive", "lagrangian", "batch")
 
 #: The drivers with a simulator that interprets programs.
-INTERPRETING = ("recursive",)
+INTERPRETING = ("recursive", "lagrangian")
 
 #: That simulator, as a part of its driver, and the file of each simulator.
 INTERPRETER, SIMULATOR = "interpreter", "simulator"

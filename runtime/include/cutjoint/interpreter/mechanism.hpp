@@ -75,22 +75,19 @@ class InterpretedMechanism final : public AnyMechanism<double> {
  public:
   explicit InterpretedMechanism(const Json& document)
       : description_(read_description(document.at("description"))), program_(document, description_.roads.size()),
-        input_(document.at("inputs").get<std::size_t>()) {
+        inputs_(program_, document, description_.inputs.size()) {
     const Argument q{"q", description_.coordinates.size()}, v{"v", description_.speeds.size()}, vdot{"vdot", v.length};
     const std::size_t m = description_.equations.size();
-    const Argument lambda{"lambda", m}, t{"t", 1}, input{"input", input_.size()}, parameters{"parameters", description_.parameters.size()};
-    if (input_.size() < numbers_per_input * description_.inputs.size()) refuse("an input has no numbers");
+    const Argument lambda{"lambda", m}, parameters{"parameters", description_.parameters.size()};
     load_ = program_.read("load", {parameters, {"stabilisation", 3}, {"penalties", description_.cuts.size()}}, {});
-    begin_step_ = program_.read("begin_step", {t, {"motion", 1}, input}, {});
     evaluate_ = program_.read("evaluate", {q, v, lambda}, {vdot, {"correction", m}});
     constraint_residual_ = program_.read("constraint_residual", {q, v}, {{"residual", m}, {"rate", m}});
     report_ = program_.read("report", {q, v, vdot, lambda}, {{"column", description_.columns.size()}});
-    energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
-    project_ = program_.read("project", {q, {"gap", m}}, {{"dz", v.length}});
-    read_if_any(guard_, "guard", {q, v}, {"margin", description_.guards.size()});
-    read_if_any(events_, "events", {q, v}, {"value", description_.switches.size()});
-    read_if_any(domains_, "domains", {q, v}, {"inside", description_.domains.size()});
-    read_if_any(scene_inputs_, "scene_inputs", {t}, input);
+    if (program_.has("energy")) energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
+    if (program_.has("project")) project_ = program_.read("project", {q, {"gap", m}}, {{"dz", v.length}});
+    guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
+    events_ = program_.read_if_any("events", {q, v}, {"value", description_.switches.size()});
+    domains_ = program_.read_if_any("domains", {q, v}, {"inside", description_.domains.size()});
   }
 
   const Description& description() const override { return description_; }
@@ -101,13 +98,8 @@ class InterpretedMechanism final : public AnyMechanism<double> {
     program_.call(load_, {parameters, numbers, stabilisation.penalties}, {});
   }
 
-  void drive_by(const InputSource<double>& source) override { source_ = source; }
-
-  void begin_step(double t, double motion) override {
-    program_.call(scene_inputs_, {&t}, {input_.data()});
-    if (source_.fill) source_.fill(source_.host, t, input_.data());
-    program_.call(begin_step_, {&t, &motion, input_.data()}, {});
-  }
+  void drive_by(const InputSource<double>& source) override { inputs_.drive_by(source); }
+  void begin_step(double t, double motion) override { inputs_.begin_step(program_, t, motion); }
 
   void evaluate(const double* q, const double* v, const double* lambda, double* vdot, double* correction) const override {
     program_.call(evaluate_, {q, v, lambda}, {vdot, correction});
@@ -122,27 +114,24 @@ class InterpretedMechanism final : public AnyMechanism<double> {
   }
 
   void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const override {
+    if (energy_.results.empty()) throw_no_energy();
     program_.call(energy_, {q, v, vdot, lambda}, {energy});
   }
 
-  void project(const double* q, const double* gap, double* dz) const override { program_.call(project_, {q, gap}, {dz}); }
+  void project(const double* q, const double* gap, double* dz) const override {
+    if (project_.results.empty()) throw_no_projection();
+    program_.call(project_, {q, gap}, {dz});
+  }
+
   void guard(const double* q, const double* v, double* margin) const override { program_.call(guard_, {q, v}, {margin}); }
   void events(const double* q, const double* v, double* value) const override { program_.call(events_, {q, v}, {value}); }
   void domains(const double* q, const double* v, double* inside) const override { program_.call(domains_, {q, v}, {inside}); }
 
  private:
-  /// A function that a program has only if it has results; without them its arguments are ignored.
-  void read_if_any(Function& function, const char* name, std::initializer_list<Argument> arguments, const Argument& result) {
-    function.arguments.resize(arguments.size());
-    function.results.resize(1);
-    if (result.length > 0) function = program_.read(name, arguments, {result});
-  }
-
   Description description_;
   mutable Program program_;  ///< its memory has the values of the last call
-  std::vector<double> input_;
-  InputSource<double> source_;
-  Function load_, begin_step_, evaluate_, constraint_residual_, report_, energy_, project_, guard_, events_, domains_, scene_inputs_;
+  StepBeginning inputs_;
+  Function load_, evaluate_, constraint_residual_, report_, energy_, project_, guard_, events_, domains_;
 };
 
 }  // namespace cutjoint::interpreter

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/core/inputs.hpp"
 #include "cutjoint/interpreter/operations.hpp"
 #include "cutjoint/json.hpp"
 
@@ -49,6 +50,8 @@ class Program {
     }
   }
 
+  bool has(const char* name) const { return document_.at("functions").contains(name); }
+
   /// The function of a name.
   Function read(const char* name, std::initializer_list<Argument> arguments, std::initializer_list<Argument> results) const {
     const Json& described = document_.at("functions").at(name);
@@ -66,6 +69,15 @@ class Program {
       }
     }
     return function;
+  }
+
+  /// A function that a program has only if it has results; without them its arguments are ignored.
+  Function read_if_any(const char* name, std::initializer_list<Argument> arguments, const Argument& result) const {
+    if (result.length > 0) return read(name, arguments, {result});
+    Function nothing;
+    nothing.arguments.resize(arguments.size());
+    nothing.results.resize(1);
+    return nothing;
   }
 
   void use_roads(const Road<double>* roads) { roads_ = roads; }
@@ -123,6 +135,30 @@ class Program {
   std::vector<double> memory_;
   std::vector<Operation> operations_;
   const Road<double>* roads_ = nullptr;
+};
+
+/// What depends on time and on inputs; where those come from.
+class StepBeginning {
+ public:
+  StepBeginning(const Program& program, const Json& document, std::size_t inputs) : values_(document.at("inputs").get<std::size_t>()) {
+    if (values_.size() < numbers_per_input * inputs) refuse("an input has no numbers");
+    const Argument t{"t", 1}, input{"input", values_.size()};
+    scene_inputs_ = program.read_if_any("scene_inputs", {t}, input);
+    begin_step_ = program.read("begin_step", {t, {"motion", 1}, input}, {});
+  }
+
+  void drive_by(const InputSource<double>& source) { source_ = source; }
+
+  void begin_step(Program& program, double t, double motion) {
+    program.call(scene_inputs_, {&t}, {values_.data()});
+    if (source_.fill) source_.fill(source_.host, t, values_.data());
+    program.call(begin_step_, {&t, &motion, values_.data()}, {});
+  }
+
+ private:
+  std::vector<double> values_;
+  InputSource<double> source_;
+  Function scene_inputs_, begin_step_;
 };
 
 }  // namespace cutjoint::interpreter

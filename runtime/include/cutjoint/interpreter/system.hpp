@@ -1,0 +1,136 @@
+// A system with a tangent whose program is data.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "cutjoint/interpreter/factorisation.hpp"
+#include "cutjoint/interpreter/mechanism.hpp"
+#include "cutjoint/lagrangian/any_system.hpp"
+#include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/read_json.hpp"
+
+namespace cutjoint::interpreter {
+
+/// Compressed columns in which every row is there.
+inline Pattern read_pattern(const Json& p) {
+  Pattern pattern{.size = p.at("size").get<int>(), .symmetric = p.at("symmetric").get<bool>(),
+                  .first = p.at("first").get<std::vector<int>>(), .row = p.at("row").get<std::vector<int>>()};
+  const auto entries = static_cast<int>(pattern.row.size());
+  if (pattern.size < 0 || pattern.first.size() != static_cast<std::size_t>(pattern.size) + 1 || pattern.first.front() != 0 ||
+      pattern.first.back() != entries || !std::is_sorted(pattern.first.begin(), pattern.first.end()))
+    refuse("its pattern has wrong columns");
+  for (const int row : pattern.row)
+    if (row < 0 || row >= pattern.size) refuse("its pattern has no row " + std::to_string(row));
+  return pattern;
+}
+
+/// What a system says of itself; the texts stand in the document.
+inline SystemDescription read_system_description(const Json& d) {
+  const Description m = read_description(d);
+  using Name = std::pair<std::string_view, Lagrangian>;
+  constexpr std::array methods{Name{"augmented", Lagrangian::augmented}, Name{"classical", Lagrangian::classical},
+                               Name{"recursive-newton", Lagrangian::recursive_newton}};
+  SystemDescription found{.name = m.name, .method = read_word(d, "method", methods), .coordinates = m.coordinates, .equations = m.equations,
+                          .charts = m.charts, .speeds = m.speeds, .parameters = m.parameters, .roads = m.roads, .columns = m.columns,
+                          .inputs = m.inputs, .guards = m.guards, .domains = m.domains, .switches = m.switches, .driven = m.driven,
+                          .pattern = read_pattern(d.at("pattern")), .factors = read_index(d.at("factors"), 0, std::size_t(1) << 26)};
+  const std::size_t rows = found.unknowns().size() + (found.method == Lagrangian::classical ? found.equations.size() : 0);
+  if (static_cast<std::size_t>(found.pattern.size) != rows || found.pattern.symmetric != (found.method == Lagrangian::augmented))
+    refuse("its pattern is of another method");
+  return found;
+}
+
+/// Runs a system that the compiler has described, as `InterpretedMechanism` does a mechanism; its factorisation is a loop over index data.
+class InterpretedSystem final : public AnySystem<double> {
+ public:
+  /// `start` is what the mechanism that finds where runs begin says of itself.
+  InterpretedSystem(const Json& document, const Description& start)
+      : description_(read_system_description(document.at("description"))), program_(document, description_.roads.size()),
+        factorisation_(document.at("tables"), description_.pattern.symmetric, description_.pattern.size,
+                       static_cast<int>(description_.pattern.row.size()), description_.factors),
+        inputs_(program_, document, description_.inputs.size()) {
+    const std::size_t n = description_.unknowns().size(), m = description_.equations.size();
+    const Argument q{"q", description_.coordinates.size()}, v{"v", n}, vdot{"vdot", n}, lambda{"lambda", m}, penalty{"penalty", 1};
+    const Argument force_residual{"force_residual", n}, residual{"residual", m};
+    const Argument relative_q{"relative_q", start.coordinates.size()}, relative_v{"relative_v", start.speeds.size()};
+    load_ = program_.read("load", {{"parameters", description_.parameters.size()}}, {});
+    initial_coordinates_ = program_.read("initial_coordinates", {relative_q, relative_v}, {q, v});
+    dynamic_residual_ = program_.read("dynamic_residual", {q, v, vdot, lambda, penalty}, {force_residual, residual});
+    linearise_ = program_.read("linearise", {q, v, vdot, lambda, penalty, {"weights", 3}, {"weights.turns", turns_of(description_.charts)}},
+                               {force_residual, residual, {"tangent", description_.pattern.row.size()}});
+    constraint_residual_ = program_.read("constraint_residual", {q, v, vdot}, {residual, {"rate", m}, {"curvature", m}});
+    apply_jacobian_transposed_ = program_.read("apply_jacobian_transposed", {q, {"w", m}}, {{"force", n}});
+    apply_jacobian_ = program_.read("apply_jacobian", {q, vdot}, {{"change", m}});
+    report_ = program_.read("report", {q, v, vdot, lambda}, {{"column", description_.columns.size()}});
+    energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
+    guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
+    events_ = program_.read_if_any("events", {q, v}, {"value", description_.switches.size()});
+    domains_ = program_.read_if_any("domains", {q, v}, {"inside", description_.domains.size()});
+  }
+
+  const SystemDescription& description() const override { return description_; }
+
+  void load(const double* parameters, const Road<double>* roads) override {
+    program_.use_roads(roads);
+    program_.call(load_, {parameters}, {});
+  }
+
+  void drive_by(const InputSource<double>& source) override { inputs_.drive_by(source); }
+  void begin_step(double t, double motion) override { inputs_.begin_step(program_, t, motion); }
+
+  void initial_coordinates(const double* relative_q, const double* relative_v, double* q, double* v) const override {
+    program_.call(initial_coordinates_, {relative_q, relative_v}, {q, v});
+  }
+
+  void dynamic_residual(const double* q, const double* v, const double* vdot, const double* lambda, double penalty, double* force_residual,
+                        double* residual) const override {
+    program_.call(dynamic_residual_, {q, v, vdot, lambda, &penalty}, {force_residual, residual});
+  }
+
+  void linearise(const double* q, const double* v, const double* vdot, const double* lambda, double penalty, const Weights<double>& weights,
+                 double* force_residual, double* residual, double* tangent) const override {
+    const double terms[] = {weights.damping, weights.stiffness, weights.constraint};
+    program_.call(linearise_, {q, v, vdot, lambda, &penalty, terms, weights.turns}, {force_residual, residual, tangent});
+  }
+
+  void constraint_residual(const double* q, const double* v, const double* vdot, double* residual, double* rate,
+                           double* curvature) const override {
+    program_.call(constraint_residual_, {q, v, vdot}, {residual, rate, curvature});
+  }
+
+  void apply_jacobian_transposed(const double* q, const double* w, double* force) const override {
+    program_.call(apply_jacobian_transposed_, {q, w}, {force});
+  }
+
+  void apply_jacobian(const double* q, const double* x, double* change) const override { program_.call(apply_jacobian_, {q, x}, {change}); }
+
+  void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const override {
+    program_.call(report_, {q, v, vdot, lambda}, {column});
+  }
+
+  void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const override {
+    program_.call(energy_, {q, v, vdot, lambda}, {energy});
+  }
+
+  void guard(const double* q, const double* v, double* margin) const override { program_.call(guard_, {q, v}, {margin}); }
+  void events(const double* q, const double* v, double* value) const override { program_.call(events_, {q, v}, {value}); }
+  void domains(const double* q, const double* v, double* inside) const override { program_.call(domains_, {q, v}, {inside}); }
+  int factor(const double* tangent, double* factors) const override { return factorisation_.factor(tangent, factors); }
+  void solve(const double* factors, double* x) const override { factorisation_.solve(factors, x); }
+
+ private:
+  SystemDescription description_;
+  mutable Program program_;  ///< its memory has the values of the last call
+  Factorisation factorisation_;
+  StepBeginning inputs_;
+  Function load_, initial_coordinates_, dynamic_residual_, linearise_, constraint_residual_, apply_jacobian_transposed_, apply_jacobian_;
+  Function report_, energy_, guard_, events_, domains_;
+};
+
+}  // namespace cutjoint::interpreter

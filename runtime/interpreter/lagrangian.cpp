@@ -1,0 +1,14 @@
+// The simulator of systems whose programs are data: `simulator RUN.json`, where the run file has the system and the mechanism that
+// starts it.
+#include "cutjoint/interpreter/system.hpp"
+#include "cutjoint/perform.hpp"
+#include "cutjoint/program.hpp"
+
+int main(int argc, char** argv) {
+  return cutjoint::run_program(argc, argv, "simulator", [](const cutjoint::Json& file) {
+    const cutjoint::Json& model = cutjoint::value_of(file, "model");
+    cutjoint::interpreter::InterpretedMechanism start(cutjoint::value_of(model, "start"));
+    cutjoint::interpreter::InterpretedSystem system(model, start.description());
+    return cutjoint::perform(file, start, system);
+  });
+}
