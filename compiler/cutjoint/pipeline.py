@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import inf
 from time import perf_counter
 from typing import Any
 
@@ -28,6 +29,7 @@ from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulator import Progress
 from cutjoint.toolchain.build import FLAGS, build
 from cutjoint.toolchain.drivers import Kind
+from cutjoint.toolchain.later import TakesLong, build_later
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 
@@ -42,17 +44,18 @@ def compile_model(path: AnyPath, *, scene: str | None = None, opened: Sequence[s
 def compile_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, out: AnyPath | None = None, flags: Sequence[str] = FLAGS,
     outputs: Sequence[Output] | None = None, lanes: bool = True, comparison: bool = False, precision: str = DEFAULT_PRECISION,
-    integrator: str | None = None, linearise: bool = False,
+    integrator: str | None = None, linearise: bool = False, patience: float = inf,
 ) -> Artifact:  # fmt: skip
     """Compile a model for a scene; ``out`` receives a folder (`delivery`), which may have steps by another ``integrator`` than the scene's,
     and with ``linearise`` derivatives at a state.
 
     ``outputs`` are instead of the scene's.  ``comparison`` links the solvers of SuiteSparse too.  ``precision`` is one of PRECISIONS, the
-    number type of the run; the start is found in double.
+    number type of the run; the start is found in double.  Compiling that takes more than ``patience`` (s) goes on in another process.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the choice is wrong, or they do not go together.
         MissingLibraryError, ToolchainError: a library or a tool is not installed, or the C++ compiler failed.
+        TakesLong: compiling goes on, and meanwhile the program can be interpreted.
         OutputError: a file of ``out`` is the model, or cannot be written.
     """
     require_choice(method, precision, comparison=comparison)
@@ -63,13 +66,18 @@ def compile_scene(
     delivery = plan_delivery(out, made, method=method, precision=precision, integrator=integrator, lanes=lanes, linearise=linearise)
     generated = perf_counter()
     # Source -> Binary
-    binary = build(source, flags=(*flags, *PRECISIONS[precision].flags), kind=Kind(comparison=comparison, precision=precision))
-    if delivery is not None:
-        delivery.write(binary.path, flags)
-    return Artifact(
-        scene=scene, equations=equations, program=program, source=source, binary=binary, method=method, precision=precision,
-        implementation=Implementation.GENERATED, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
-    )  # fmt: skip
+    def finish() -> Artifact:
+        binary = build(source, flags=(*flags, *PRECISIONS[precision].flags), kind=Kind(comparison=comparison, precision=precision))
+        if delivery is not None:
+            delivery.write(binary.path, flags)
+        return Artifact(
+            scene=scene, equations=equations, program=program, source=source, binary=binary, method=method, precision=precision,
+            implementation=Implementation.GENERATED, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
+        )  # fmt: skip
+
+    if patience < inf and (later := build_later(source, flags=flags, patience=patience)) is not None:
+        raise TakesLong(later, finish)
+    return finish()
 
 
 def generate(

@@ -1,4 +1,7 @@
-"""What is asked of a model besides runs: its static equilibrium, and its small motions about a state."""
+"""What is asked of a model besides runs: its static equilibrium, and its small motions about a state.
+
+A search takes hundreds of evaluations, so that compiling would take longer than it: programs are interpreted.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ from cutjoint.analysis.linearisation import NoMassError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
 from cutjoint.formulate.implicit.equations import formulate_implicit
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.locations import AnyPath
-from cutjoint.methods import DEFAULT_METHOD, LINEARISED, PLAIN_CLOSURE
+from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
 from cutjoint.model.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import compile_scene, simulate
@@ -57,9 +61,9 @@ def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Map
     model = read_model(path)
     chosen = find_scene(model, scene)
     outputs = _everything(model)
-    artifact = compile_scene(model, chosen, outputs=outputs)
+    artifact = compile_interpreted(model, chosen, outputs=outputs)
     run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
-    summary = call_simulator(artifact.binary.path, run_file)
+    summary = call_simulator(artifact.binary.path, {**run_file, **artifact.interpreted})
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(failure, _said(failure, artifact, parameters))
@@ -69,7 +73,7 @@ def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Map
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
     """The tree's coordinates at the static equilibrium of a scene, (coordinates,); errors as of `find_equilibrium`."""
     at_rest = with_closure(replace(scene, pose="equilibrium", rates={}, end=0.0), PLAIN_CLOSURE)
-    artifact = compile_scene(model, at_rest, outputs=[])
+    artifact = compile_interpreted(model, at_rest, outputs=[])
     plan = make_simulator_run(artifact, PLAIN_STEPS, parameters)
     run = require_end(start(replace(plan, with_coordinates=True)), artifact, parameters)
     assert run.coordinates is not None
@@ -90,7 +94,7 @@ def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: M
     chosen = with_closure(replace(find_scene(model, scene), end=0.0), PLAIN_CLOSURE)
     tree = [t.joint for t in build_topology(model).tree]
     outputs = [*_outputs(model.bodies, (*POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
-    artifact = compile_scene(model, chosen, outputs=outputs)
+    artifact = compile_interpreted(model, chosen, outputs=outputs)
     run = simulate(artifact, parameters=parameters, integrator=PLAIN_STEPS.integrator, events=PLAIN_STEPS.events, error=False)
     values = Columns({name: float(column[0]) for name, column in run.columns.items()})
     return MechanismState(values=values, units=run.units, undetermined=run.undetermined)
@@ -118,8 +122,8 @@ def find_scene_modes(
         SimulatorError: the simulator could not begin.
     """
     require_settings(at=at)
-    # Model -> Binary: an equilibrium is found by the simulator of plain runs, a motion goes on by the method of the linearisation
-    artifact = compile_scene(model, scene, method=DEFAULT_METHOD if at is None else LINEARISED)
+    # Model -> Binary: an equilibrium is found by interpretation, a motion goes on by the method of the linearisation
+    artifact = compile_interpreted(model, scene) if at is None else compile_scene(model, scene, method=LINEARISED)
     equations = formulate_implicit(artifact.mechanism, ())
     where = f"{scene.span}: scene '{scene.name}'"
     try:

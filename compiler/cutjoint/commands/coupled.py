@@ -13,7 +13,7 @@ from cutjoint.coupling.controller import ControllerFmu, open_controller
 from cutjoint.coupling.run import Plan, co_simulate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
-from cutjoint.methods import Events, either
+from cutjoint.methods import Events, Implementation, either
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import Request
@@ -131,7 +131,7 @@ def _report(plan: Plan, scene: Scene, run: Trajectory, out: Path, error: bool) -
     console.print(tables.facts(f"scene {scene.name} with {plan.fmu.path.name}, FMI {plan.fmu.version}", list(_facts(plan, run))))
     if error:
         console.print(tables.error_facts(run.error))
-    write_error(out, run.error if error else None)
+    write_error(out, run.error if error else None, Implementation.GENERATED)
     console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.skew import describe_skew
 from cutjoint.commands import options
 from cutjoint.formulate.inputs import input_parameters, open_parameters
-from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
+from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
 from cutjoint.prepared import PreparedRun, Request, cache_run
@@ -21,9 +23,14 @@ from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.toolchain.later import Later, TakesLong
 from cutjoint.topology.reading import read_model
 
-Play = Callable[[PreparedRun], Trajectory]
+#: Plays a run; a function that it calls now and then may raise, which ends it.
+Play = Callable[..., Trajectory]
+
+#: Compiling that takes longer, s, goes on while the program is interpreted.
+PATIENCE = 2.0
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,12 @@ def prepare_and_play(
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError, SimulatorError: the C++ side failed.
     """
-    artifact = compile_request(request, model, scene, method)
+    try:
+        artifact = compile_request(request, model, scene, method, patience=PATIENCE if request.implementation == AUTO else inf)
+    except TakesLong as compiling:
+        with suppress(_CompiledFirst):
+            return _play_meanwhile(request, model, scene, method, parameters, play, compiling.later)
+        artifact = compiling.wait()
     prepared = prepare(artifact, request.options)
     cache_run(request, model.text, prepared)
     if parameters:
@@ -73,10 +85,34 @@ def prepare_and_play(
     return prepared, play(prepared)
 
 
-def compile_request(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
+class _CompiledFirst(Exception):  # noqa: N818 -- no error
+    """Compiled code is there before the interpreted run has ended."""
+
+
+def _play_meanwhile(
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play, later: Later
+) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
+    """Interpret the program while it is compiled; nothing of that is kept for the next run, which finds compiled code.
+
+    Raises:
+        _CompiledFirst: it is there.
+    """
+
+    def watch() -> None:
+        if later.done:
+            raise _CompiledFirst
+
+    prepared = prepare(_compile_interpreted(request, model, scene, method), request.options, parameters)
+    run = play(prepared, watch)
+    options.err.print(f"interpreted, since compiling takes about {later.seconds:.0f} s; that goes on, and later runs have compiled code")
+    return prepared, run
+
+
+def compile_request(request: Request, model: Model, scene: Scene, method: str, *, patience: float = inf) -> Artifact:
     """The model compiled for what is asked for.
 
     Raises:
+        TakesLong: as `compile_scene`, if there is a ``patience``.
         ModelError, TopologyError, NoInertiaError, GuideError, RunError, MissingLibraryError, ToolchainError: as `prepare_and_play`.
     """
     solver = request.options.solver
@@ -89,7 +125,9 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str) -
         if request.implementation == Implementation.INTERPRETED:
             return _compile_interpreted(request, model, scene, method)
         comparison = solver is not None and SOLVERS[solver].comparison
-        return compile_scene(model, scene, method=method, precision=request.precision, comparison=comparison)
+        if request.precision != DEFAULT_PRECISION or comparison:
+            patience = inf  # only generated code has that
+        return compile_scene(model, scene, method=method, precision=request.precision, comparison=comparison, patience=patience)
 
 
 def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
@@ -129,6 +167,6 @@ def require_own(who: str, reason: str, **asked: Any) -> None:
     Raises:
         RunError: one of them is given.
     """
-    usual = {"implementation": Implementation.GENERATED, "precision": DEFAULT_PRECISION}
-    for name in (name for name, value in asked.items() if value != usual.get(name)):
+    usual = {"implementation": (AUTO, Implementation.GENERATED), "precision": (DEFAULT_PRECISION,)}
+    for name in (name for name, value in asked.items() if value not in usual.get(name, (None,))):
         raise RunError(f"--{name} cannot go with {who}, which {reason}")

@@ -42,9 +42,10 @@ if TYPE_CHECKING:
               "by default the scene's, else recursive.")
 @click.option("--tolerance", type=options.Setting("tolerance"), help="Of method auto in m and rad, of a step of "
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
-@click.option("--implementation", type=click.Choice([x.value for x in Implementation]), default=Implementation.GENERATED.value,
-              show_default=True, help="Code made for the model; the same program interpreted, for which nothing is compiled; or a generic "
-              "simulator, whose equations are written by hand.")
+@click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO, show_default=True,
+              envvar="CUTJOINT_IMPLEMENTATION", help="Code made for the model; the same program interpreted, for which nothing is "
+              "compiled; or a generic simulator, whose equations are written by hand. auto is generated, but interpreted where compiling "
+              "takes more than 2 s, until compiled code is there. $CUTJOINT_IMPLEMENTATION says it for all runs.")
 @click.option("--solver", type=click.Choice(list(SOLVERS)),
               help="Linear solver of the Lagrangian methods, by default emitted, of the generic twin a library's; "
               "cholmod, klu and umfpack are for comparison.")
@@ -118,10 +119,14 @@ def command(
         run_batch(request, parameters, batch, threads=threads, out=out, steps=steps, plots=plots)
         return
 
-    def play(prepared: PreparedRun) -> Trajectory:
+    def play(prepared: PreparedRun, watch: Callable[[], None] = lambda: None) -> Trajectory:
+        def follow(share: float) -> None:
+            watch()
+            progress(share)
+
         with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
             plan = replace(prepared.run, with_coordinates=view is not None)
-            return run_accurately(plan, out=out, steps=steps, progress=progress, estimate=error, go_over=method is None, advise=True)
+            return run_accurately(plan, out=out, steps=steps, progress=follow, estimate=error, go_over=method is None, advise=True)
 
     prepared = find_cached_run(request, parameters)
     if prepared is not None:
@@ -136,7 +141,7 @@ def command(
     if run.failure is None:
         if error:
             console.print(tables.error_facts(run.error))
-        write_error(out, run.error if error else None)
+        write_error(out, run.error if error else None, prepared.compilation.implementation)
         console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
     if plots is not None:
         console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots))}", markup=False)
@@ -151,7 +156,7 @@ def command(
 
 
 def _derive_and_play(
-    request: Request, parameters: Mapping[str, float], play: Callable[[PreparedRun], Trajectory]
+    request: Request, parameters: Mapping[str, float], play: Callable[..., Trajectory]
 ) -> tuple[PreparedRun, Trajectory, Played]:  # fmt: skip
     """Compile the model, or let method auto measure what to compile."""
     from cutjoint.commands.preparing import Played, prepare_and_play, read_request

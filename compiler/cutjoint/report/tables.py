@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from cutjoint.methods import Implementation
 from cutjoint.model.steps import count_steps
 from cutjoint.report.names import closing_equations
 from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, Residuals, Trajectory
@@ -160,7 +161,7 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
     return facts(f"scene {c.scene}, method {c.method}", [
         ("operations", f"{c.operations} an evaluation, {c.instructions} with lanes counted once"),
         ("generate", _taken(c.generate_seconds)),
-        ("compile", f"{_taken(c.compile_seconds)} ({c.compiler}, {' '.join(c.flags)})"),
+        ("compile", _compiled(c)),
         ("run", f"{run.seconds:.4f} s for {simulated:g} s: {factor}"),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
         *([("went over to", run.instead)] if run.instead else []),
@@ -169,6 +170,13 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
         *_speeds_not_given(c.start, run.undetermined),
         *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
     ])  # fmt: skip
+
+
+def _compiled(c: Compilation) -> str:
+    how = f"{c.compiler}, {' '.join(c.flags)}"
+    if c.implementation == Implementation.INTERPRETED:
+        return f"nothing: the program is interpreted ({how})"
+    return f"{_taken(c.compile_seconds)} ({how})"
 
 
 def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:

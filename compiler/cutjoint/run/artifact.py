@@ -58,11 +58,17 @@ class Artifact:
     def compilation(self) -> Compilation:
         """What the compilation was, for people."""
         return Compilation(
-            scene=self.scene.name, method=self.method, operations=self.program.operations(self.iteration),
-            instructions=self.program.instructions(self.iteration), compiler=self.binary.compiler, flags=tuple(self.binary.flags),
+            scene=self.scene.name, method=self.method, implementation=self.implementation.value,
+            operations=self.program.operations(self.iteration), instructions=self.program.instructions(self.iteration),
+            compiler=self.binary.compiler, flags=tuple(self.binary.flags),
             generate_seconds=self.generate_seconds, compile_seconds=self.compile_seconds if self.binary.fresh else 0.0,
             start=start_of(self.mechanism),
         )  # fmt: skip
+
+    @property
+    def interpreted(self) -> dict[str, Any]:
+        """What a run file has for a simulator that interprets the model; nothing for generated code."""
+        return {} if self.description is None else {"model": self.description}
 
     @property
     def topology(self) -> Topology:

@@ -159,8 +159,8 @@ class RunTables:
             self._private.close()
 
 
-def write_error(table: Path, error: ErrorEstimate | None) -> None:
-    """Write beside a table that goes to a file how wrong it is, or nothing.
+def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -> None:
+    """Write beside a table that goes to a file how wrong it is, and by which implementation it was run; or nothing.
 
     Raises:
         OutputError: it cannot be written.
@@ -173,7 +173,8 @@ def write_error(table: Path, error: ErrorEstimate | None) -> None:
     if error is not None:
         largest = {name: value if isfinite(value) else None for name, value in error.largest.items()}
         warnings = {"warnings": error.warnings} if error.warnings else {}
-        write_whole(path, _as_json({"converged": error.converged, "largest": largest, "units": dict(error.units), **warnings}))
+        about = {"converged": error.converged, "implementation": implementation, "largest": largest, "units": dict(error.units)}
+        write_whole(path, _as_json({**about, **warnings}))
 
 
 def write_whole(path: Path, content: str | bytes) -> Path:

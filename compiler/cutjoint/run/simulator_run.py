@@ -74,6 +74,7 @@ class Compilation:
 
     scene: str
     method: str
+    implementation: str
     operations: int
     instructions: int
     compiler: str

@@ -59,10 +59,23 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) 
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = digest_of([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.definitions])
-    cached = cache_folder() / key / "simulator"
+    cached = _place_of(source, compiler, flags, kind)
     fresh = find_or_make(cached, lambda place: _build_in(place, source, compiler, flags, kind))
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
+
+
+def is_built(source: Source, *, flags: Sequence[str] = FLAGS) -> bool:
+    """Whether the cache has the simulator of a source.
+
+    Raises:
+        ToolchainError: there is no compiler.
+    """
+    return is_sound(_place_of(source, find_compiler(), flags, _PLAIN))
+
+
+def _place_of(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:
+    key = digest_of([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.definitions])
+    return cache_folder() / key / "simulator"
 
 
 def warm(driver: str, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> bool:

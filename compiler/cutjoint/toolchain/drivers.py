@@ -91,6 +91,11 @@ def interpreter_part(driver: str, compiler: Compiler, flags: Sequence[str]) -> P
     return Part(name=INTERPRETER, digest=digest_of([*(part.digest for part in parts), runtime_digest(part=INTERPRETER)]))
 
 
+def interpreter_is_there(driver: str, compiler: Compiler, flags: Sequence[str]) -> bool:
+    """Whether the simulator of a driver that interprets programs has been built."""
+    return driver in INTERPRETING and any(map(is_sound, interpreter_part(driver, compiler, flags).places))
+
+
 @contextmanager
 def parts_for(parts: Sequence[Part], folder: Path, library: Path) -> Iterator[tuple[list[str], list[Part]]]:
     """Definitions for CMake of the parts that there are, copied into a folder, and the parts that are to be built for a ``library``.

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutjoint.locations import templates_folder
-from cutjoint.toolchain.cache import cache_folder, fetch, store
+from cutjoint.toolchain.cache import cache_folder, fetch, is_sound, store
 from cutjoint.toolchain.compiler import Compiler, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest
 from cutjoint.toolchain.drivers import Kind
@@ -61,6 +61,13 @@ def find_objects(source: Source, compiler: Compiler, flags: Sequence[str], kind:
 def _variant(target: str, driver: str, kind: Kind) -> tuple[str, ...]:
     """What the definitions of a target and the headers that it sees follow from; where runs begin is the same for all."""
     return (runtime_digest(),) if target == "start" else (target, runtime_digest(part=driver), driver, kind.precision)
+
+
+def missing_sources(source: Source, compiler: Compiler, flags: Sequence[str]) -> dict[str, int]:
+    """The generated files of which no object file is in the cache, and their bytes: what a build has to compile."""
+    objects = find_objects(source, compiler, flags, Kind())
+    there = {o.source for o in objects if is_sound(o.cached)}
+    return {o.source: len(source.files[o.source]) for o in objects if o.source not in there}
 
 
 def fetch_objects(objects: Sequence[Object], folder: Path) -> set[Object]:

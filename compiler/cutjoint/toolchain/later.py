@@ -1,0 +1,83 @@
+"""A compile that nobody waits for: in a process of its own, which goes on when its parent ends.
+
+The process is given a record of the cache, removes it, and builds what it says into the cache, as its parent would have.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from secrets import token_hex
+from typing import Any
+
+from cutjoint.emit.source import Source
+from cutjoint.toolchain.build import build, is_built
+from cutjoint.toolchain.cache import cache_folder, read_record, write_record
+from cutjoint.toolchain.compiler import find_compiler
+from cutjoint.toolchain.drivers import Kind, interpreter_is_there
+from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.toolchain.objects import missing_sources
+from cutjoint.toolchain.waits import forecast
+
+_START = "from cutjoint.toolchain.later import main; main()"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Later:
+    """A simulator that is being compiled by a ``process``, for about so many ``seconds``."""
+
+    seconds: float
+    process: subprocess.Popen[bytes]
+
+    @property
+    def done(self) -> bool:
+        """Whether it is there."""
+        return self.process.poll() == 0
+
+
+class TakesLong(Exception):  # noqa: N818 -- no error
+    """Compiling goes on in another process: ``later`` knows about it, ``wait`` gives what comes of it."""
+
+    def __init__(self, later: Later, wait: Callable[[], Any]) -> None:
+        super().__init__(f"compiling takes about {later.seconds:.0f} s")
+        self.later, self.wait = later, wait
+
+
+def build_later(source: Source, *, flags: Sequence[str], patience: float) -> Later | None:
+    """Begin to compile a source, if that takes longer than ``patience`` (s) and its program can be interpreted meanwhile; else None, and
+    nothing is begun.
+
+    Raises:
+        ToolchainError: there is no compiler, or the cache cannot be written.
+    """
+    compiler = find_compiler()
+    if is_built(source, flags=flags) or not interpreter_is_there(source.driver, compiler, flags):
+        return None
+    seconds = forecast(missing_sources(source, compiler, flags), [*compiler.key, *flags])
+    return Later(seconds=seconds, process=_begin(source, flags)) if seconds > patience else None
+
+
+def main() -> None:
+    """Build what the record that is named on the command line says."""
+    os.nice(10)
+    place = Path(sys.argv[1])
+    record: Mapping[str, Any] = read_record(place)
+    place.unlink()
+    build(Source(**record["source"]), flags=record["flags"], kind=Kind())
+
+
+def _begin(source: Source, flags: Sequence[str]) -> subprocess.Popen[bytes]:
+    place = cache_folder() / "later" / f"{token_hex(8)}.json"
+    write_record(place, {"source": asdict(source), "flags": list(flags)})
+    environment = {**os.environ, "CUTJOINT_CACHE": str(cache_folder()), "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-P", "-c", _START, str(place)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, env=environment, start_new_session=True,
+        )  # fmt: skip
+    except OSError as error:
+        raise ToolchainError(f"{sys.executable} cannot be started: {error.strerror}; use --implementation generated") from error
