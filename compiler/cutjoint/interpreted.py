@@ -32,9 +32,11 @@ def compile_interpreted_model(path: AnyPath, *, scene: str | None = None, **how:
 
 
 def compile_interpreted(
-    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None
+    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None,
+    made: tuple[Any, ...] | None = None,
 ) -> Artifact:  # fmt: skip
-    """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's.
+    """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's, ``made`` is what
+    `pipeline.generate` has made of it already.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
@@ -46,7 +48,7 @@ def compile_interpreted(
     # Model -> Source
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs
-    equations, program, source, description = _interpret(model, scene, tuple(outputs), method)
+    equations, program, source, description = _interpret(model, scene, tuple(outputs), method, made)
     generated = perf_counter()
     # Binary
     binary = build_interpreter(source.driver, flags=flags)
@@ -57,11 +59,16 @@ def compile_interpreted(
     )  # fmt: skip
 
 
-def _interpret(model: Model, scene: Scene, outputs: tuple[Output, ...], method: str) -> tuple[Equations, Program, Source, dict[str, Any]]:
+def _interpret(
+    model: Model, scene: Scene, outputs: tuple[Output, ...], method: str, made: tuple[Any, ...] | None
+) -> tuple[Equations, Program, Source, dict[str, Any]]:  # fmt: skip
     if METHODS[method].has_system:
         from cutjoint.systems import interpret_system  # the recursive method does not wait for what this imports
 
         return interpret_system(derive(model, scene, ()).starting, method, outputs)
-    equations = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
-    program = schedule_recursive(equations, lanes=True)
+    if made is not None:
+        equations, program, _ = made
+    else:
+        equations = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
+        program = schedule_recursive(equations, lanes=True)
     return equations, program, *emit_interpreted(program, equations)

@@ -76,7 +76,7 @@ def compile_scene(
         )  # fmt: skip
 
     if patience < inf and (later := build_later(source, flags=flags, patience=patience)) is not None:
-        raise TakesLong(later, finish)
+        raise TakesLong(later, made, generated - begin, finish)
     return finish()
 
 

@@ -23,7 +23,7 @@ from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_scene, with_closure
-from cutjoint.toolchain.later import Later, TakesLong
+from cutjoint.toolchain.later import TakesLong
 from cutjoint.topology.reading import read_model
 
 #: Plays a run; a function that it calls now and then may raise, which ends it.
@@ -76,7 +76,7 @@ def prepare_and_play(
         artifact = compile_request(request, model, scene, method, patience=PATIENCE if request.implementation == AUTO else inf)
     except TakesLong as compiling:
         with suppress(_CompiledFirst):
-            return _play_meanwhile(request, model, scene, method, parameters, play, compiling.later)
+            return _play_meanwhile(request, model, scene, method, parameters, play, compiling)
         artifact = compiling.wait()
     prepared = prepare(artifact, request.options)
     cache_run(request, model.text, prepared)
@@ -90,7 +90,8 @@ class _CompiledFirst(Exception):  # noqa: N818 -- no error
 
 
 def _play_meanwhile(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play, later: Later
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play,
+    compiling: TakesLong,
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Interpret the program while it is compiled; nothing of that is kept for the next run, which finds compiled code.
 
@@ -99,12 +100,14 @@ def _play_meanwhile(
     """
 
     def watch() -> None:
-        if later.done:
+        if compiling.later.done:
             raise _CompiledFirst
 
-    prepared = prepare(_compile_interpreted(request, model, scene, method), request.options, parameters)
+    artifact = _compile_interpreted(request, model, scene, method, compiling.made)
+    artifact = replace(artifact, generate_seconds=compiling.seconds + artifact.generate_seconds)
+    prepared = prepare(artifact, request.options, parameters)
     run = play(prepared, watch)
-    options.err.print(f"interpreted, since compiling takes about {later.seconds:.0f} s; that goes on, and later runs have compiled code")
+    options.err.print(f"interpreted, since {compiling}; that goes on, and later runs have compiled code")
     return prepared, run
 
 
@@ -139,14 +142,14 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
     return compile_generic(model, scene, method=method)
 
 
-def _compile_interpreted(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
+def _compile_interpreted(request: Request, model: Model, scene: Scene, method: str, made: tuple[Any, ...] | None = None) -> Artifact:
     from cutjoint.interpreted import compile_interpreted
 
     if request.precision != DEFAULT_PRECISION:
         raise RunError(f"--precision {request.precision}: programs are interpreted in {DEFAULT_PRECISION}; use --implementation generated")
     if request.options.solver is not None and SOLVERS[request.options.solver].comparison:
         raise RunError(f"--solver {request.options.solver} is for comparison: use --implementation generated")
-    return compile_interpreted(model, scene, method=method)
+    return compile_interpreted(model, scene, method=method, made=made)
 
 
 def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:

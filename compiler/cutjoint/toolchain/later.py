@@ -40,11 +40,12 @@ class Later:
 
 
 class TakesLong(Exception):  # noqa: N818 -- no error
-    """Compiling goes on in another process: ``later`` knows about it, ``wait`` gives what comes of it."""
+    """Compiling what was ``made`` in so many ``seconds`` goes on in another process: ``later`` knows about it, ``wait`` gives what comes
+    of it."""
 
-    def __init__(self, later: Later, wait: Callable[[], Any]) -> None:
+    def __init__(self, later: Later, made: tuple[Any, ...], seconds: float, wait: Callable[[], Any]) -> None:
         super().__init__(f"compiling takes about {later.seconds:.0f} s")
-        self.later, self.wait = later, wait
+        self.later, self.made, self.seconds, self.wait = later, made, seconds, wait
 
 
 def build_later(source: Source, *, flags: Sequence[str], patience: float) -> Later | None:
