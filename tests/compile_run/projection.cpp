@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "cutjoint/core/road.hpp"
 #include "cutjoint/core/start.hpp"
 #include "cutjoint/state.hpp"
 #include MECHANISM_HEADER
