@@ -73,7 +73,8 @@ def prepare_and_play(
         ToolchainError, SimulatorError: the C++ side failed.
     """
     try:
-        artifact = compile_request(request, model, scene, method, patience=PATIENCE if request.implementation == AUTO else inf)
+        patience = PATIENCE if request.implementation == AUTO and _somebody_waits() else inf
+        artifact = compile_request(request, model, scene, method, patience=patience)
     except TakesLong as compiling:
         with suppress(_CompiledFirst):
             return _play_meanwhile(request, model, scene, method, parameters, play, compiling)
@@ -83,6 +84,12 @@ def prepare_and_play(
     if parameters:
         prepared = replace(prepared, run=make_simulator_run(artifact, request.options, parameters))
     return prepared, play(prepared)
+
+
+def _somebody_waits() -> bool:
+    """Whether a person sees the answer at once.  Scripts get generated code: the bytes of their tables do not depend on what a cache has,
+    and no process outlives them."""
+    return options.err.is_terminal
 
 
 class _CompiledFirst(Exception):  # noqa: N818 -- no error
