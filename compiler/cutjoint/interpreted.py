@@ -8,35 +8,22 @@ from typing import Any
 
 from cutjoint.emit.interpreted import emit_interpreted
 from cutjoint.emit.source import Source
-from cutjoint.formulate.records import Equations
+from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.locations import AnyPath
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import derive
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS, build_interpreter
-from cutjoint.topology.reading import read_model
-
-
-def compile_interpreted_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:
-    """A model file for the interpreter; ``how`` as in `compile_interpreted`.
-
-    Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError, MissingLibraryError, ToolchainError: as `compile_interpreted`.
-    """
-    model = read_model(path)
-    return compile_interpreted(model, find_scene(model, scene), **how)
 
 
 def compile_interpreted(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None,
-    made: tuple[Any, ...] | None = None,
+    made: tuple[Equations, Program, Source] | None = None,
 ) -> Artifact:  # fmt: skip
-    """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's, ``made`` is what
-    `pipeline.generate` has made of it already.
+    """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's.  ``made`` is what
+    `pipeline.generate` has made of it already: without a system it is not derived again.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
@@ -60,15 +47,16 @@ def compile_interpreted(
 
 
 def _interpret(
-    model: Model, scene: Scene, outputs: tuple[Output, ...], method: str, made: tuple[Any, ...] | None
+    model: Model, scene: Scene, outputs: tuple[Output, ...], method: str, made: tuple[Equations, Program, Source] | None
 ) -> tuple[Equations, Program, Source, dict[str, Any]]:  # fmt: skip
     if METHODS[method].has_system:
         from cutjoint.systems import interpret_system  # the recursive method does not wait for what this imports
 
         return interpret_system(derive(model, scene, ()).starting, method, outputs)
-    if made is not None:
-        equations, program, _ = made
-    else:
-        equations = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
-        program = schedule_recursive(equations, lanes=True)
+    if made is None:
+        derived = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
+        program = schedule_recursive(derived, lanes=True)
+        return derived, program, *emit_interpreted(program, derived)
+    equations, program, _ = made
+    assert isinstance(equations, RecursiveEquations)
     return equations, program, *emit_interpreted(program, equations)

@@ -63,7 +63,7 @@ def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Map
     outputs = _everything(model)
     artifact = compile_interpreted(model, chosen, outputs=outputs)
     run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
-    summary = call_simulator(artifact.binary.path, {**run_file, **artifact.interpreted})
+    summary = call_simulator(artifact.binary.path, run_file, description=artifact.description)
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(failure, _said(failure, artifact, parameters))

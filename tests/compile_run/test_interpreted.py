@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import FlatRoad, design_coordinates, evaluate_scene_inputs
-from cutjoint.interpreted import compile_interpreted, compile_interpreted_model
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Road, Scene
@@ -40,6 +40,13 @@ EXACT = 1e-13
 
 #: What the penalty of 1e4 N/m against masses from 1 kg on multiplies has ten times as much (2.2e-13 was seen).
 STIFF = {"vdot": 1e-12, "correction": 1e-12, "dz": 1e-12}
+
+
+def interpreted(name: str) -> Artifact:
+    """A model with a single scene, for the interpreter."""
+    model = read_model(MODELS / f"{name}.yaml")
+    (scene,) = model.scenes.values()
+    return compile_interpreted(model, scene)
 
 
 def agree(artifact: Artifact, scene: Scene) -> None:
@@ -170,12 +177,12 @@ def test_a_law_without_a_value_is_named() -> None:
 
 def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
     program = (
-        "import json; from cutjoint.interpreted import compile_interpreted_model as c; "
-        f"print(json.dumps(c({str(MODELS / 'pendulum.yaml')!r}).description))"
+        "import json; from tests.compile_run.test_interpreted import interpreted; "
+        "print(json.dumps(interpreted('pendulum').description))"
     )
     one, other = outputs(program, "1", "2")
     assert one == other
-    artifact = compile_interpreted_model(MODELS / "pendulum.yaml")
+    artifact = interpreted("pendulum")
     assert json.dumps(artifact.description) == one
     for name in ("one.csv", "other.csv"):
         simulate(artifact, out=tmp_path / name, error=False)

@@ -11,11 +11,14 @@ from typing import Any
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.skew import describe_skew
 from cutjoint.commands import options
+from cutjoint.emit.source import Source
 from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.formulate.records import Equations
 from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
 from cutjoint.prepared import PreparedRun, Request, cache_run
+from cutjoint.program.records import Program
 from cutjoint.report.tables import topology_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
@@ -149,7 +152,9 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
     return compile_generic(model, scene, method=method)
 
 
-def _compile_interpreted(request: Request, model: Model, scene: Scene, method: str, made: tuple[Any, ...] | None = None) -> Artifact:
+def _compile_interpreted(
+    request: Request, model: Model, scene: Scene, method: str, made: tuple[Equations, Program, Source] | None = None
+) -> Artifact:  # fmt: skip
     from cutjoint.interpreted import compile_interpreted
 
     if request.precision != DEFAULT_PRECISION:

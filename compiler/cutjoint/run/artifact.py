@@ -66,11 +66,6 @@ class Artifact:
         )  # fmt: skip
 
     @property
-    def interpreted(self) -> dict[str, Any]:
-        """What a run file has for a simulator that interprets the model; nothing for generated code."""
-        return {} if self.description is None else {"model": self.description}
-
-    @property
     def topology(self) -> Topology:
         """The spanning tree with its cut joints."""
         return self.equations.topology

@@ -50,7 +50,7 @@ def linearise_at(
     """
     with temporary_folder() as folder:
         run_file = _run_file(artifact, at, parameters, folder)
-        summary = call_simulator(artifact.binary.path, {**run_file, **artifact.interpreted, "with_state": True}, progress)
+        summary = call_simulator(artifact.binary.path, {**run_file, "with_state": True}, progress, description=artifact.description)
     if (failure := failure_of(summary)) is not None:
         raise NotReachedError(failure)
     state = summary["state"]

@@ -29,9 +29,11 @@ class SimulatorError(RuntimeError):
 
 def call_simulator(
     binary: Path, run_file: Mapping[str, Any], progress: Progress | None = None, receive: Receive | None = None,
-    seconds: float | None = None,
+    seconds: float | None = None, description: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Run a simulator on a run file and return its summary; it has ended when this returns or raises, also where ``progress`` raises.
+
+    One that interprets models is given the ``description`` of its model.
 
     It ends too when this process is killed: then its standard input ends.  After ``seconds``, if given, it is killed.
 
@@ -44,7 +46,8 @@ def call_simulator(
     # that nobody reads would hold it up
     with tempfile.TemporaryFile(buffering=0) as file, tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as complaint:
         try:
-            write_all(file, json.dumps({**run_file, "ends_with_stdin": True}).encode())
+            model = {} if description is None else {"model": description}
+            write_all(file, json.dumps({**run_file, **model, "ends_with_stdin": True}).encode())
             file.seek(0)
         except OSError as error:
             raise SimulatorError(f"cannot write the run file in {tempfile.gettempdir()}: {error.strerror}") from None

@@ -98,9 +98,9 @@ def start(
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
     asked = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
     with asked as tables, _coordinates_file(run.with_coordinates) as file:
-        model = {} if run.description is None else {"model": run.description}
         place = {} if file is None else {"coordinates_out": {"descriptor": file.fileno(), "name": "the temporary table of coordinates"}}
-        summary = call_simulator(run.simulator, {**run.run_file, **model, **tables.places, **place}, progress, seconds=seconds)
+        run_file = {**run.run_file, **tables.places, **place}
+        summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
         coordinates = None if file is None else read_coordinates(file)
         t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))
         failure = failure_of(summary)

@@ -15,6 +15,8 @@ from secrets import token_hex
 from typing import Any
 
 from cutjoint.emit.source import Source
+from cutjoint.formulate.records import Equations
+from cutjoint.program.records import Program
 from cutjoint.toolchain.build import build, is_built
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler
@@ -43,7 +45,7 @@ class TakesLong(Exception):  # noqa: N818 -- no error
     """Compiling what was ``made`` in so many ``seconds`` goes on in another process: ``later`` knows about it, ``wait`` gives what comes
     of it."""
 
-    def __init__(self, later: Later, made: tuple[Any, ...], seconds: float, wait: Callable[[], Any]) -> None:
+    def __init__(self, later: Later, made: tuple[Equations, Program, Source], seconds: float, wait: Callable[[], Any]) -> None:
         super().__init__(f"compiling takes about {later.seconds:.0f} s")
         self.later, self.made, self.seconds, self.wait = later, made, seconds, wait
 

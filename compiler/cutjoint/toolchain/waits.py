@@ -53,9 +53,8 @@ def heard_by(listener: Listener) -> Iterator[None]:
 
 def forecast(sources: Mapping[str, int], how: Sequence[str]) -> float:
     """How long ``sources``, with their bytes, take to compile, s: as files of these names did, else as generated code usually does."""
-    known = {"/".join(Path(name).parts[2:]): took for name, took in _read().get(digest_of(how), {}).items() if took[1]}
-    each = [size * (known[f"{x}.o"][0] / known[f"{x}.o"][1] if f"{x}.o" in known else _USUAL) for x, size in sources.items()]
-    return _spread(each)
+    took = {_source_of(name): seconds / size for name, (seconds, size) in _read().get(digest_of(how), {}).items() if size}
+    return _spread([size * took.get(name, _USUAL) for name, size in sources.items()])
 
 
 def made_file(line: str) -> str | None:
@@ -102,8 +101,13 @@ class Watch:
 
     def _size(self, name: str) -> int:
         """Bytes of the source that an object file is made from, zero of what is none of the project's own."""
-        file = self._source.joinpath(*Path(name.removesuffix(".o")).parts[2:])  # of CMakeFiles/TARGET.dir/SOURCE.o
+        file = self._source / _source_of(name)
         return file.stat().st_size if file.is_file() else 0
+
+
+def _source_of(name: str) -> str:
+    """The source of an object file: CMakeFiles/TARGET.dir/SOURCE.o."""
+    return "/".join(Path(name.removesuffix(".o")).parts[2:])
 
 
 def _spread(each: Sequence[float]) -> float:
