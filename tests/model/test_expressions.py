@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import time
 
+import numpy as np
 import pytest
 import sympy
 
-from cutjoint.model.evaluate import evaluate
+from cutjoint.model.evaluate import evaluate, evaluate_runs
 from cutjoint.model.expressions import read_term, variable
 from cutjoint.model.operations import MAX_EXACT, ExpressionError, Term
 from cutjoint.model.units import LENGTH, MASS, SPEED
@@ -204,6 +205,20 @@ def test_evaluation_of_what_has_no_value_is_nan() -> None:
     assert math.isnan(evaluate(1 / X, {X: 0.0}))
     assert math.isnan(evaluate(sympy.sqrt(X), {X: -1.0}))
     assert math.isnan(evaluate(X + Y, {X: 1.0}))
+
+
+@pytest.mark.parametrize("text", [
+    "x + 2*y - 1/3", "sqrt(x)*x**1.5", "asin(x/4) + acos(y/4) + atan(x) + atan2(y, x)", "exp(x - 80.5)*1e30 + log(x)", "sinh(x) + cosh(y)",
+    "tanh(x)*tan(y)*cos(x) - sin(y)", "abs(x - y) + sign(y - 1)", "max(x, y, 1) - min(x, 2*y)", "where(x < y or y >= 0.5, x**2, pi)",
+    "where(x < 1 and y > 1, 1/(x - 1), where(x >= 3, y, sqrt(x - 1)))", "x**-3",
+])  # fmt: skip
+def test_many_runs_have_the_values_of_single_ones(text: str) -> None:
+    expression, columns = read_term(text, NAMES).value, {X: np.array([0.0, 0.3, 1.0, 2.0, 3.0, -1.5, 2.5]), Y: np.linspace(-1, 2, 7)}
+    single = np.array([evaluate(expression, {X: float(x), Y: float(y)}) for x, y in zip(columns[X], columns[Y], strict=True)])
+    many = evaluate_runs(expression, columns, 7)
+    assert np.array_equal(np.isfinite(many), np.isfinite(single))
+    np.testing.assert_allclose(many[np.isfinite(many)], single[np.isfinite(single)], rtol=1e-14)
+    assert np.array_equal(evaluate_runs(read_term("x/7", NAMES).value, {X: 2.0}, 3), np.full(3, 2.0 / 7))
 
 
 @pytest.mark.parametrize(

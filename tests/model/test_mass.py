@@ -10,6 +10,7 @@ import pytest
 
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import parameter_symbol
+from cutjoint.model.mass import can_exist
 from cutjoint.model.records import Body
 
 from .pendulum import check, problem, read
@@ -163,3 +164,18 @@ def test_problems(new: str, expected: str) -> None:
 def test_a_hole_larger_than_its_body_has_no_inertia() -> None:
     shapes = "shapes: [{point: [0, 0, 0], mass: 9}, {sphere: 1, mass: 1, at: [0, 0, 0], hole: true}]"
     assert "a principal moment of inertia is negative" in problem(MASS, shapes)
+
+
+def test_many_bodies_at_once() -> None:
+    """Beside points with masses of either sign, whose second moments' signs say what no inertia's can be."""
+    random = np.random.default_rng(5)
+    directions = np.linalg.qr(random.normal(size=(400, 3, 3)))[0]
+    seconds = random.uniform(-0.3, 1, (400, 3))  # sums of m x^2 along three directions
+    around = directions @ ((seconds.sum(axis=1)[:, None] - seconds)[:, :, None] * directions.transpose(0, 2, 1))
+    masses = random.choice([2.0, 0.0, -1.0, np.nan, 1e51], 400, p=[0.6, 0.2, 0.1, 0.05, 0.05])
+    inertias = around[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    inertias[::37, 4] = np.inf
+    positive, sums = (seconds >= 0).all(axis=1), np.stack([seconds[:, i] + seconds[:, j] for i, j in ((0, 1), (0, 2), (1, 2))])
+    expected = np.where(masses == 2, positive, (masses == 0) & (sums >= 0).all(axis=0)) & np.isfinite(inertias).all(axis=1)
+    assert np.array_equal(can_exist(masses, inertias), expected)
+    assert len(can_exist(np.zeros(0), np.zeros((0, 6)))) == 0

@@ -1,13 +1,16 @@
-"""Values of expressions in plain floats, without SymPy's arithmetic: fast, and bounded in time."""
+"""Values of expressions in floats, one or many at once, without SymPy's arithmetic: fast, and bounded in time."""
 
 from __future__ import annotations
 
 import math
 import operator
 from collections.abc import Callable, Mapping
+from functools import reduce
 from typing import Any
 
+import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from cutjoint.model.operations import RELATIONS, SMOOTH
 from cutjoint.model.records import Scalar
@@ -62,4 +65,45 @@ _EVALUATORS: Mapping[Any, Callable[..., Any]] = {
     sympy.exp: math.exp,
     **dict(RELATIONS.values()),
     **{function: numeric for function, numeric in SMOOTH.values() if isinstance(function, type)},
+}
+
+
+def evaluate_runs(expression: Scalar, values: Mapping[Scalar, float | NDArray[np.float64]], runs: int) -> NDArray[np.float64]:
+    """The values of an expression in many runs, (runs,), whose symbols have one value, or one for each run; NaN or infinite for none."""
+    with np.errstate(all="ignore"):
+        return np.broadcast_to(np.asarray(_evaluate_runs(expression, values), dtype=np.float64), runs)
+
+
+def _evaluate_runs(node: Scalar, values: Mapping[Scalar, Any]) -> Any:
+    if node in values:
+        return values[node]
+    if node.is_Number or node.is_NumberSymbol:
+        return np.float64(node)
+    if isinstance(node, sympy.Piecewise):
+        result: Any = math.nan
+        for case in reversed(node.args):
+            value, condition = (_evaluate_runs(part, values) for part in case.args)
+            result = np.where(condition, value, result)
+        return result
+    if node in (sympy.true, sympy.false):
+        return node is sympy.true
+    if node.func not in _OF_RUNS:
+        return math.nan
+    return _OF_RUNS[node.func](*(_evaluate_runs(argument, values) for argument in node.args))
+
+
+#: The names of NumPy's functions where they are not those of `math`.
+_NUMPY = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
+
+_OF_RUNS: Mapping[Any, Callable[..., Any]] = {
+    sympy.Add: lambda *terms: sum(terms),
+    sympy.Mul: lambda *factors: math.prod(factors),
+    sympy.Pow: lambda base, exponent: np.power(np.float64(base), exponent),
+    sympy.And: lambda *parts: reduce(np.logical_and, parts),
+    sympy.Or: lambda *parts: reduce(np.logical_or, parts),
+    sympy.Not: np.logical_not,
+    sympy.Abs: np.abs,
+    sympy.exp: np.exp,
+    **dict(RELATIONS.values()),
+    **{function: getattr(np, _NUMPY.get(name, name)) for name, (function, _) in SMOOTH.items() if isinstance(function, type)},
 }

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import permutations
 from typing import Any, TypeAlias
 
 import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from cutjoint.model import body_parts, values
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
@@ -20,6 +20,7 @@ from cutjoint.model.scope import FAILED, LARGEST, Element
 from cutjoint.model.source import Path
 from cutjoint.model.units import INERTIA, LENGTH, MASS, Dimension
 
+Array: TypeAlias = NDArray[np.float64]
 Matrix: TypeAlias = Any
 Inertia: TypeAlias = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 
@@ -61,18 +62,41 @@ def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
 
     Without mass it stands for parts whose mass is counted elsewhere, and one moment may be larger than the sum of the others.
     """
-    xx, yy, zz, xy, xz, yz = inertia
-    matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if not np.isfinite(matrix).all():
+    if not np.isfinite(inertia).all():
         return ""
-    moments = [float(moment) for moment in np.linalg.eigvalsh(matrix)]
-    bound = TOLERANCE * max(map(abs, moments))
+    moments = _principal_moments(np.array(inertia, dtype=float))
     shown = ", ".join(f"{moment:g}" for moment in moments)
-    if min(moments) < -bound:
+    if _has_negative(moments):
         return f"a principal moment of inertia is negative: {shown} kg m2"
-    if has_mass and any(a > b + c + bound for a, b, c in permutations(moments)):
+    if has_mass and _has_too_large(moments):
         return f"a principal moment of inertia is larger than the sum of the other two: {shown} kg m2"
     return ""
+
+
+def can_exist(masses: Array, inertias: Array) -> NDArray[np.bool_]:
+    """Whether bodies can have masses (n,), kg, and inertias (n, 6), kg m2, by the conditions of :func:`mass_problems`; those that are not
+    finite cannot."""
+    numbers = np.column_stack([masses, inertias])
+    able: NDArray[np.bool_] = (masses >= 0) & (np.abs(numbers) <= LARGEST).all(axis=1)
+    moments = _principal_moments(inertias[able])
+    able[able] = ~_has_negative(moments) & ~((masses[able] != 0) & _has_too_large(moments))
+    return able
+
+
+def _principal_moments(inertias: Array) -> Array:
+    """Of inertias (..., 6), ascending, (..., 3)."""
+    matrices = inertias[..., [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(*inertias.shape[:-1], 3, 3)
+    moments: Array = np.linalg.eigvalsh(matrices)
+    return moments
+
+
+def _has_negative(moments: Array) -> NDArray[np.bool_]:
+    return np.asarray(moments[..., 0] < -TOLERANCE * np.abs(moments).max(axis=-1))
+
+
+def _has_too_large(moments: Array) -> NDArray[np.bool_]:
+    """Whether the largest is larger than the sum of the others."""
+    return np.asarray(moments[..., 2] > moments[..., 0] + moments[..., 1] + TOLERANCE * np.abs(moments).max(axis=-1))
 
 
 def _given(element: Element, body: body_parts.Body) -> Lump:

@@ -68,7 +68,7 @@ def _place(v: Variable, names: Sequence[str]) -> int:
 def _following(
     p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scalar], names: Mapping[str, Sequence[str]]
 ) -> list[str]:  # fmt: skip
-    """What gives a start all that follows from parameters that the study changes, and what refuses negative masses and moments."""
+    """What gives a start all that follows from parameters that the study changes."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
     if "roads" in changing(model, scene) and moving & _radii(model):
@@ -87,8 +87,6 @@ def _following(
                 if component in ATTITUDE:
                     call, printed = "give_attitude", f"{{{printed}}}"
                 calls.append(f"{call}(sim, {list(names[table]).index(name)}, {printed})")
-    masses = [value for body in model.bodies for value in (body.mass, *body.inertia[:3])]
-    calls += [f"{_print(m, symbols)} >= 0.0 ? {p.upper()}_OK : {p.upper()}_NOT_FINITE" for m in masses if m.free_symbols & moving]
     return calls
 
 

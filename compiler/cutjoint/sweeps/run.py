@@ -26,6 +26,7 @@ from cutjoint.run.stopping import StopRequest, stop_requests
 from cutjoint.sweeps.build import build_kernels
 from cutjoint.sweeps.local import Threads, Workers, processors
 from cutjoint.sweeps.manifest import make_manifest
+from cutjoint.sweeps.masses import Masses
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.table import MANIFEST, Layout, Parts, arrow, is_whole, missing, require_file, require_room
@@ -212,11 +213,12 @@ class _Driver:
 
     def _chunks(self, ranges: list[tuple[int, int]]) -> Iterator[Chunk]:
         """The runs in order, in chunks of as much work as known so far."""
-        left = sum(last - first for first, last in ranges)
+        left, masses = sum(last - first for first, last in ranges), Masses(self.study)
         for first, last in ranges:
             while first < last:
                 number = min(last - first, self._size(left))
-                yield Chunk(first=first, values=np.ascontiguousarray(self.study.values[first : first + number]))
+                values = np.ascontiguousarray(self.study.values[first : first + number])
+                yield Chunk(first=first, values=values, faults=masses.faults(values))
                 first, left = first + number, left - number
 
     def _is_known(self) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
@@ -23,10 +23,12 @@ def in_lanes(runs: int, lanes: int) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Chunk:
-    """Runs from the number ``first`` on, with their ``values`` (runs, variables)."""
+    """Runs from the number ``first`` on, with their ``values`` (runs, variables); ``faults`` say of some, by their places, why they cannot
+    begin."""
 
     first: int
     values: Array
+    faults: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,11 +66,13 @@ class Work:
         begin, values, runs = perf_counter(), chunk.values, len(chunk.values)
         scenes = values[:, 0].astype(int) if self.has_scenes else np.zeros(runs, dtype=int)
         objectives, times = np.full((runs, len(self.objectives)), np.nan), np.full(runs, np.nan)
-        failures: list[str | None] = [None] * runs
+        failures: list[str | None] = [chunk.faults.get(run) for run in range(runs)]
+        times[list(chunk.faults)] = 0.0
+        begins = np.array([failure is None for failure in failures])
         longest = max(len(self._thinned(kernel)) for kernel in self.kernels)
         shown, lengths = np.full((len(self.trajectories), runs, longest), np.nan), np.zeros(runs, dtype=np.int64)
-        for number in np.unique(scenes):
-            kernel, places = self.kernels[number], np.flatnonzero(scenes == number)
+        for number in np.unique(scenes[begins]):
+            kernel, places = self.kernels[number], np.flatnonzero(begins & (scenes == number))
             for at in np.split(places, range(self._at_once(kernel), len(places), self._at_once(kernel))):
                 left = kernel.run(values[at])
                 self._reduce(kernel, left, objectives, at)
