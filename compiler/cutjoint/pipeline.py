@@ -89,12 +89,27 @@ def generate(
         from cutjoint.systems import generate_system  # the recursive method does not wait for what this imports
 
         return generate_system(derive(model, scene, ()).starting, method, tuple(outputs), lanes=lanes, precision=precision)
+    recursive, program = _schedule(model, scene, outputs, method=method, lanes=lanes and PRECISIONS[precision].packed)
+    # Program -> Source
+    return recursive, program, emit(program, recursive)
+
+
+def schedule_method(model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD) -> tuple[Equations, Program]:
+    """The same but for the source, for who needs no more than the program."""
+    if METHODS[method].has_system:
+        from cutjoint.systems import schedule_system
+
+        return schedule_system(derive(model, scene, ()).starting, method, tuple(outputs), lanes=True)[:2]
+    return _schedule(model, scene, outputs, method=method, lanes=True)
+
+
+def _schedule(
+    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str, lanes: bool
+) -> tuple[RecursiveEquations, Program]:  # fmt: skip
     # Model -> Topology -> Equations
     recursive = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
     # Equations -> Program
-    program = schedule_recursive(recursive, lanes=lanes and PRECISIONS[precision].packed)
-    # Program -> Source
-    return recursive, program, emit(program, recursive)
+    return recursive, schedule_recursive(recursive, lanes=lanes)
 
 
 def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE) -> RecursiveEquations:

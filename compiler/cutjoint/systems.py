@@ -48,10 +48,7 @@ def generate_system(
     """
     packed = PRECISIONS[precision].packed
     lanes = lanes and packed
-    # Topology -> Equations
-    equations, states = formulate_system(start, method, outputs)
-    # Equations -> Program -> Plan
-    equations, program, plan = plan_system(equations, states, lanes=lanes)
+    equations, program, plan = schedule_system(start, method, outputs, lanes=lanes)
     # Program, Plan -> Source
     mechanism, straight_line = schedule_recursive(start, lanes=lanes), STRAIGHT_LINE if packed else 0
     return equations, program, emit_system(mechanism, program, equations, plan, straight_line=straight_line)
@@ -61,8 +58,18 @@ def interpret_system(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...]
 ) -> tuple[SystemEquations, Program, Source, dict[str, Any]]:  # fmt: skip
     """The same for the interpreter, with what it reads."""
-    equations, program, plan = plan_system(*formulate_system(start, method, outputs), lanes=True)
+    equations, program, plan = schedule_system(start, method, outputs, lanes=True)
     return equations, program, *emit_interpreted_system(schedule_recursive(start, lanes=True), program, equations, plan)
+
+
+def schedule_system(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool
+) -> tuple[SystemEquations, Program, Plan]:  # fmt: skip
+    """The equations, their program, and the plan of the factorisation; errors as of `plan_system`."""
+    # Topology -> Equations
+    equations, states = formulate_system(start, method, outputs)
+    # Equations -> Program -> Plan
+    return plan_system(equations, states, lanes=lanes)
 
 
 def formulate_system(

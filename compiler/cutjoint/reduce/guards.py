@@ -8,9 +8,9 @@ from typing import Protocol, TypeVar
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import Force, Guard, Model, Scene
-from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.margins import Region, zero_region_of
 from cutjoint.reduce.records import Note, Outcome
+from cutjoint.reduce.sampling import run_scene
 
 
 class Stop(Protocol):
@@ -77,7 +77,7 @@ def guard_idle(model: Model, scene: Scene) -> Outcome:
     """The pass: the forces that do not act in the scene at its step, found by runs that put back what does."""
     if not guardable(model, scene):
         return Outcome(model=model, scene=scene)
-    outcome, run = speculate(model, scene, lambda m, s: simulate(compile_scene(m, s), check=False))
+    outcome, run = speculate(model, scene, run_scene)
     if run.failure is not None:
         return Outcome(model=model, scene=scene)
     acting = set(guardable(model, scene)) - {note.element for note in outcome.done}

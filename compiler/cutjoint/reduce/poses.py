@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.quantities import POSE
 from cutjoint.model.records import GROUND, Model, Output, Scene, Vector
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.reduce.sampling import run_scene
 from cutjoint.run.results import Trajectory
 
 
@@ -50,7 +50,7 @@ def find_poses(model: Model, scene: Scene) -> Mapping[str, Poses] | None:
         ModelError, TopologyError, RunError, SimulatorError: the scene cannot be run.
     """
     asked = [Output(element=body.name, quantity=name, span=body.span) for body in model.bodies for name in POSE]
-    run = simulate(compile_scene(model, scene, outputs=asked), check=False)
+    run = run_scene(model, scene, asked)
     if run.failure is not None:
         return None
     rows = len(run.t)

@@ -10,8 +10,8 @@ import sympy
 from cutjoint.formulate.forces import SIDE, is_active
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Guard, Model, Output, Scene, Tyre
-from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.records import Note, Outcome
+from cutjoint.reduce.sampling import run_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError
 
@@ -27,7 +27,7 @@ def roll_straight(model: Model, scene: Scene) -> Outcome:
         return outcome
     asked = [Output(element=tyre.name, quantity=name, span=tyre.span) for tyre in tyres for name in ("Fy", "Fz")]
     try:
-        run = simulate(compile_scene(model, scene, outputs=asked), check=False)
+        run = run_scene(model, scene, asked)
     except (ModelError, RunError, SimulatorError):
         return outcome
     if run.failure is not None:

@@ -10,7 +10,7 @@ from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import generate
+from cutjoint.pipeline import schedule_method
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
 from cutjoint.reduce.half.nearly import flatten_nearly, halve_nearly
@@ -162,7 +162,7 @@ def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> N
 
 def _variant(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedModel:
     outcome = settle_inputs(outcome) if outcome.done else outcome
-    equations, program, _ = generate(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
+    equations, program = schedule_method(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
     return ReducedModel(
         name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=equations.unknowns,
         operations=program.operations(METHODS[method].iteration), equations=len(equations.equation_names), done=outcome.done,

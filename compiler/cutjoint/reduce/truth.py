@@ -40,7 +40,7 @@ def at_step(artifact: Artifact, dt: float) -> Artifact:
 
 def run_at(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Trajectory:
     """A run whose rows are some of the scene's."""
-    return simulate(at_step(artifact, dt), dt=dt, parameters=parameters, check=False)
+    return simulate(at_step(artifact, dt), dt=dt, parameters=parameters, error=False, check=False)
 
 
 def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Truth:

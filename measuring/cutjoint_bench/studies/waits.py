@@ -99,7 +99,7 @@ WAITS = (
     Wait(name="batch of 200 runs of the press, cold", model="press", words="simulate {model} --batch {cases} --out {out}"),
     Wait(name="modes of the Iltis, changed hardpoint", model="iltis", words="modes {model} --scene simul1", edit="hardpoint"),
     Wait(name="equilibrium of the Iltis, changed hardpoint", model="iltis", words="equilibrium {model} --scene simul1", edit="hardpoint"),
-    Wait(name="Iltis simul1 by method auto, cold", model="iltis", words=f"{_SIMUL1} --method auto --tolerance 1mm"),
+    Wait(name="Iltis simul1 by method auto, cold", model="iltis", words=f"{_SIMUL1} --method auto --tolerance 1e-3"),
 )
 
 
