@@ -264,9 +264,9 @@ class _Slow(Threads):
         return rows and replace(rows, seconds=1e-3 * len(rows.values))
 
 
-@pytest.mark.parametrize(("number", "usual", "least"), [(2, 250, 100), (64, 1000, 250)])
+@pytest.mark.parametrize(("number", "usual", "least"), [(2, 1000, 100), (128, 2000, 500)])
 def test_chunks_have_work_enough(number: int, usual: int, least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A quarter of a second, more where there are many workers; less at the end, and at the beginning, where it is not known."""
+    """A second, more where there are many workers; less at the end, and at the beginning, where it is not known."""
     found: list[_Slow] = []
     monkeypatch.setattr("cutjoint.sweeps.run._workers", lambda work, *_: found.append(_Slow(work, number)) or found[0])
     runs = 200 * usual

@@ -86,8 +86,7 @@ def can_exist(masses: Array, inertias: Array) -> NDArray[np.bool_]:
 def _principal_moments(inertias: Array) -> Array:
     """Of inertias (..., 6), ascending, (..., 3)."""
     matrices = inertias[..., [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(*inertias.shape[:-1], 3, 3)
-    moments: Array = np.linalg.eigvalsh(matrices)
-    return moments
+    return np.asarray(np.linalg.eigvalsh(matrices), dtype=np.float64)
 
 
 def _has_negative(moments: Array) -> NDArray[np.bool_]:

@@ -32,8 +32,8 @@ from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.table import MANIFEST, Layout, Parts, arrow, is_whole, missing, require_file, require_room
 from cutjoint.sweeps.work import Chunk, Work, in_lanes
 
-#: Seconds of work that a chunk has, if there are runs enough: at least, and usually.
-LEAST_WORK, USUAL_WORK = 0.1, 0.25
+#: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
+LEAST_WORK, USUAL_WORK = 0.1, 1.0
 
 #: Chunks a second that a scheduler and one client are given, usually and towards the end; with more workers chunks are larger.
 _USUAL_RATE, _LAST_RATE = 64, 256
