@@ -216,6 +216,26 @@ def test_one_worker_of_two_is_refused(tmp_path: Path) -> None:
     assert f"({bad}) is refused: the library is for Linux on " in said[0]
 
 
+def test_a_worker_that_joins_late_has_its_share(tmp_path: Path) -> None:
+    """It counts although rows come without a pause."""
+    read = read_study(study(tmp_path))
+    work = Work(kernels=build_kernels(read), has_scenes=False, objectives=read.objectives, trajectories=(), every=1)
+    chunk, end = Chunk(first=0, values=read.values[:1]), time.monotonic() + PATIENCE
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as local:
+        cluster = Cluster(work, local.scheduler_address, lambda _: None)
+        try:
+            assert cluster.number == 1
+            local.scale(2)
+            for _ in range(8):
+                cluster.submit(chunk)
+            while cluster.number < 2:
+                assert time.monotonic() < end, "it is not counted"
+                assert cluster.take(60.0) is not None, "there was a pause"
+                cluster.submit(chunk)
+        finally:
+            cluster.close()
+
+
 def _with_another_processor() -> None:
     """Make a worker one with another kind of processor."""
     import platform

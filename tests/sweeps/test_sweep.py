@@ -264,7 +264,7 @@ class _Slow(Threads):
         return rows and replace(rows, seconds=1e-3 * len(rows.values))
 
 
-@pytest.mark.parametrize(("number", "usual", "least"), [(2, 1000, 100), (128, 2000, 500)])
+@pytest.mark.parametrize(("number", "usual", "least"), [(2, 1000, 100), (96, 1500, 375)])
 def test_chunks_have_work_enough(number: int, usual: int, least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A second, more where there are many workers; less at the end, and at the beginning, where it is not known."""
     found: list[_Slow] = []

@@ -11,6 +11,7 @@ from concurrent.futures import CancelledError
 from contextlib import suppress
 from hashlib import sha256
 from queue import Empty, Queue
+from time import monotonic
 from typing import Any
 
 from cutjoint.run.errors import RunError
@@ -20,6 +21,9 @@ from cutjoint.version import __version__
 
 #: Seconds to wait for a scheduler.
 _PATIENCE = 10
+
+#: Seconds after which the scheduler is asked again which workers there are.
+_OFTEN = 1.0
 
 #: In each worker: what it performs, by digest.
 _works: dict[str, Work] = {}
@@ -83,6 +87,8 @@ class Cluster:
         self._chunks: dict[Any, tuple[Chunk, frozenset[str]]] = {}
         self._refused: dict[str, str] = {}
         self._fit: set[str] = set()
+        self._present: dict[str, int] = {}
+        self._next_look = 0.0
         try:
             self._client = self._dask.Client(address, timeout=_PATIENCE, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
@@ -91,7 +97,7 @@ class Cluster:
             with suppress(Exception):  # whatever a worker has against it is found out below, with its name
                 self._client.register_plugin(_plugin(self._dask, self._key, work), name=f"cutjoint-{self._key[:16]}")
             self._client.wait_for_workers(1, timeout=_PATIENCE)
-            self._judge()
+            self._look()
         except TimeoutError:
             self.close()
             raise RunError(f"--scheduler {address}: it has no workers; start some with `dask worker {address}`") from None
@@ -102,8 +108,7 @@ class Cluster:
     @property
     def number(self) -> int:
         """How many chunks are performed at a time."""
-        threads = self._threads()
-        return max(1, sum(number for worker, number in threads.items() if worker in self._fit))
+        return max(1, sum(number for worker, number in self._present.items() if worker in self._fit))
 
     @property
     def dashboard(self) -> str:
@@ -123,10 +128,11 @@ class Cluster:
         Raises:
             RunError: the scheduler has gone, or workers died of a chunk.
         """
+        if monotonic() >= self._next_look:
+            self._look()
         try:
             future = self._done.get(timeout=seconds)
         except Empty:
-            self._look()
             return None
         chunk, _ = self._chunks.pop(future.key)
         try:
@@ -147,19 +153,13 @@ class Cluster:
         """Give the cluster back."""
         self._client.close(timeout=2)
 
-    def _threads(self) -> dict[str, int]:
-        try:
-            return dict(self._client.nthreads())
-        except (OSError, TimeoutError, CancelledError):
-            raise RunError(f"--scheduler {self._address}: the scheduler has gone") from None
-
-    def _judge(self) -> None:
-        """Find out which workers can run the libraries.
+    def _judge(self, workers: set[str]) -> None:
+        """Find out which of new workers can run the libraries.
 
         Raises:
             RunError: none can.
         """
-        found = self._client.run(find_fault, self._key, __version__, on_error="return")
+        found = self._client.run(find_fault, self._key, __version__, workers=sorted(workers), on_error="return")
         for worker, fault in found.items():
             if said := str(fault):  # of an exception what it says
                 self._refused[worker] = said
@@ -181,14 +181,22 @@ class Cluster:
         return worker if name == worker else f"'{name}' ({worker})"
 
     def _look(self) -> None:
-        """See whether the scheduler is there; judge new workers, and have chunks performed anew whose workers have all gone."""
-        threads = self._threads()
-        if threads.keys() - self._fit - self._refused.keys():
-            self._judge()
-        lost = [(key, chunk) for key, (chunk, allowed) in self._chunks.items() if allowed and not allowed & threads.keys()]
+        """See whether the scheduler is there; judge new workers, and have chunks performed anew whose workers have all gone.
+
+        Raises:
+            RunError: the scheduler has gone.
+        """
+        try:
+            self._present = dict(self._client.nthreads())
+        except (OSError, TimeoutError, CancelledError):
+            raise RunError(f"--scheduler {self._address}: the scheduler has gone") from None
+        if new := self._present.keys() - self._fit - self._refused.keys():
+            self._judge(new)
+        lost = [(key, chunk) for key, (chunk, allowed) in self._chunks.items() if allowed and not allowed & self._present.keys()]
         for key, chunk in lost:
             del self._chunks[key]
             self.submit(chunk)
+        self._next_look = monotonic() + _OFTEN
 
     def _refuse(self, future: Any, why: str) -> None:
         """A worker that a chunk was on cannot run the libraries."""

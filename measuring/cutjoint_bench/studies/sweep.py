@@ -9,18 +9,17 @@ of client, scheduler and workers together, which other work on the machine does 
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 from statistics import median
 from tempfile import TemporaryDirectory
-from time import perf_counter, process_time, sleep, thread_time
+from time import perf_counter, process_time, thread_time
 from typing import Any
 
 import numpy as np
@@ -38,6 +37,7 @@ from cutjoint.sweeps.run import Sweep, perform_study
 from cutjoint.sweeps.table import Layout, Parts
 from cutjoint.sweeps.work import Chunk, Work
 from cutjoint_bench.studies.checkout import MODELS
+from cutjoint_bench.studies.clusters import QUIET, local_cluster, process_cluster
 from cutjoint_bench.studies.provenance import provenance
 
 #: A pendulum for a hundredth of a second: ten steps.
@@ -73,38 +73,59 @@ objectives: {{ride: {{rms: chassis.vz}}, low: {{minimum: chassis.z}}, high: {{ma
 """
 
 
+#: Studies and how many runs they have.
+STUDIES = {"press": (PRESS, 10**5), "Iltis, simul1": (ILTIS, 10**4)}
+
+
+def text_of(text: str, runs: int) -> str:
+    """The file of a study of so many runs."""
+    return text.format(models=MODELS, runs=runs)
+
+
 def read(text: str, runs: int) -> Study:
     """A study of so many runs."""
-    return read_study_text(text.format(models=MODELS, runs=runs), "study")
+    return read_study_text(text_of(text, runs), "study")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Performed:
-    """A sweep, and the seconds that it took without its compiling: elapsed, and of processors."""
+    """A sweep, and the seconds that it took without its compiling: elapsed, and of processors by the kind of process."""
 
     sweep: Sweep
     elapsed: float
-    processors: float
+    used: Mapping[str, float]
+
+    @property
+    def processors(self) -> float:
+        """Seconds of processors, of all processes."""
+        return sum(self.used.values())
 
 
 def perform(study: Study, folder: Path, **how: Any) -> Performed:
     """Make the runs of a study."""
-    clocks: tuple[Callable[[], float], ...] = (perf_counter, lambda: processor_seconds(how.get("scheduler")))
-    began = [clock() for clock in clocks]
+    began, used = perf_counter(), process_time()
     build_kernels(study)
-    built = [clock() for clock in clocks]
+    built, own = perf_counter() - began, process_time() - used
+    before, begin = processor_seconds(how.get("scheduler")), perf_counter()
     done = perform_study(study, folder / f"{len(list(folder.iterdir()))}.parquet", **how)
-    elapsed, used = (clock() - 2 * b + a for clock, a, b in zip(clocks, began, built, strict=True))
-    return Performed(sweep=done, elapsed=elapsed, processors=used)
+    elapsed, after = perf_counter() - begin - built, processor_seconds(how.get("scheduler"))
+    return Performed(sweep=done, elapsed=elapsed, used={k: after[k] - before[k] - (own if k == "client" else 0.0) for k in after})
 
 
-def processor_seconds(scheduler: str | None) -> float:
-    """Seconds of processors so far: of this process, and of a cluster."""
-    if scheduler is None:
-        return process_time()
-    with dask().Client(scheduler, set_as_default=False) as client:
-        workers = client.run(process_time)
-        return float(process_time() + sum(workers.values()) + client.run_on_scheduler(process_time))
+def processor_seconds(scheduler: str | None) -> dict[str, float]:
+    """Seconds of processors so far: of this process, and of a cluster's other processes by their kind."""
+    used = {"client": process_time()}
+    if scheduler is not None:
+        with dask().Client(scheduler, set_as_default=False) as client:
+            found = {kind: client.run(_process_and_seconds, nanny=kind == "nannies").values() for kind in ("workers", "nannies")}
+            found["scheduler"] = [client.run_on_scheduler(_process_and_seconds)]
+        for kind, processes in found.items():  # of a LocalCluster nannies and scheduler are in this process
+            used[kind] = sum(seconds for process, seconds in processes if process != os.getpid())
+    return used
+
+
+def _process_and_seconds() -> tuple[int, float]:
+    return os.getpid(), process_time()
 
 
 def library_seconds(study: Study, runs: int) -> float:
@@ -162,31 +183,51 @@ def cases_of(study: Study, runs: int) -> list[dict[str, float]]:
 
 
 def measure_throughput(console: Console, folder: Path, share: float) -> None:
-    """Runs a second by all ways, beside the cores' sum: as many times a core's own work as there are cores."""
+    """Runs a second by all ways, beside the cores' sum: as many times a core's own work as there are cores.
+
+    What the library takes alone is measured before and after each way.
+    """
     cores = processors()
-    columns = "study", "way", "runs", "runs/s", f"of {cores} cores' sum", "processor ms a run", "of it the library", "file"
-    table = Table(*columns, title="Throughput")
-    for name, text, runs in (("press", PRESS, 10**5), ("Iltis, simul1", ILTIS, 10**4)):
+    shares = f"of {cores} cores' sum", "processor ms a run", "the library's", "share"
+    table = Table("study", "way", "runs", "runs/s", *shares, "seconds of", "file", title="Throughput")
+    for name, (text, runs) in STUDIES.items():
         study = read(text, max(20, int(runs * share)))
-        alone = library_seconds(study, 200 if name == "press" else 20)
-        table.add_row(name, "the library alone, one thread", "", f"{1 / alone:.4g}", "", f"{1e3 * alone:.3g}", "", "")
-        with ExitStack() as stack:
-            ways: dict[str, dict[str, Any]] = {"one thread": {"threads": 1}, f"{cores} threads": {"threads": cores}}
-            ways["LocalCluster"] = {"scheduler": stack.enter_context(local_cluster(cores))}
-            ways["dask scheduler, dask worker"] = {"scheduler": stack.enter_context(process_cluster(cores, folder))}
-            for way, how in ways.items():
+        some = 512 if name == "press" else 64
+        for way, start in _ways(cores).items():
+            before = library_seconds(study, some)
+            with start() as how:
                 done, number = perform(study, folder, **how), 1 if way == "one thread" else cores
-                parts = (f"{100 * alone * study.runs / x:.0f} %" for x in (number * done.elapsed, done.processors))
-                each = f"{1e3 * done.processors / study.runs:.3g}"
-                digest = sha256(done.sweep.path.read_bytes()).hexdigest()[:8]
-                table.add_row(name, way, str(study.runs), f"{study.runs / done.elapsed:.4g}", next(parts), each, next(parts), digest)
+            alone = (before + library_seconds(study, some)) / 2
+            parts = (f"{100 * alone * study.runs / x:.0f} %" for x in (number * done.elapsed, done.processors))
+            each = f"{1e3 * done.processors / study.runs:.3g}"
+            digest = sha256(done.sweep.path.read_bytes()).hexdigest()[:8]
+            used = ", ".join(f"{kind} {seconds:.2f}" for kind, seconds in done.used.items() if seconds)
+            rate, lone = f"{study.runs / done.elapsed:.4g}", f"{1e3 * alone:.3g}"
+            table.add_row(name, way, str(study.runs), rate, next(parts), each, lone, next(parts), used, digest)
         batch, seconds = compile_scene_batch(study.model, study.scenes[0]), []
         cases = cases_of(study, 256)
         for _ in range(3):
             seconds.append(_seconds(lambda: simulate_batch(batch, cases, threads=cores, check=False), _children))  # noqa: B023
         lanes = 1e3 * median(seconds) / len(cases)
-        table.add_row(name, "--batch, eight lanes", str(len(cases)), "", "", f"{lanes:.3g}", "", "")
+        table.add_row(name, "--batch, eight lanes", str(len(cases)), "", "", f"{lanes:.3g}", "", "", "", "")
     console.print(table)
+
+
+def _ways(cores: int) -> dict[str, Callable[[], AbstractContextManager[dict[str, Any]]]]:
+    """What starts the workers of each way, and gives the arguments of a sweep; only one cluster is there at a time."""
+    ways: dict[str, Callable[[], AbstractContextManager[dict[str, Any]]]] = {
+        "one thread": lambda: nullcontext({"threads": 1}), f"{cores} threads": lambda: nullcontext({"threads": cores})
+    }  # fmt: skip
+    for kind, settings in (("", {}), (", quiet", QUIET)):
+        ways[f"LocalCluster{kind}"] = partial(_addressed, local_cluster, cores, settings)
+        ways[f"dask scheduler, dask worker{kind}"] = partial(_addressed, process_cluster, cores, settings)
+    return ways
+
+
+@contextmanager
+def _addressed(start: Callable[..., AbstractContextManager[str]], *how: Any) -> Iterator[dict[str, Any]]:
+    with start(*how) as address:
+        yield {"scheduler": address}
 
 
 def _children() -> float:
@@ -222,48 +263,13 @@ def _same(data: Any) -> Any:
     return data
 
 
-@contextmanager
-def local_cluster(workers: int) -> Iterator[str]:
-    """The address of a cluster of processes that this one started."""
-    with dask().LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
-        yield str(cluster.scheduler_address)
-
-
-@contextmanager
-def process_cluster(workers: int, folder: Path) -> Iterator[str]:
-    """The address of a scheduler and workers that were started by their commands."""
-    with TemporaryDirectory() as place, ExitStack() as stack:
-        file = Path(place) / "scheduler.json"
-        options = ["--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0", "--scheduler-file", str(file)]
-        stack.enter_context(_process("scheduler", *options))
-        while not file.exists() or not file.stat().st_size:
-            sleep(0.1)
-        for _ in range(workers):
-            options = ["--nthreads", "1", "--no-dashboard", "--local-directory", place]
-            stack.enter_context(_process("worker", "--scheduler-file", str(file), *options))
-        address = str(json.loads(file.read_text(encoding="utf-8"))["address"])
-        with dask().Client(address) as client:
-            client.wait_for_workers(workers, timeout=60)
-        yield address
-
-
-@contextmanager
-def _process(*words: str) -> Iterator[None]:
-    command = [sys.executable, "-m", "dask", *words]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        try:
-            yield
-        finally:
-            process.terminate()
-
-
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--share", type=float, default=1.0)
     parser.add_argument("--only", choices=("overhead", "lanes", "throughput", "tasks"))
     asked = parser.parse_args()
-    console = Console(highlight=False, width=140)
+    console = Console(highlight=False, width=200)
     console.print(provenance(), markup=False)
     with TemporaryDirectory() as place:
         folder = Path(place)
