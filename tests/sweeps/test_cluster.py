@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
-from distributed import Client, LocalCluster
+from distributed import Client, LocalCluster, config
 
 import cutjoint
 from cutjoint.run.errors import RunError
@@ -22,7 +23,8 @@ from cutjoint.sweeps.cluster import Cluster
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.run import perform_study
 from cutjoint.sweeps.work import Chunk, Work
-from tests.conftest import needs_cpp
+from cutjoint_bench.studies.clusters import QUIET, variables_of
+from tests.conftest import ROOT, needs_cpp
 
 from .studies import study
 
@@ -275,3 +277,14 @@ def test_a_library_is_loaded_once_and_leaves_no_file(tmp_path: Path, monkeypatch
     assert list((tmp_path / "places").iterdir()) == []
     broken = replace(kernel, content=kernel.content[:100])
     assert kernels.require_loadable([broken]).startswith("the library cannot be loaded: ")
+
+
+def test_settings_that_are_recommended_are_dasks() -> None:
+    """The variables of the environment in docs/sweep.md are those that were measured, and stand for settings that Dask has."""
+    text = (ROOT / "docs" / "sweep.md").read_text(encoding="utf-8")
+    assert dict(re.findall(r"\b(DASK_\w+)=(\w+)", text)) == variables_of(QUIET)
+    for name in QUIET:
+        level = config
+        for key in name.split("."):
+            level = level[key]
+        assert not isinstance(level, dict), name
