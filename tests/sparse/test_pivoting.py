@@ -94,6 +94,18 @@ def test_the_singular_one_of_several_samples_is_named() -> None:
     assert len(raised.value.rows) == 1
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_rounding_in_place_of_zeros_does_not_scale(seed: int) -> None:
+    """As where no direction of a mechanism is along an axis: the matrix is scaled as it is without that rounding."""
+    matrix, n = kkt_matrix(seed, branches=3)
+    matrix[:n, :n] *= 1e-5  # masses beside directions
+    largest = np.minimum(np.abs(matrix).max(axis=1, keepdims=True), np.abs(matrix).max(axis=0))
+    rounding = 1e-17 * largest * np.random.default_rng(seed).normal(size=matrix.shape)
+    pattern = pattern_of(np.ones_like(matrix), symmetric=False)
+    exact, rounded = (scale_samples(pattern, [values_of(pattern, m)])[0] for m in (matrix, np.where(matrix == 0, rounding, matrix)))
+    np.testing.assert_allclose(rounded, exact, atol=1e-9)
+
+
 def test_rounding_is_no_pivot() -> None:
     """What is left of a row that depends on others is rounding, and not zero."""
     random = np.random.default_rng(6)

@@ -29,6 +29,9 @@ LIKENESSES = ((1.5, 6, 3), (1.5, 6, 6), (2, 10, 3))
 _TINY = -30
 _DAMPING = 1e-9
 
+#: Beside the largest of both its row and its column an entry below this is rounding, whatever its unit.
+_ROUNDING = 2.0**-44
+
 
 class SingularError(ValueError):
     """A sample is singular: ``rows`` are those, in the matrix's numbering, that depend on the others."""
@@ -104,7 +107,7 @@ def scale_samples(pattern: Pattern, samples: Sequence[Sequence[float] | Array]) 
     matrices = np.array([dense(pattern, values) for values in samples])
     magnitude = np.abs(matrices).max(axis=0)
     exponents = np.log2(_positive(magnitude))
-    counted = magnitude > 0
+    counted = magnitude > _ROUNDING * np.minimum(magnitude.max(axis=1, keepdims=True), magnitude.max(axis=0))
     for _ in range(2):
         left, right = _fit(exponents, counted)
         scaled = exponents + left[:, np.newaxis] + right
