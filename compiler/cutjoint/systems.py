@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, tangent_samples
+from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, evaluate_results, tangent_samples
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.interpreted import emit_interpreted_system
 from cutjoint.emit.source import Source
@@ -117,11 +117,7 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
     dt = equations.scene.numerics.of_method(equations.method).step
     samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
     if not samples:
-        file = equations.topology.model.span.file
-        raise RunError(
-            f"{file}: classical: a law has no finite value in the design position and near it, where pivots are chosen; "
-            "give it one there, or use --method recursive"
-        )
+        raise RunError("\n".join(_without_value(equations, states[0])))
     try:
         return plan_unsymmetric(pattern, samples)
     except NoPivotError as error:
@@ -129,6 +125,20 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
         raise RunError(f"{equations.scene.span}: scene '{equations.scene.name}': classical: {words}; {_INSTEAD}") from error
     except SingularError as error:
         raise RunError("\n".join(dict.fromkeys(_dependent(equations, row) for row in error.rows))) from error
+
+
+def _without_value(equations: LagrangianEquations, state: NaturalState) -> list[str]:
+    """What to say of the laws that have no value, or no derivative, in the design position and near it."""
+    words = "no finite value or derivative in the design position and near it, where classical chooses its pivots"
+    cure = "give it one there, or use --method recursive"
+    if not equations.domains:  # numbers grow without bound
+        return [f"{equations.topology.model.span.file}: a law has {words}; {cure}"]
+    results = evaluate_results(equations, equations.function("domains").results, {"q": state.q, "v": state.v})
+    left = [place for place, margin in zip(equations.domains, results.values(), strict=True) if not (margin > 0).all()]
+    return [
+        f"{place.place}: '{place.element}': its law has {words}: {place.function} leaves its domain there; {cure}"
+        for place in left or equations.domains
+    ]  # fmt: skip
 
 
 _INSTEAD = "use --method augmented or recursive"
