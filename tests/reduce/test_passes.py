@@ -15,11 +15,12 @@ from cutjoint.reduce.idle import drop_idle_equations
 from cutjoint.reduce.light import lighten_links
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.reach import drop_unreached
-from cutjoint.reduce.records import Outcome, Pass
-from cutjoint.reduce.sequence import reduction_sequence
+from cutjoint.reduce.records import Note, Outcome, Pass
+from cutjoint.reduce.sequence import Step, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.results import Trajectory
 from tests.conftest import MODELS
+from tests.mechanisms.overconstrained import IN_LINE, UPRIGHT, parallel_cranks_text
 
 #: A crank drives a rocker about another direction by a massless rod; a massless hinged link keeps the rocker's other end on a circle.
 SPATIAL = """\
@@ -259,3 +260,15 @@ def columns_of(reduced: Callable[[Model, Scene], Outcome], scene: str) -> list[s
 
 def test_fewer_outputs_stay_few() -> None:
     assert columns_of(weld_bodies, "simul1") == ["chassis.x", "chassis.y", "chassis.z"]
+
+
+def test_what_a_method_refuses_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Upright cranks, and a pass that lays them in line with their coupler, where distances of pins depend on each other."""
+    upright, in_line = (
+        read_model_text(f"{parallel_cranks_text(2, crank)}scenes: {{run: {{end: 1}}}}\n", "cranks.yaml") for crank in (UPRIGHT, IN_LINE)
+    )
+    done = (Note(element="crank_1", words="lies down", span=upright.span),)
+    laid = Outcome(model=in_line, scene=in_line.scenes["run"], done=done, left=())
+    monkeypatch.setattr("cutjoint.reduce.sequence.STEPS", (Step(name="laid", reduce=lambda model, scene: laid),))
+    (variant,) = reduction_sequence(upright, upright.scenes["run"], "classical")
+    assert (variant.model, variant.left[-1].words) == (upright, "stays: the method classical does not take what the pass 'laid' leaves")

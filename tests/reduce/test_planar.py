@@ -12,7 +12,6 @@ from cutjoint.reduce.half.nearly import flatten_nearly
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.records import Outcome
-from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.results import Trajectory
 from tests.conftest import MODELS
 from tests.mechanisms.planar import SWING, random_tree
@@ -117,13 +116,6 @@ def test_spatial_mechanisms_stay(name: str) -> None:
 def test_hinges_are_in_their_plane_already() -> None:
     model = read_model(MODELS / "four_bar.yaml")
     assert flatten(model, model.scenes["swing"]).done == ()
-
-
-def test_a_model_that_a_method_refuses_is_left() -> None:
-    """Two equations a loop depend on each other where all bars are in line, and the classical method says so."""
-    model = read_model(MODELS / "four_bar.yaml")
-    (variant,) = reduction_sequence(model, model.scenes["swing"], "classical")
-    assert "stays: the method classical does not take what the pass 'idle equations' leaves" in {note.words for note in variant.left}
 
 
 def tilted(share: float) -> tuple[Model, Scene]:
