@@ -8,7 +8,7 @@ from typing import Any
 
 from cutjoint.emit.interpreted import emit_interpreted
 from cutjoint.emit.source import Source
-from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation
 from cutjoint.model.records import Model, Output, Scene
@@ -23,7 +23,7 @@ def compile_interpreted(
     made: tuple[Equations, Program, Source] | None = None,
 ) -> Artifact:  # fmt: skip
     """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's.  ``made`` is what
-    `pipeline.generate` has made of it already: without a system it is not derived again.
+    `pipeline.generate` has made of it already: it is not derived again but for a saddle point, whose pivots are chosen anew.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
@@ -50,9 +50,14 @@ def _interpret(
     model: Model, scene: Scene, outputs: tuple[Output, ...], method: str, made: tuple[Equations, Program, Source] | None
 ) -> tuple[Equations, Program, Source, dict[str, Any]]:  # fmt: skip
     if METHODS[method].has_system:
-        from cutjoint.systems import interpret_system  # the recursive method does not wait for what this imports
+        # The recursive method does not wait for what this imports.
+        from cutjoint.systems import interpret_scheduled, interpret_system
 
-        return interpret_system(derive(model, scene, ()).starting, method, outputs)
+        if made is None or METHODS[method].saddle_point:
+            return interpret_system(derive(model, scene, ()).starting, method, outputs)
+        system, program, _ = made
+        assert isinstance(system, SystemEquations)
+        return interpret_scheduled(system, program)
     if made is None:
         derived = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
         program = schedule_recursive(derived, lanes=True)

@@ -59,7 +59,17 @@ def interpret_system(
 ) -> tuple[SystemEquations, Program, Source, dict[str, Any]]:  # fmt: skip
     """The same for the interpreter, with what it reads."""
     equations, program, plan = schedule_system(start, method, outputs, lanes=True)
-    return equations, program, *emit_interpreted_system(schedule_recursive(start, lanes=True), program, equations, plan)
+    return equations, program, *_interpreted(equations, program, plan)
+
+
+def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[SystemEquations, Program, Source, dict[str, Any]]:
+    """The same of what was scheduled already, by a method without a saddle point, whose plan follows from the pattern alone."""
+    program, pattern = settle_entries(program, len(equations.row_names), symmetric=METHODS[equations.method].symmetric)
+    return equations, program, *_interpreted(equations, program, plan_definite(pattern))
+
+
+def _interpreted(equations: SystemEquations, program: Program, plan: Plan) -> tuple[Source, dict[str, Any]]:
+    return emit_interpreted_system(schedule_recursive(equations.start, lanes=True), program, equations, plan)
 
 
 def schedule_system(

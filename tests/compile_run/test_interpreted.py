@@ -17,7 +17,7 @@ from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Road, Scene
-from cutjoint.pipeline import simulate
+from cutjoint.pipeline import generate, simulate
 from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
@@ -149,6 +149,16 @@ def system_results(program: Program, equations: Any, function: str, state: Mappi
         slot = equations.slots[r.target]
         found.setdefault(slot.array, {})[slot.offset + r.index] = values[r.scalar]
     return {array: np.array([numbers[i] for i in range(len(numbers))]) for array, numbers in found.items()}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_was_generated_is_interpreted_the_same(method: str) -> None:
+    """It is not derived again, and the interpreter reads the same."""
+    model = read_model(MODELS / "slider_crank.yaml")
+    scene = next(iter(model.scenes.values()))
+    made = generate(model, scene, scene.outputs, method=method)
+    anew, again = (compile_interpreted(model, scene, method=method, made=m) for m in (None, made))
+    assert anew.description == again.description
 
 
 @cache
