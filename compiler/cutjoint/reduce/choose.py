@@ -18,12 +18,14 @@ from pathlib import Path
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.prepared import made_with
 from cutjoint.reduce.measure import distance, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
-from cutjoint.reduce.truth import Truth, at_step, find_truth, fraction, run_at
+from cutjoint.reduce.trials import Trials, at_step
+from cutjoint.reduce.truth import Truth, find_truth, fraction
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
+from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
@@ -39,22 +41,24 @@ LONGEST, SHORTEST = 16, 2**-9
 #: From one step that is tried to the next.
 RATIO = 2**0.5
 
-#: A reduced model is given up where a run takes so many times as long as the best so far.  An error counts as lower below this share of
-#: another.
-PATIENCE, SETTLING = 3.0, 0.9
+#: A reduced model is given up where a run takes so many times as long as the best so far, or, before it is compiled, so many times the
+#: instructions.  An error counts as lower below this share of another.
+PATIENCE, DEARER, SETTLING = 3.0, 1.5, 0.9
 
 #: Rounds in which the fastest are timed in turns.
 ROUNDS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A reduced model with a method at a step (s): its distance from the truth and its time in s; or why it was left."""
+    """A reduced model with a method at a step (s): its distance from the truth, its time in s, and the instructions of its evaluations; or
+    why it was left."""
 
     variant: str
     method: str
     dt: float
     error: float
     seconds: float
+    instructions: float = 0.0
     failure: str = ""
 
 
@@ -133,12 +137,12 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     return Choice(picked=picked, evidence=evidence, settled=truth.settled)
 
 
-def _timed_in_turns(tried: Sequence[tuple[Candidate, ReducedModel | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
+def _timed_in_turns(tried: Sequence[tuple[Candidate, Artifact | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
     """The candidates; those that may be the fastest are timed again, in turns, so that all are disturbed alike."""
     fastest = min((c.seconds for c, _ in tried if not c.failure), default=inf)
     close = {
-        c: at_step(compile_scene(variant.model, variant.scene, method=variant.method), c.dt)
-        for c, variant in tried if variant is not None and not c.failure and c.seconds <= PATIENCE * fastest
+        c: at_step(artifact, c.dt)
+        for c, artifact in tried if artifact is not None and not c.failure and c.seconds <= PATIENCE * fastest
     }  # fmt: skip
     if len(close) < 2:
         return tuple(c for c, _ in tried)
@@ -157,8 +161,8 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
 
 def _candidates(
     model: Model, scene: Scene, parameters: Mapping[str, float], truth: Truth
-) -> Iterator[tuple[Candidate, ReducedModel | None]]:  # fmt: skip
-    best = inf
+) -> Iterator[tuple[Candidate, Artifact | None]]:  # fmt: skip
+    fastest: Candidate | None = None
     for method in METHODS:
         try:
             variants = reduction_sequence(model, scene, method, approximate=True)
@@ -167,37 +171,52 @@ def _candidates(
             continue
         last_of = {variant.motion: variant for variant in variants}
         for variant in last_of.values():
-            candidate = try_reduced(variant, scene, parameters, truth, limit=PATIENCE * best)
-            best = min(best, inf if candidate.failure else candidate.seconds)
-            yield candidate, variant
+            candidate, artifact = try_reduced(variant, scene, parameters, truth, fastest=fastest)
+            if not candidate.failure and (fastest is None or candidate.seconds < fastest.seconds):
+                fastest = candidate
+            yield candidate, artifact
 
 
 def try_reduced(
-    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, *, ratio: float = RATIO, limit: float = inf
-) -> Candidate:  # fmt: skip
-    """The longest step that keeps the scene's tolerance, and what a run takes there; steps fall by ``ratio``.
+    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, *,
+    ratio: float = RATIO, fastest: Candidate | None = None,
+) -> tuple[Candidate, Artifact | None]:  # fmt: skip
+    """The longest step that keeps the scene's tolerance, and what a run takes there, by the generated code that is returned too; steps fall
+    by ``ratio``.
 
-    It gives up where a run takes longer than ``limit`` (s), or where a fourth of the step has not brought the error down: the rest of
-    the error is then the reduced model's own.
+    It gives up where a run is much slower than the ``fastest`` so far, or where a fourth of the step has not brought the error down: the
+    rest of the error is then the reduced model's own.
     """
     assert scene.tolerance is not None
-    artifact = compile_scene(variant.model, variant.scene, method=variant.method)
+    trials = Trials(variant.model, variant.scene, variant.method)
     best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
     for dt in _falling(variant.scene, variant.method, ratio):
         try:
-            run = run_at(artifact, dt, parameters)
+            run = trials.run(dt, parameters)
+            error = distance(run, truth.run)
+            if reason := _gives_up(trials, run, fastest):
+                return replace(best, failure=reason), None
+            if error <= SHARE * scene.tolerance:
+                cost = time_run(at_step(trials.compiled, dt), dt, parameters)
+                found = replace(best, dt=dt, error=error, seconds=cost.seconds, instructions=trials.instructions(run), failure=cost.failure)
+                return found, trials.compiled
         except SimulatorError as problem:
-            return replace(best, failure=str(problem))
-        error = distance(run, truth.run)
-        if error <= SHARE * scene.tolerance:
-            return replace(best, dt=dt, error=error, seconds=time_run(at_step(artifact, dt), dt, parameters).seconds, failure="")
-        if run.failure is None and run.seconds > limit:
-            return replace(best, failure="slower than another at longer steps already")
+            return replace(best, failure=str(problem)), None
         if error < SETTLING * best.error:
             best = replace(best, dt=dt, error=error)
         elif best.error < inf and dt < best.dt / 4:
-            return replace(best, failure="shorter steps do not lower its error")
-    return best
+            return replace(best, failure="shorter steps do not lower its error"), None
+    return best, None
+
+
+def _gives_up(trials: Trials, run: Trajectory, fastest: Candidate | None) -> str:
+    """Why shorter steps are not tried after a run; empty where they are."""
+    if fastest is None or run.failure is not None:
+        return ""
+    if trials.is_compiled:
+        return "slower than another at longer steps already" if run.seconds > PATIENCE * fastest.seconds else ""
+    more = trials.instructions(run) > DEARER * fastest.instructions
+    return f"more than {DEARER:g} times the instructions of another at longer steps already" if more else ""
 
 
 def _falling(scene: Scene, method: str, ratio: float) -> list[float]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cutjoint.interpreted import compile_interpreted
-from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.results import Trajectory
 
-#: About what compiling takes, s: some, and some for each operation of an evaluation.
-_COMPILING, _COMPILING_AN_OPERATION = 1.0, 1.5e-4
+#: Of `compiling_seconds`, s: some, and some for each operation of an evaluation; a system's factorisation is as long as its evaluation.
+_COMPILING, _COMPILING_AN_OPERATION, _WITH_FACTORISATION = 1.0, 1.5e-4, 2
 
 #: Seconds that an interpreted operation takes, in all evaluations of a step, and of steps that are halved twice.
 _INTERPRETING = 0.4e-9 * 5 * (1 + 2 + 4)
@@ -27,6 +27,11 @@ def run_scene(model: Model, scene: Scene, outputs: Sequence[Output] | None = Non
     artifact = compile_interpreted(model, scene, outputs=outputs)
     operations = artifact.compilation.operations
     steps = scene.end / scene.numerics.of_method(DEFAULT_METHOD).step
-    if _INTERPRETING * steps * operations > _COMPILING + _COMPILING_AN_OPERATION * operations:
+    if _INTERPRETING * steps * operations > compiling_seconds(operations, DEFAULT_METHOD):
         artifact = compile_scene(model, scene, outputs=outputs)
     return simulate(artifact, check=False)
+
+
+def compiling_seconds(operations: int, method: str) -> float:
+    """About what compiling takes, s, of a model with so many operations an evaluation."""
+    return _COMPILING + _COMPILING_AN_OPERATION * operations * (_WITH_FACTORISATION if METHODS[method].has_system else 1)

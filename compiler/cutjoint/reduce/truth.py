@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, floor, inf
 
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.reduce.measure import distance
-from cutjoint.run.artifact import Artifact
+from cutjoint.reduce.trials import Trials
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator import SimulatorError
-from cutjoint.run.steps import common_step
 
 #: The share that the last halving of the truth's step may move it by: at order two a third of that is left.
 SETTLED = 0.1
@@ -32,17 +30,6 @@ class Truth:
     settled: float
 
 
-def at_step(artifact: Artifact, dt: float) -> Artifact:
-    """The artifact with rows that a step reaches."""
-    scene = artifact.scene
-    return replace(artifact, scene=replace(scene, output_step=common_step(dt, scene.output_step)))
-
-
-def run_at(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Trajectory:
-    """A run whose rows are some of the scene's."""
-    return simulate(at_step(artifact, dt), dt=dt, parameters=parameters, error=False, check=False)
-
-
 def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Truth:
     """The full model of a scene with a tolerance by the first method that settles.
 
@@ -55,19 +42,20 @@ def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> T
     reasons = []
     for method in sorted(METHODS, key=lambda name: not METHODS[name].has_system):
         try:
-            artifact = compile_scene(model, scene, method=method)
-            return _settle(artifact, scene, parameters, SETTLED * scene.tolerance)
+            step = scene.numerics.of_method(method).step
+            return _settle(Trials(model, scene, method), step, scene, parameters)
         except (ModelError, RunError, SimulatorError) as error:
             reasons.append(f"{method}: {error}")
     raise RunError(f"{scene.span}: scene '{scene.name}': no truth to measure by: " + "; ".join(reasons))
 
 
-def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], enough: float) -> Truth:
+def _settle(trials: Trials, step: float, scene: Scene, parameters: Mapping[str, float]) -> Truth:
+    assert scene.tolerance is not None
     before: Trajectory | None = None
     moved, problem = inf, ""
     for halving in range(MOST_HALVINGS + 1):
-        dt = fraction(scene.output_step, scene.numerics.of_method(artifact.method).step * 2.0**-halving)
-        run = run_at(artifact, dt, parameters)
+        dt = fraction(scene.output_step, step * 2.0**-halving)
+        run = trials.run(dt, parameters)
         if run.failure is not None:
             problem = str(run.failure)
             if before is not None:
@@ -75,7 +63,7 @@ def _settle(artifact: Artifact, scene: Scene, parameters: Mapping[str, float], e
             continue
         moved = distance(before, run) if before is not None else inf
         before = run
-        if moved <= enough:
+        if moved <= SETTLED * scene.tolerance:
             return Truth(run=run, settled=moved)
     raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
 

@@ -75,6 +75,12 @@ class Artifact:
         """The columns of reactions that the equations of the loops do not determine."""
         return find_indeterminate(self.topology, self.scene, self.equations.outputs)
 
+    def with_rows(self, output_step: float) -> Artifact:
+        """The same with rows at another distance, s; what the loops leave open is not found again."""
+        artifact = replace(self, scene=replace(self.scene, output_step=output_step))
+        artifact.__dict__["indeterminate"] = self.indeterminate
+        return artifact
+
     @property
     def file(self) -> Path:
         """The model file."""

@@ -12,7 +12,6 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
-from math import inf
 from typing import Any
 
 import click
@@ -24,10 +23,11 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
-from cutjoint.reduce.choose import PATIENCE, Candidate, choose, try_reduced
+from cutjoint.reduce.choose import Candidate, choose, try_reduced
 from cutjoint.reduce.measure import time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
-from cutjoint.reduce.truth import Truth, at_step, find_truth
+from cutjoint.reduce.trials import at_step
+from cutjoint.reduce.truth import Truth, find_truth
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.digests import runtime_digest
@@ -102,16 +102,17 @@ class Comparison:
         }  # fmt: skip
 
     def _search(self) -> Iterator[Candidate]:
-        fastest = inf
+        fastest: Candidate | None = None
         for method in METHODS:
             for variant in self._variants(method):
-                of = {"variant": variant.name, "method": method, "limit": fastest}
+                of = {"variant": variant.name, "method": method, "fastest": fastest and asdict(fastest)}
                 found = Candidate(**self._get(of, partial(self._try, variant, fastest)))
-                fastest = min(fastest, inf if found.failure else found.seconds)
+                if not found.failure and (fastest is None or found.seconds < fastest.seconds):
+                    fastest = found
                 yield found
 
-    def _try(self, variant: ReducedModel, fastest: float) -> Record:
-        return asdict(try_reduced(variant, self.scene, {}, self.truth, ratio=FINE, limit=PATIENCE * fastest))
+    def _try(self, variant: ReducedModel, fastest: Candidate | None) -> Record:
+        return asdict(try_reduced(variant, self.scene, {}, self.truth, ratio=FINE, fastest=fastest)[0])
 
     def _variants(self, method: str) -> list[ReducedModel]:
         try:

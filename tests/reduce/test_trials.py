@@ -1,0 +1,64 @@
+"""Runs of a calibration: interpreted or by generated code, with the same motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+import pytest
+
+from cutjoint.methods import METHODS
+from cutjoint.model.read import read_model
+from cutjoint.model.records import Model, Scene
+from cutjoint.pipeline import schedule_method
+from cutjoint.reduce.choose import Candidate, try_reduced
+from cutjoint.reduce.measure import distance
+from cutjoint.reduce.sequence import reduction_sequence
+from cutjoint.reduce.trials import Trials
+from cutjoint.reduce.truth import Truth, find_truth
+from tests.conftest import MODELS
+
+
+def turn() -> tuple[Model, Scene]:
+    model = read_model(MODELS / "slider_crank.yaml")
+    return model, replace(next(iter(model.scenes.values())), end=0.2, tolerance=1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_is_the_same_when_its_code_is_compiled(method: str) -> None:
+    """Rounding and the tolerance of iterations apart.  Its instructions are those of its evaluations."""
+    model, scene = turn()
+    trials = Trials(model, scene, method)
+    first = trials.run(1e-3, {})
+    assert not trials.is_compiled
+    assert trials.compiled.method == method
+    assert trials.is_compiled
+    again = trials.run(1e-3, {})
+    assert distance(first, again) < 1e-8
+    if not METHODS[method].has_system:
+        _, program = schedule_method(model, scene, scene.outputs, method=method)
+        assert trials.instructions(again) == again.effort.iterations * program.instructions("evaluate")
+
+
+def test_long_runs_are_compiled() -> None:
+    model, scene = turn()
+    trials = Trials(model, scene, "recursive")
+    trials.run(1e-3, {})
+    trials._left = 0.0
+    trials.run(1e-3, {})
+    assert trials.is_compiled
+
+
+def test_a_model_of_many_instructions_is_given_up_before_it_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, scene = turn()
+    truth: Truth = find_truth(model, scene, {})
+    (full, *_) = reduction_sequence(model, scene, "recursive")
+
+    def compiles(*args: object, **how: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("cutjoint.reduce.trials.compile_scene", compiles)
+    fastest = Candidate(variant="full", method="augmented", dt=1e-3, error=0.0, seconds=1e-3, instructions=1.0)
+    found, artifact = try_reduced(full, scene, {}, truth, fastest=fastest)
+    assert (found.seconds, artifact) == (inf, None)
+    assert found.failure == "more than 1.5 times the instructions of another at longer steps already"
