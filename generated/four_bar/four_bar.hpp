@@ -2,8 +2,6 @@
 // Equation numbers: Cuadrado, Cardenal, Morer, Bayo, Multibody System Dynamics 4 (2000) 55-73.
 #pragma once
 
-#include <cmath>
-
 #include "cutjoint/any_mechanism.hpp"
 
 namespace cutjoint::generated {

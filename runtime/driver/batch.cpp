@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstddef>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <string_view>
 #include <thread>
@@ -28,7 +29,7 @@ constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "i
 /// Groups of cases, taken one by one by threads.
 class Batch {
  public:
-  Batch(const Json& file, const MakeAlone& make_alone, const MakeInstances& make_instances)
+  Batch(const Json& file, MakeAlone make_alone, MakeInstances make_instances)
       : file_(file), make_alone_(make_alone), make_instances_(make_instances), settings_(read_settings<double>(file, abilities)),
         cases_(value_of(file, "cases").get<std::vector<Json>>()), number_of_threads_(read_integer(file, "threads", 1, 4096)) {
     file_.erase("cases");  // each case adds to a copy of the rest
@@ -50,8 +51,8 @@ class Batch {
  private:
   void work() {
     try {
-      const auto alone = make_alone_();
-      const auto instances = make_instances_();
+      const std::unique_ptr<AnyMechanism<double>> alone(make_alone_());
+      const std::unique_ptr<AnyMechanism<Real>> instances(make_instances_());
       Group group(*alone, *instances, settings_, file_);
       for (std::size_t first = width * next_++; first < cases_.size(); first = width * next_++) {
         const std::size_t number = std::min<std::size_t>(width, cases_.size() - first);
@@ -71,8 +72,8 @@ class Batch {
   }
 
   Json file_;
-  const MakeAlone& make_alone_;
-  const MakeInstances& make_instances_;
+  MakeAlone make_alone_;
+  MakeInstances make_instances_;
   RunSettings settings_;
   std::vector<Json> cases_;
   int number_of_threads_;
@@ -85,7 +86,7 @@ class Batch {
 
 }  // namespace
 
-int run_main(int argc, char** argv, const MakeAlone& make_alone, const MakeInstances& make_instances) {
+int run_main(int argc, char** argv, MakeAlone make_alone, MakeInstances make_instances) {
   return run_program(argc, argv, "simulator", [&](const Json& file) { return Batch(file, make_alone, make_instances).run(); });
 }
 

@@ -1,7 +1,7 @@
 // The interface of the driver: it takes generated mechanisms and systems as their base classes, so that one driver serves all models.
 #pragma once
 
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/any_mechanism.hpp"
 
 namespace cutjoint {
 

@@ -6,27 +6,10 @@
 #include <span>
 
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/chart.hpp"
 #include "cutjoint/core/contract.hpp"
 
 namespace cutjoint {
-
-/// How one joint's coordinates follow its speeds: `scalars` coordinates from `q` on, their rates from `v` on; a ball adds a unit
-/// quaternion (scalar first) after the scalars and, after their rates, an angular velocity in the inner body's axes.  The quaternion takes
-/// the follower's axes to the base's; of a `reversed` joint, whose inner body is the follower, the base's to the follower's.
-struct Chart {
-  int q;
-  int v;
-  int scalars;
-  bool ball;
-  bool reversed = false;
-};
-
-/// A value that is watched for a change of formula: the place along a `road`, or where there is none, one that changes its sign; the switch
-/// `across` has the place across the road (without one, that place is right of the middle).
-struct SwitchPlace {
-  int road = -1;
-  int across = -1;
-};
 
 /// A mechanism.  All arrays belong to the caller and have the lengths of its lists; nothing allocates.  It knows these lengths, `sizes`, or has
 /// a `description`.

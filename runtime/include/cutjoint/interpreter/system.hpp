@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/interpreter/factorisation.hpp"
 #include "cutjoint/interpreter/mechanism.hpp"
 #include "cutjoint/lagrangian/any_system.hpp"

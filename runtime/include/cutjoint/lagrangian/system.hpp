@@ -4,7 +4,6 @@
 #include <string_view>
 #include <vector>
 
-#include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/lagrangian/any_system.hpp"
 #include "cutjoint/mechanism.hpp"
 
