@@ -12,7 +12,7 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
 from cutjoint.analysis.reactions import find_indeterminate, reaction_outputs
 from cutjoint.analysis.redundancy import find_redundancy
-from cutjoint.analysis.skew import describe_skew
+from cutjoint.analysis.rigid import describe_geometry
 from cutjoint.commands import options
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.report import tables
@@ -46,7 +46,7 @@ def command(model: Path, scene: str | None, view: Path | None) -> None:
     with options.progress_bar(f"degrees of freedom of {model.name}"):
         poses = explore(equations)
         mobility = find_mobility(equations, poses)
-        skew = describe_skew(equations, mobility)
+        skew = describe_geometry(equations, mobility)
     facts = tables.topology_facts(topology, mobility, skew)
     options.out.print(tables.facts(f"model {checked.name}", facts))
     if topology.loops:

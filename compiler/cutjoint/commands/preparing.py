@@ -9,7 +9,7 @@ from math import inf
 from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.analysis.skew import describe_skew
+from cutjoint.analysis.rigid import describe_geometry
 from cutjoint.commands import options
 from cutjoint.emit.source import Source
 from cutjoint.formulate.inputs import input_parameters, open_parameters
@@ -167,7 +167,7 @@ def _compile_interpreted(
 def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:
     """The run of a compiled model with options and ``parameters`` (SI units), and what is reported of it."""
     model, mobility = artifact.topology.model, find_mobility(artifact.mechanism)
-    counts = topology_facts(artifact.topology, mobility, describe_skew(artifact.mechanism, mobility))
+    counts = topology_facts(artifact.topology, mobility, describe_geometry(artifact.mechanism, mobility))
     return PreparedRun(
         model=model.name, counts=counts, places=artifact.places,
         compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
