@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from distributed import Client, LocalCluster, config
@@ -236,6 +237,29 @@ def test_a_worker_that_joins_late_has_its_share(tmp_path: Path) -> None:
                 cluster.submit(chunk)
         finally:
             cluster.close()
+
+
+def test_timers_of_workers_stop_for_a_sweep(tmp_path: Path) -> None:
+    """Also those of a worker that joins late; after the sweep they go on, in a worker that joins then too."""
+    read = read_study(study(tmp_path))
+    work = Work(kernels=build_kernels(read), has_scenes=False, objectives=read.objectives, trajectories=(), every=1)
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as local, Client(local) as client:
+        until(lambda: list(client.run(_timers).values()) == [{"profile": True, "tick": True}])
+        cluster = Cluster(work, local.scheduler_address, lambda _: None)
+        try:
+            local.scale(2)
+            client.wait_for_workers(2, timeout=PATIENCE)
+            assert list(client.run(_timers).values()) == [{}, {}]
+        finally:
+            cluster.close()
+        local.scale(3)
+        client.wait_for_workers(3, timeout=PATIENCE)
+        until(lambda: list(client.run(_timers).values()) == [{"profile": True, "tick": True}] * 3)
+
+
+def _timers(dask_worker: Any) -> dict[str, bool]:
+    """The timers of a worker that look at Python, and whether they run."""
+    return {name: timer.is_running() for name, timer in dask_worker.periodic_callbacks.items() if name in ("profile", "tick")}
 
 
 def _with_another_processor() -> None:

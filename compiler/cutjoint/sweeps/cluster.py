@@ -22,8 +22,15 @@ from cutjoint.version import __version__
 #: Seconds to wait for a scheduler.
 _PATIENCE = 10
 
+#: Seconds to wait for what is undone at the end.
+_LEAVE = 2
+
 #: Seconds after which the scheduler is asked again which workers there are.
 _OFTEN = 1.0
+
+#: What Dask's workers do fifty or a hundred times a second, for its dashboard: the profile of tasks, which ends at the call of a library,
+#: and the delays of the event loop.  They are stopped in a worker while it has a sweep.
+_TIMERS = "profile", "tick"
 
 #: In each worker: what it performs, by digest.
 _works: dict[str, Work] = {}
@@ -43,20 +50,27 @@ def dask() -> Any:
 
 
 class Bringer:
-    """Brings work to a worker: Dask calls ``setup`` on each."""
+    """Brings work to a worker, and stops timers there: Dask calls ``setup`` on each, and ``teardown`` at the end of the sweep."""
 
     idempotent = False
 
-    def __init__(self, key: str, work: Work) -> None:
-        self.name = f"cutjoint-{key[:16]}"
+    def __init__(self, key: str, work: Work, name: str) -> None:
+        self.name = name
         self._key, self._work = key, work
+        self._stopped: dict[str, Any] = {}
 
     def setup(self, worker: Any) -> None:
-        """Keep the work by its digest."""
+        """Keep the work by its digest.  A worker that joins starts its timers after this: those that it shall not are taken away."""
         _works[self._key] = self._work
+        self._stopped = {name: worker.periodic_callbacks.pop(name) for name in _TIMERS if name in worker.periodic_callbacks}
+        for timer in self._stopped.values():
+            timer.stop()
 
     def teardown(self, worker: Any) -> None:
-        """Nothing holds on to the worker."""
+        """The timers go on; the work stays, as another sweep may have the same."""
+        worker.periodic_callbacks.update(self._stopped)
+        for timer in self._stopped.values():
+            timer.start()
 
 
 def find_fault(key: str, version: str) -> str:
@@ -93,9 +107,10 @@ class Cluster:
             self._client = self._dask.Client(address, timeout=_PATIENCE, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise RunError(f"--scheduler {address}: no scheduler answers: {error}; start one with `dask scheduler`") from None
+        self._bringer = f"cutjoint-{self._key[:16]}-{self._client.id}"
         try:
             with suppress(Exception):  # whatever a worker has against it is found out below, with its name
-                self._client.register_plugin(_plugin(self._dask, self._key, work), name=f"cutjoint-{self._key[:16]}")
+                self._client.register_plugin(_plugin(self._dask, self._key, work, self._bringer))
             self._client.wait_for_workers(1, timeout=_PATIENCE)
             self._look()
         except TimeoutError:
@@ -151,7 +166,9 @@ class Cluster:
 
     def close(self) -> None:
         """Give the cluster back."""
-        self._client.close(timeout=2)
+        with suppress(Exception):  # the scheduler may have gone
+            self._client.sync(self._client.scheduler.unregister_worker_plugin, name=self._bringer, callback_timeout=_LEAVE)
+        self._client.close(timeout=_LEAVE)
 
     def _judge(self, workers: set[str]) -> None:
         """Find out which of new workers can run the libraries.
@@ -209,6 +226,6 @@ class Cluster:
             raise self._none_fit()
 
 
-def _plugin(distributed: Any, key: str, work: Work) -> Any:
+def _plugin(distributed: Any, key: str, work: Work, name: str) -> Any:
     """A `Bringer` as Dask wants it."""
-    return type("WorkBringer", (Bringer, distributed.WorkerPlugin), {})(key, work)
+    return type("WorkBringer", (Bringer, distributed.WorkerPlugin), {})(key, work, name)
