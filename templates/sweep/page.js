@@ -219,6 +219,12 @@ $('plane').addEventListener('pointerleave', () => { $('tip').hidden = true; });
 $('plane').addEventListener('click', (event) => choose(nearest(event)));
 
 // Single runs.
+const replayed = (link, number) => {
+  link.textContent = 'Replay'; link.target = '_blank'; link.title = `Run ${number} in the viewer`;
+  link.hidden = !(number in about.replays);
+  if (!link.hidden) link.href = about.replays[number];
+  return link;
+};
 const choose = (r) => {
   chosen = r;
   $('run').hidden = r < 0;
@@ -229,6 +235,7 @@ const choose = (r) => {
       for (const word of [title(c), shown(c, c.values[r])]) line.appendChild(document.createElement('td')).textContent = word;
       return line;
     }));
+    $('by-command').hidden = !replayed($('replay'), run[r]).hidden;
     $('command').textContent = `${about.command} --replay ${run[r]}`;
   }
   draw();
@@ -238,12 +245,13 @@ const listWorst = () => {
   const order = kept.filter((r) => column.values[r] === column.values[r]);
   order.sort((a, b) => (better(column, column.values[a], column.values[b]) ? 1 : better(column, column.values[b], column.values[a]) ? -1 : run[a] - run[b]));
   const head = document.createElement('tr');
-  for (const word of ['run', title(column)]) head.appendChild(document.createElement('th')).textContent = word;
+  for (const word of ['run', title(column), '']) head.appendChild(document.createElement('th')).textContent = word;
   $('list').tHead.replaceChildren(head);
   $('list').tBodies[0].replaceChildren(...order.slice(0, 10).map((r) => {
     const line = document.createElement('tr');
     line.className = r === chosen ? 'chosen' : '';
     for (const word of [String(run[r]), shown(column, column.values[r])]) line.appendChild(document.createElement('td')).textContent = word;
+    line.appendChild(document.createElement('td')).appendChild(replayed(document.createElement('a'), run[r]));
     line.addEventListener('click', () => choose(r));
     return line;
   }));
@@ -273,7 +281,7 @@ $('title').textContent = about.title; $('subtitle').textContent = about.note;
 $('failed').hidden = !about.failures.length;
 $('failures').replaceChildren(...about.failures.map(({number, reason}) => {
   const item = document.createElement('li');
-  item.textContent = `${number}: ${reason}`;
+  item.append(`${number}: ${reason} `, replayed(document.createElement('a'), number));
   return item;
 }));
 window.addEventListener('resize', draw);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import pytest
@@ -91,15 +92,55 @@ def test_a_point_names_its_replay(page: Page) -> None:
 
 def test_the_command_writes_pages(done: tuple[Path, Sweep], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    words = ["sweep", str(done[0]), "--out", str(done[1].path), "--view", "page.html"]
+    words = ["sweep", str(done[0]), "--out", str(done[1].path), "--view", "page.html", "--replays", "0"]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.output
     assert (tmp_path / "page.html").read_text(encoding="utf-8") == make_page(read_study(done[0]), done[1], f"cutjoint sweep {done[0]}")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
     replayed = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "17"])
     assert replayed.exit_code == 0, replayed.output
     assert (tmp_path / "study-run-17.html").stat().st_size > 100_000
     refused = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "256"])
     assert "--replay 256: the study has no such run; its runs are 0 to 255" in refused.output
+
+
+def test_the_worst_runs_are_one_click_from_their_replays(done: tuple[Path, Sweep], browser: Page, tmp_path: Path) -> None:
+    """From the list and from the chosen run; its page shows the run that the table has."""
+    table, folder = done[1], tmp_path / "a page"
+    folder.mkdir()
+    words = ["sweep", str(done[0]), "--out", str(table.path), "--view", str(folder / "50 % #1.html"), "--replays", "2"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.output
+    least, fast, load = (np.argsort(sign * table[name]) for name, sign in (("top", 1), ("speed", -1), ("load", -1)))
+    worst = sorted({int(run) for order in (least, fast, load) for run in order[:2]})
+    pages = {path.name for path in (folder / "50 % #1-runs").iterdir()}
+    assert pages == {f"run-{run}.html" for run in worst}
+    browser.open(folder / "50 % #1.html", size=(1400, 980))
+    links = "[...document.querySelectorAll('#list tbody tr')].map((line) => [+line.firstChild.textContent, line.querySelector('a').hidden])"
+    assert browser.run(links) == [[int(run), int(run) not in worst] for run in least[:10]]
+    browser.run("document.querySelector('#list tbody tr').click()")
+    assert browser.run("[document.getElementById('replay').hidden, document.getElementById('by-command').hidden]") == [False, True]
+    browser.picture(PICTURES / "sweep-replays.png")
+    require_silence(browser)
+    address = browser.run("document.getElementById('replay').href")
+    assert address == browser.run("document.querySelector('#list a').href")
+    browser.open(Path(unquote(urlsplit(address).path)), size=(1400, 980))
+    assert browser.run("document.getElementById('subtitle').textContent") == f"turn, recursive, run {least[0]} of a sweep"
+    require_silence(browser)
+
+
+def test_runs_that_began_and_failed_have_replays(browser: Page, tmp_path: Path) -> None:
+    """Those with masses that no body has cannot begin."""
+    rows = [{"slider.mass": mass, "pin.angle_rate": rate} for mass, rate in ((2, 5), (-1, 5), (2, 1e9), (-3, 5), (2, 2e9), (2, 3e9))]
+    path = study(tmp_path, open=["slider.mass"], parameters=None, rates=None, design={"list": rows}, output_step=0.01, dt=0.01)
+    words = ["sweep", str(path), "--out", str(tmp_path / "out.parquet"), "--view", str(tmp_path / "page.html"), "--replays", "2"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.output
+    assert {page.name for page in (tmp_path / "page-runs").iterdir()} == {"run-0.html", "run-2.html", "run-4.html"}
+    browser.open(tmp_path / "page.html")
+    links = browser.run("[...document.querySelectorAll('#failures a')].map((link) => link.hidden)")
+    assert links == [True, False, True, False, True]
+    require_silence(browser)
 
 
 @pytest.mark.parametrize("goals", list(product(("smaller", "larger"), repeat=2)))

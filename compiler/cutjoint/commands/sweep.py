@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import quote
 
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -36,9 +37,12 @@ _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
               help="Page (.html) of the results: filters, Pareto fronts, the worst runs; with --replay that of the run (.html or .glb).")
 @click.option("--replay", metavar="NUMBER", type=options.WholeRange(min=0),
               help="Write the page of this run instead, to see it in the viewer.")
+@click.option("--replays", metavar="NUMBER", type=options.WholeRange(min=0), default=3, show_default=True,
+              help="Of each objective so many of the worst runs, and of those that failed, have their pages in a folder beside --view, "
+                   "one click away.")
 @options.reports_errors
 def command(
-    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None
+    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None, replays: int
 ) -> None:  # fmt: skip
     """Make all runs of STUDY, a file of variables, a design and objectives, and write a table with a row for each.
 
@@ -59,9 +63,21 @@ def command(
         done = perform_study(read, out, scheduler=scheduler, threads=threads, progress=told, note=note)
     _report(read, done)
     if view is not None:
-        from cutjoint.sweeps.page import make_page
+        _write_page(read, done, view, f"cutjoint sweep {study}", replays)
 
-        options.out.print(f"view: {write_whole(view, make_page(read, done, f'cutjoint sweep {study}'))}", markup=False)
+
+def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: int) -> None:
+    """The page of a sweep, and before it those of its worst runs, to which it leads."""
+    from cutjoint.sweeps.page import make_page, worst_runs
+    from cutjoint.sweeps.replay import replay_runs
+
+    folder, runs = view.with_name(f"{view.stem}-runs"), worst_runs(study, done, replays)
+    with _progress(study) as (told, _):
+        pages = replay_runs(study, runs, folder, lambda number: told(number, len(runs))) if runs else {}
+    addresses = {run: quote(f"{folder.name}/{page.name}") for run, page in pages.items()}
+    options.out.print(f"view: {write_whole(view, make_page(study, done, command, addresses))}", markup=False)
+    if pages:
+        options.out.print(f"replays: {len(pages)} of the worst runs in {folder}", markup=False)
 
 
 def _replay(study: Study, run: int, view: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import permutations
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.locations import templates_folder
+from cutjoint.sweeps.masses import Masses
 from cutjoint.sweeps.records import Array, Kind, Objective, Study
 from cutjoint.sweeps.run import Sweep
 from cutjoint.view.page import as_data, script_hash
@@ -23,8 +24,8 @@ _BYTES = 300_000
 _EXTREME, _FAILED = 20, 20
 
 
-def make_page(study: Study, done: Sweep, command: str) -> str:
-    """The page of a table; ``command`` begins the command that replays a run."""
+def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, str] | None = None) -> str:
+    """The page of a table.  ``replays`` are addresses of pages of runs; ``command`` begins the command that makes that of another run."""
     columns = [(v.name, "variable", v.unit) for v in study.variables] + [(o.name, "objective", o.unit) for o in study.objectives]
     numbers = [_numbers(study, done, name) for name, _, _ in columns]
     goals = {o.name: o.goal for o in study.objectives}
@@ -33,6 +34,7 @@ def make_page(study: Study, done: Sweep, command: str) -> str:
     failures = [(i, failure) for i, failure in enumerate(done.failures) if failure is not None]
     about = {
         "title": study.model.name, "note": _note(study, len(shown), len(failures)), "shown": len(shown), "command": command,
+        "replays": {} if replays is None else {str(run): address for run, address in sorted(replays.items())},
         "failures": [{"number": number, "reason": reason} for number, reason in failures[:_FAILED]],
         "columns": [
             {"name": name, "role": role, "unit": unit, "goal": goals.get(name, ""),
@@ -79,6 +81,19 @@ def choose_runs(study: Study, done: Sweep, most: int) -> NDArray[np.int64]:
     others = np.setdiff1d(np.arange(study.runs), certain)
     left = others[np.linspace(0, len(others) - 1, most - len(certain)).astype(np.int64)] if most > len(certain) else others[:0]
     return np.union1d(certain, left).astype(np.int64)
+
+
+def worst_runs(study: Study, done: Sweep, most: int) -> list[int]:
+    """The worst runs of each objective, as many as ``most`` of each, as a page lists them, and as many of those that began and failed."""
+    found: set[int] = set()
+    for objective in study.objectives:
+        values = done[objective.name].astype("<f4")  # as a page has them
+        order = np.argsort(values if objective.goal == "larger" else -values, kind="stable")[: int((~np.isnan(values)).sum())]
+        found.update(map(int, order[:most]))
+    failed = np.flatnonzero(~np.isnan(done["failure_time"]))
+    cannot_begin = Masses(study).faults(study.values[failed])
+    began = [int(run) for i, run in enumerate(failed) if i not in cannot_begin]
+    return sorted(found.union(began[:most]))
 
 
 def pareto_front(objectives: Sequence[Objective], values: Sequence[Array]) -> list[int]:

@@ -1,14 +1,16 @@
 """The same bytes whoever runs a sweep and whoever dies meanwhile.
 
-    python -m cutjoint_bench.studies.kills [--share 0.1]
+    python -m cutjoint_bench.studies.kills [--share 0.1] [--only press] [--out kills.json]
 
-1e5 runs of a press and 1e4 of the Iltis (times ``--share``) by the threads of one process, by `LocalCluster`, by `dask scheduler` and two
-`dask worker`, and by these while SIGKILL ends a worker, the client and the scheduler, each of which is started again.
+1e5 runs of a press and 1e4 of the Iltis (times ``--share``) by one thread, by the threads of one process, by `LocalCluster`, by
+`dask scheduler` and two `dask worker`, and by these while SIGKILL ends a worker, the client and the scheduler, each of which is started
+again.  ``--out`` is a file (JSON) for the results.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,10 +19,13 @@ from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, sleep
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.run.result_files import write_whole
+from cutjoint.sweeps.local import processors
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.run import perform_study
 from cutjoint_bench.studies.clusters import Processes, kill, local_cluster, process_cluster
@@ -32,18 +37,20 @@ _SHARES = 0.15, 0.35, 0.55
 _WORKERS = 2
 
 
-def compare(console: Console, name: str, file: Path) -> bool:
-    """Print what each way writes; returns whether it is the same."""
+def compare(console: Console, name: str, file: Path) -> list[dict[str, Any]]:
+    """Print and return what each way writes."""
     study, folder = read_study(file), file.parent
     table = Table("way", "runs of the last call", "elapsed s", "sha256 of the file", title=f"{name}, {study.runs} runs")
-    digests = set()
+    told: list[dict[str, Any]] = []
 
     def tell(way: str, out: Path, performed: int, seconds: float) -> None:
-        digests.add(digest := sha256(out.read_bytes()).hexdigest())
+        digest = sha256(out.read_bytes()).hexdigest()
+        told.append({"study": name, "way": way, "runs": study.runs, "last_call": performed, "elapsed": seconds, "sha256": digest})
         table.add_row(way, str(performed), f"{seconds:.1f}", digest[:16])
 
-    done = perform_study(study, folder / "one.parquet")
-    tell("one process", done.path, done.performed, done.elapsed)
+    for threads in (1, processors()):
+        done = perform_study(study, folder / f"{threads}.parquet", threads=threads)
+        tell(f"one process, {threads} threads", done.path, done.performed, done.elapsed)
     for way, start in (("LocalCluster", local_cluster), ("dask scheduler, dask worker", process_cluster)):
         with start(_WORKERS, {}) as address:
             done = perform_study(study, folder / f"{way}.parquet", scheduler=address)
@@ -53,7 +60,7 @@ def compare(console: Console, name: str, file: Path) -> bool:
     tell(f"the same; killed at {', '.join(map(str, present))} runs: a worker, the client, the scheduler", out, study.runs - present[-1],
          perf_counter() - begin)  # fmt: skip
     console.print(table)
-    return len(digests) == 1
+    return told
 
 
 def perform_killed(file: Path, out: Path, runs: int) -> list[int]:
@@ -118,16 +125,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--share", type=float, default=1.0)
     parser.add_argument("--only", choices=list(STUDIES))
+    parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    console, same = Console(highlight=False, width=140), True
+    console, told = Console(highlight=False, width=140), []
     console.print(provenance(), markup=False)
     for name, (text, runs) in STUDIES.items():
         if asked.only in (None, name):
             with TemporaryDirectory() as place:
                 file = Path(place) / "study.yaml"
                 file.write_text(text_of(text, max(20, int(runs * asked.share))), encoding="utf-8")
-                same = compare(console, name, file) and same
-    raise SystemExit(0 if same else 1)
+                told += compare(console, name, file)
+    if asked.out is not None:
+        write_whole(asked.out, json.dumps({"of": provenance(), "ways": told}, indent=2) + "\n")
+    names, files = ({way[key] for way in told} for key in ("study", "sha256"))
+    raise SystemExit(0 if len(names) == len(files) else 1)
 
 
 if __name__ == "__main__":
