@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from math import inf, nan
+from math import inf, nan, pi
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.commands.options import Setting
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.pipeline import compile_scene, simulate
@@ -109,6 +110,7 @@ def test_parameters_are_numbers() -> None:
         (["--dt", "nan"], 2, "Invalid value for '--dt': 'nan' is not a plain decimal number."),
         (["--dt", "1e400"], 2, "Invalid value for '--dt': inf is not a finite number; write a plain number in SI units"),
         (["--end", "inf"], 2, "Invalid value for '--end': 'inf' is not a plain decimal number."),
+        (["--tolerance", "1 ms"], 2, "Invalid value for '--tolerance': '1 ms' is in s, and a tolerance needs m or rad."),
         (["--tolerance", "inf"], 2, "Invalid value for '--tolerance': 'inf' is not a plain decimal number."),
     ],
 )
@@ -121,6 +123,11 @@ def test_the_command_names_the_option(arguments: list[str], status: int, message
         assert done.exit_code == status
         assert message in done.output
         assert CliRunner().invoke(main, plain).exit_code == 0
+
+
+@pytest.mark.parametrize(("text", "value"), [("1mm", 1e-3), ("2e-3", 2e-3), ("180 deg", pi)])
+def test_a_tolerance_may_have_a_unit(text: str, value: float) -> None:
+    assert Setting("tolerance").convert(text, None, None) == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize("arguments", [["modes", "--at", "nan"], ["reduce", "--dt", "inf"], ["realtime", "--end", "nan"]])

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 class Setting(click.types.FloatParamType):
     """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts.
 
-    Times may have a unit, as in 1ms.
+    Times may have a unit, as in 1ms, and so may a tolerance, as in 1mm or 0.1deg.
     """
 
     def __init__(self, setting: str, *, positive: bool = False) -> None:
@@ -39,8 +39,8 @@ class Setting(click.types.FloatParamType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, as click has it."""
         whole = self._setting in WHOLE
-        if isinstance(value, str) and self._setting in TIMES and not is_number(value):
-            value = self._time(value, param, ctx)
+        if isinstance(value, str) and self._setting in (*TIMES, "tolerance") and not is_number(value):
+            value = self._in_si(value, param, ctx)
         elif isinstance(value, str) and not (is_whole if whole else is_number)(value):
             self.fail(f"{value!r} is not a {'whole' if whole else 'plain decimal'} number.", param, ctx)
         number = (click.INT if whole else click.FLOAT).convert(value, param, ctx)
@@ -49,8 +49,8 @@ class Setting(click.types.FloatParamType):
             self.fail(fault, param, ctx)
         return number
 
-    def _time(self, text: str, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        from cutjoint.model.units import TIME, UnitError, described, read_measure
+    def _in_si(self, text: str, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        from cutjoint.model.units import ANGLE, LENGTH, TIME, UnitError, described, read_measure
 
         try:
             written = read_measure(text)
@@ -58,8 +58,9 @@ class Setting(click.types.FloatParamType):
             self.fail(f"{error}.", param, ctx)
         if written is None:
             self.fail(f"{text!r} is not a plain decimal number.", param, ctx)
-        if written.dimension != TIME:
-            self.fail(f"{text!r} is in {described(written.dimension)}, and a time needs s.", param, ctx)
+        dimensions, needs = ((TIME,), "a time needs s") if self._setting in TIMES else ((LENGTH, ANGLE), "a tolerance needs m or rad")
+        if written.dimension not in dimensions:
+            self.fail(f"{text!r} is in {described(written.dimension)}, and {needs}.", param, ctx)
         return written.value
 
 
