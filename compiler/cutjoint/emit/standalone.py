@@ -36,7 +36,7 @@ _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
-_OF_INTERFACE = ("algorithm", "cstdint", "cstring", "iterator", "limits", "new", "type_traits")
+_OF_INTERFACE = ("algorithm", "cstdint", "cstring", "limits", "new", "type_traits")
 
 #: Headers of C, which a model's must not hide.
 _C_HEADERS = frozenset((
