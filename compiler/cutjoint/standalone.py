@@ -1,19 +1,22 @@
-"""Mechanisms as folders that stand alone: their files, and what a compiler makes of them.
+"""Mechanisms behind a C interface: as folders that stand alone, and as libraries, which are compiled a file a function.
 
-    Program -> files -> library or simulator
+    Program -> files -> simulator or library
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import sqrt
 from pathlib import Path
 from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
+from cutjoint.emit.classes import Parts, System
+from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Source
-from cutjoint.emit.standalone import STEPS, Parts, Steps, System, emit_standalone, simulation_size
+from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
 from cutjoint.formulate.records import Equations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, METHODS, Events, Formulation, either, names_of
@@ -24,7 +27,7 @@ from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
 from cutjoint.sparse.plan import plan_definite
 from cutjoint.sparse.tangent import settle_entries
-from cutjoint.toolchain.build import FLAGS, build_folder, simulator_of
+from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
 
 #: Processor seconds that lanes take to compile: some, and some for each operation of an evaluation.
 _COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
@@ -43,39 +46,68 @@ def pays_in_lanes(operations: int, steps: float) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Standalone:
-    """A folder's files by name; ``name`` is the model's, ``digest`` that of its source, ``size`` the bytes that a simulation takes at
-    most, ``method`` and ``integrator`` the names of the rule of its steps, ``steps`` what that can do, ``run_file`` the settings,
-    parameters and start that it begins with, ``lanes`` how many simulations its code can take side by side (0: none), ``freedoms`` the
-    degrees of freedom where it has minimal coordinates and derivatives."""
+    """The folder and the library of a mechanism; ``name`` is the model's, ``digest`` that of its source, ``parts`` what both are made of,
+    ``integrator`` the name of the rule of its steps, ``run_file`` the settings, parameters and start that it begins with, ``code`` what the
+    library has behind its interface."""
 
     name: str
-    files: Mapping[str, str]
     digest: str
-    size: int
-    method: str
+    parts: Parts
     integrator: str
-    steps: Steps
     run_file: Mapping[str, Any]
-    lanes: int
-    freedoms: int | None
+    code: str = ""
+
+    @property
+    def method(self) -> str:
+        """The name of the method."""
+        return self.parts.method
+
+    @property
+    def steps(self) -> Steps:
+        """What the integrator can do."""
+        return STEPS[self.method][self.integrator]
+
+    @property
+    def size(self) -> int:
+        """The bytes that a simulation takes at most."""
+        return simulation_size(self.parts, self.steps)
+
+    @property
+    def lanes(self) -> int:
+        """How many simulations its code can take side by side; 0: none."""
+        return self.parts.lanes
+
+    @property
+    def freedoms(self) -> int | None:
+        """The degrees of freedom where it has minimal coordinates and derivatives."""
+        return self.parts.freedoms
 
     @property
     def simulator(self) -> str:
         """The name of the program that reads a run file and prints a table."""
         return simulator_of(self.name)
 
+    @cached_property
+    def files(self) -> Mapping[str, str]:
+        """The files of the folder by name."""
+        return emit_standalone(self.parts, self.run_file, self.digest)
+
+    @cached_property
+    def library(self) -> Source:
+        """The source of the shared library with the same interface."""
+        return emit_library(self.parts, self.run_file, self.digest, self.code)
+
     def with_code(self, text: str) -> Standalone:
-        """The same with more in its C++ file."""
-        source = next(name for name in self.files if name.endswith(".cpp"))
-        return replace(self, files={**self.files, source: self.files[source] + text})
+        """The same with more in its library."""
+        return replace(self, code=self.code + text)
 
     def build_simulator(self, flags: Sequence[str] = FLAGS) -> Path:
         """That program; errors as of `toolchain.build.build_folder`."""
-        return build_folder(self.name, self.files, self.digest, shared=False, flags=flags)
+        return build_folder(self.name, self.files, self.digest, flags)
 
     def build_library(self, flags: Sequence[str] = FLAGS) -> Path:
-        """The shared library; errors as of `toolchain.build.build_folder`."""
-        return build_folder(self.name, self.files, self.digest, shared=True, flags=flags)
+        """The shared library; errors as of `toolchain.build.build`."""
+        return build(self.library, flags=flags).path
 
 
 def make_standalone(
@@ -99,15 +131,10 @@ def make_standalone(
     parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
     options = choose_steps(equations.scene, parts.method, integrator)
     chosen = str(options.integrator)
-    steps = STEPS[parts.method][chosen]
-    if side_by_side and steps.in_lanes:
+    if side_by_side and STEPS[parts.method][chosen].in_lanes:
         parts = replace(parts, side_by_side=schedule_recursive(parts.mechanism, lanes=False))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
-    return Standalone(
-        name=equations.topology.model.name, files=emit_standalone(parts, run_file, source.digest), digest=source.digest,
-        size=simulation_size(parts, steps), method=parts.method, integrator=chosen, steps=steps, run_file=run_file,
-        lanes=parts.lanes, freedoms=freedoms,
-    )  # fmt: skip
+    return Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
 
 
 def choose_steps(scene: Scene, method: str, integrator: str | None) -> Options:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from cutjoint.emit.source import Source
 from cutjoint.model.read import read_model
 from cutjoint.pipeline import generate
+from cutjoint.standalone import make_standalone
 from cutjoint.toolchain.build import FLAGS, build
 from cutjoint.toolchain.cache import cache_folder, is_sound
 from cutjoint.toolchain.compiler import find_compiler
@@ -35,11 +37,19 @@ EDITS: Mapping[str, tuple[str, str, set[str]]] = {
 }  # fmt: skip
 
 
-def source_of(text: str, folder: Path, scene: str) -> Source:
+#: The same for its library with lanes, beside the interface, which has sizes and scene.
+OF_LIBRARY: Mapping[str, set[str]] = {
+    "an output": {"report.cpp", "side_by_side/report.cpp", "unity/side_by_side_report.cpp"},
+    "a law of an input": {"scene_inputs.cpp", "unity/mechanism.cpp", "side_by_side/scene_inputs.cpp", "unity/side_by_side.cpp"},
+}  # fmt: skip
+
+
+def source_of(text: str, folder: Path, scene: str, *, library: bool = False) -> Source:
     file = folder / "model.yaml"
     file.write_text(text, encoding="utf-8")
     model = read_model(file)
-    return generate(model, model.scenes[scene], model.scenes[scene].outputs)[2]
+    made = generate(model, model.scenes[scene], model.scenes[scene].outputs)
+    return make_standalone(*made, side_by_side=True).library if library else made[2]
 
 
 def objects(source: Source) -> set[Object]:
@@ -52,20 +62,38 @@ def iltis(tmp_path_factory: pytest.TempPathFactory) -> set[Object]:
     return objects(source_of(_text("iltis"), tmp_path_factory.mktemp("iltis"), "simul1"))
 
 
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> set[Object]:
+    """Those of its library."""
+    return objects(source_of(_text("iltis"), tmp_path_factory.mktemp("library"), "simul1", library=True))
+
+
 def _text(model: str) -> str:
     return (MODELS / f"{model}.yaml").read_text(encoding="utf-8")
+
+
+def _edited(edit: str) -> str:
+    """The vehicle's file after an edit."""
+    before, after, _ = EDITS[edit]
+    model, _, scene = _text("iltis").partition("  simul1: ")
+    model, scene = (model, scene.replace(before, after, 1)) if before in scene else (model.replace(before, after), scene)
+    text = f"{model}  simul1: {scene}"
+    assert text != _text("iltis") or edit == "nothing"
+    return text
 
 
 @needs_cpp
 @pytest.mark.parametrize("edit", EDITS)
 def test_what_is_not_of_the_dynamics_does_not_compile_them_again(edit: str, iltis: set[Object], tmp_path: Path) -> None:
-    before, after, allowed = EDITS[edit]
-    model, _, scene = _text("iltis").partition("  simul1: ")
-    model, scene = (model, scene.replace(before, after, 1)) if before in scene else (model.replace(before, after), scene)
-    text = f"{model}  simul1: {scene}"
-    assert text != _text("iltis") or edit == "nothing"
-    changed = objects(source_of(text, tmp_path, "simul1")) - iltis
-    assert {o.source for o in changed} == allowed
+    changed = objects(source_of(_edited(edit), tmp_path, "simul1")) - iltis
+    assert {o.source for o in changed} == EDITS[edit][2]
+
+
+@needs_cpp
+@pytest.mark.parametrize("edit", EDITS)
+def test_libraries_compile_no_dynamics_again(edit: str, library: set[Object], tmp_path: Path) -> None:
+    changed = objects(source_of(_edited(edit), tmp_path, "simul1", library=True)) - library
+    assert {o.source for o in changed} - {"interface.cpp"} == OF_LIBRARY.get(edit, set())
 
 
 @needs_cpp
@@ -98,3 +126,12 @@ def test_a_simulator_is_made_of_the_object_files_that_there_are(tmp_path: Path, 
     shutil.rmtree(build(first).path.parent)
     assert build(first).fresh
     assert all(is_sound(folder / "code.o") for folder in stored)
+
+
+@needs_cpp
+def test_a_library_shows_names_of_its_model_alone(tmp_path: Path) -> None:
+    made = build(source_of(_text("press"), tmp_path, "turn", library=True)).path
+    lines = subprocess.run(["nm", "-D", "--defined-only", made], check=True, capture_output=True, text=True).stdout.splitlines()
+    names = {line.split()[-1] for line in lines}
+    assert "press_step" in names
+    assert all(name.startswith("press_") for name in names)

@@ -28,7 +28,7 @@ _ARGUMENTS = {
 
 
 def emit_factorisation(
-    plan: Plan, names: Sequence[str], page: Page, *, straight_line: int = STRAIGHT_LINE, core: bool = False
+    plan: Plan, names: Sequence[str], page: Page, *, straight_line: int = STRAIGHT_LINE, apart: bool = True
 ) -> dict[str, str]:
     """`factor`, `solve` and the constant `factors` of namespace cutjoint::generated, as files by name with ``factorisation.hpp`` as header.
 
@@ -37,20 +37,21 @@ def emit_factorisation(
         names: a name for each row and column of the pattern, for comments.
         page: renders templates, with the banner of all files.
         straight_line: predicted multiply-adds from which on the code is index data and a loop.
-        core: whether they are to be parts of one file, in the order in which they are here.
+        apart: whether they are files of their own, not parts of one in the order in which they are here.
     """
-    files = {f"{FACTORISATION}.hpp": page.render("factorisation.hpp.jinja", core=core, **_header(plan))}
+    files = {f"{FACTORISATION}.hpp": page.render("factorisation.hpp.jinja", apart=apart, **_header(plan))}
     symmetric = "true" if plan.pattern.symmetric else "false"
     room = WIDTH * len(plan.tiling)
     if plan.multiply_adds > straight_line:
         tables = make_tables(plan, names)
-        files["factorisation.cpp"] = page.render("factorisation_tables.cpp.jinja", tables=tables, symmetric=symmetric, room=room, core=core)
+        view = {"tables": tables, "symmetric": symmetric, "room": room}
+        files["factorisation.cpp"] = page.render("factorisation_tables.cpp.jinja", **view, apart=apart)
         return files
-    factor_parts = _parts("factor", factor_blocks(plan, names), page, core)
-    solve_parts = _parts("solve", solve_blocks(plan, names), page, core)
+    factor_parts = _parts("factor", factor_blocks(plan, names), page, apart)
+    solve_parts = _parts("solve", solve_blocks(plan, names), page, apart)
     files["factorisation.cpp"] = page.render(
         "factorisation.cpp.jinja", factor_parts=list(factor_parts), solve_parts=list(solve_parts),
-        pivots=pivot_rows(plan, names), symmetric=symmetric, room=room, core=core,
+        pivots=pivot_rows(plan, names), symmetric=symmetric, room=room, apart=apart,
     )  # fmt: skip
     return files | {f"{name}.cpp": text for name, text in (factor_parts | solve_parts).items()}
 
@@ -72,14 +73,14 @@ def _describe(trial: Trial) -> str:
     return f"{trial.name}: {trial.multiply_adds} multiply-adds to factor and solve, {trial.operations} operations by tiles"
 
 
-def _parts(kind: str, blocks: Sequence[Block], page: Page, core: bool) -> dict[str, str]:
+def _parts(kind: str, blocks: Sequence[Block], page: Page, apart: bool) -> dict[str, str]:
     """The functions that one is split into, each in a file of its own."""
     arguments, instance = _ARGUMENTS[kind]
     parts = list(_split(blocks))
     return {
         f"{kind}_{number}": page.render(
             "factorisation_part.cpp.jinja", function=f"{kind}_{number}", arguments=arguments, instance=instance, blocks=part,
-            about=f"Part {number} of {len(parts)} of `{kind}`.", core=core,
+            about=f"Part {number} of {len(parts)} of `{kind}`.", apart=apart,
         )
         for number, part in enumerate(parts, start=1)
     }  # fmt: skip

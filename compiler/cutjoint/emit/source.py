@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import jinja2
 
@@ -32,15 +33,27 @@ _TAKEN = frozenset((
 #: The header of a factorisation, without its ending.
 FACTORISATION = "factorisation"
 
+#: The namespace of generated classes.
+SPACE = "cutjoint::generated"
+
+#: What `Source.driver` is of a library, which needs none.
+LIBRARY = "library"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Generated files by name, a digest of them all, and which driver they need, "recursive", "batch" or "lagrangian"."""
+    """Generated files by name, a digest of them all, and which driver they need, "recursive", "batch" or "lagrangian"; of a library none,
+    LIBRARY."""
 
     stem: str
     files: Mapping[str, str]
     digest: str
     driver: str
+
+    @property
+    def product(self) -> str:
+        """The file that is built: the library, or the simulator."""
+        return f"lib{self.stem}.so" if self.driver == LIBRARY else "simulator"
 
     def __repr__(self) -> str:
         size = sum(len(text) for text in self.files.values())
@@ -104,7 +117,7 @@ class Page:
         common = {
             "stem": self.header, "class_name": self.class_name, "name": self.stem,
             "banner": "\n".join(f"// {line}" for line in self.banner), "banner_hash": "\n".join(f"# {line}" for line in self.banner),
-            "core": False,
+            "core": False, "apart": True, "space": SPACE,
         }  # fmt: skip
         return environment().get_template(template).render(**{**common, **view})
 
@@ -113,9 +126,9 @@ class Page:
         views = {name: viewer.function(name) for name in names} | {"load": viewer.load(), viewer.step_name: viewer.step()}
         return {f"{name}.cpp": self.render("function.cpp.jinja", **_function(v), **view) for name, v in views.items()}
 
-    def source(self, files: Mapping[str, str]) -> Source:
+    def source(self, files: Mapping[str, str], driver: str | None = None) -> Source:
         """The finished files."""
-        return Source(stem=self.stem, files=dict(sorted(files.items())), digest=_digest(files), driver=self.driver)
+        return Source(stem=self.stem, files=dict(sorted(files.items())), digest=_digest(files), driver=driver or self.driver)
 
 
 def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[str, str]:
@@ -185,21 +198,26 @@ def _quotable(text: str) -> str:
 
 def project_files(page: Page, mechanism: Mapping[str, str], system: Mapping[str, str]) -> dict[str, str]:
     """The CMake project of a mechanism, and of its system where a Lagrangian method has one."""
-    start, start_unity = _library(page, "start", mechanism)
-    running, unity = _library(page, "mechanism", system)
+    start, start_unity = compiled(page, "start", mechanism)
+    running, unity = compiled(page, "mechanism", system)
     project = page.render("CMakeLists.txt.jinja", driver=page.driver, start_sources=start, sources=running)
     return {"CMakeLists.txt": project, **start_unity, **unity}
 
 
-def _library(page: Page, name: str, files: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
-    """What is compiled for a library, and the file by which its small functions are compiled as one."""
+def compiled(
+    page: Page, name: str, files: Mapping[str, str], headers: Sequence[str] = (), real: str = ""
+) -> tuple[list[str], dict[str, str]]:  # fmt: skip
+    """What is compiled for a library: long functions and, where these are many, the file by which small ones are compiled as one.  With
+    ``headers``, by which a number type ``real`` is known, all are compiled by such files."""
     sources = sorted(file for file in files if file.endswith(".cpp") and file != "main.cpp")
     alone = [file for file in sources if len(files[file]) > LARGE or file.endswith("description.cpp")]
     small = [file for file in sources if file not in alone]
-    unity = f"unity/{name}.cpp"
-    return ([*alone, unity], {unity: page.render("unity.cpp.jinja", sources=small)}) if small else (alone, {})
-
-
+    together = {f"unity/{name}.cpp": small} if small else {}
+    if real:
+        together |= {f"unity/{name}_{Path(file).name}": [file] for file in alone}
+        alone = []
+    unity = {file: page.render("unity.cpp.jinja", sources=some, headers=headers, real=real) for file, some in together.items()}
+    return [*alone, *unity], unity
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from itertools import chain
 from typing import Any
@@ -12,21 +12,16 @@ from typing import Any
 import sympy
 
 from cutjoint.emit.amalgamate import amalgamate
-from cutjoint.emit.factorisation import emit_factorisation
-from cutjoint.emit.source import Page, members, switches_of, system_class
-from cutjoint.emit.system import pattern_view, render_class
-from cutjoint.emit.view import Viewer, on_one_line
+from cutjoint.emit.classes import Parts, System, class_of_mechanism, class_of_system, sizes_of
+from cutjoint.emit.source import Page, switches_of, system_class
+from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.locations import runtime_folder
-from cutjoint.methods import METHODS, START, Formulation
+from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.records import Scene
 from cutjoint.model.steps import count_steps
 from cutjoint.program.records import Program
-from cutjoint.sparse.plan import Plan
-
-#: Simulations side by side: the doubles of an AVX-512 register; narrower machines take several registers.
-LANES = 8
 
 #: Headers of the runtime: all that a simulation needs but its integrator, and lanes.
 _CORE = "cutjoint/core/simulation.hpp"
@@ -36,7 +31,7 @@ _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
-_OF_INTERFACE = ("algorithm", "cstdint", "cstring", "limits", "new", "type_traits")
+OF_INTERFACE = ("algorithm", "cstdint", "cstring", "limits", "new", "type_traits")
 
 #: Headers of C, which a model's must not hide.
 _C_HEADERS = frozenset((
@@ -44,9 +39,6 @@ _C_HEADERS = frozenset((
     "stdalign", "stdarg", "stdatomic", "stdbool", "stddef", "stdint", "stdio", "stdlib", "stdnoreturn", "string", "tgmath", "threads",
     "time", "uchar", "wchar", "wctype",
 ))  # fmt: skip
-
-#: Functions that a simulation does not call; ``events`` only where its steps end at events, ``guard`` only of what it steps.
-_UNUSED = frozenset({"domains", "energy"})
 
 #: What factorisations are made of: blocks, and loops over tables.
 _FACTORISATIONS = ("cutjoint/core/newton/static_factor_blocks.hpp", "cutjoint/core/newton/static_factor.hpp")
@@ -108,65 +100,17 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
 INTEGRATORS_OF_CORE = tuple(dict.fromkeys(name for steps in STEPS.values() for name in steps))
 
 
-@dataclass(frozen=True, kw_only=True)
-class System:
-    """What Newton's iteration steps: its equations and program, and the plan of its factorisation."""
-
-    equations: SystemEquations
-    program: Program
-    plan: Plan
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parts:
-    """What a simulation is made of: the mechanism, which finds where it starts, its program, and the system that is stepped, None where the
-    mechanism itself is.
-
-    With the mechanism's degrees of freedom, ``freedoms``, the interface has minimal coordinates and derivatives too, and of a mechanism
-    that is stepped itself values that change their sign where its formulas change.  With a program without lanes of its own,
-    ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a namespace of that name.
-    """
-
-    mechanism: RecursiveEquations
-    program: Program
-    system: System | None
-    freedoms: int | None = None
-    side_by_side: Program | None = None
-
-    @property
-    def method(self) -> str:
-        """The name of the method."""
-        return START if self.system is None else self.system.equations.method
-
-    @property
-    def lanes(self) -> int:
-        """How many simulations go side by side, 0 if none do."""
-        return 0 if self.side_by_side is None else LANES
-
-    @property
-    def stepped(self) -> RecursiveEquations | SystemEquations:
-        """The equations of what is stepped, which have parameters, inputs and outputs."""
-        return self.mechanism if self.system is None else self.system.equations
-
-    def over_events(self) -> Parts:
-        """The same for steps that go over events."""
-        system = self.system and replace(self.system, equations=replace(self.system.equations, switches=()))
-        return replace(self, mechanism=replace(self.mechanism, switches=()), system=system)
-
-
 _CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
 
 def emit_standalone(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, str]:
     """The files by name; ``run_file`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
     tells its snapshots from those of other models."""
-    page = Page.of(parts.mechanism, parts.method)
-    if not run_file["numerics"]["events"] and (parts.freedoms is None or parts.system is not None):
-        parts = parts.over_events()
-    view = _view(parts, run_file, digest if parts.freedoms is None else f"{digest} {parts.freedoms}")
+    parts, view = prepare(parts, run_file, digest)
+    page = parts.page
     p, header = page.stem, str(view["header"])
     return {
-        f"{header}.h": page.render("standalone/api.h.jinja", **_in_c(page), **view),
+        f"{header}.h": render_header(page, view),
         f"{header}.cpp": _source(page, parts, STEPS[parts.method][run_file["integrator"]], view),
         "CMakeLists.txt": page.render("standalone/CMakeLists.txt.jinja", **view),
         "example.c": page.render("standalone/example.c.jinja", **_in_c(page), **view),
@@ -176,21 +120,34 @@ def emit_standalone(parts: Parts, run_file: Mapping[str, Any], digest: str) -> d
     }
 
 
+def prepare(parts: Parts, run_file: Mapping[str, Any], digest: str) -> tuple[Parts, dict[str, object]]:
+    """What is compiled of the parts for steps that need not find events, and what templates are given."""
+    if not run_file["numerics"]["events"] and (parts.freedoms is None or parts.system is not None):
+        parts = parts.over_events()
+    return parts, _view(parts, run_file, digest if parts.freedoms is None else f"{digest} {parts.freedoms}")
+
+
+def render_header(page: Page, view: Mapping[str, object]) -> str:
+    """The C header."""
+    return page.render("standalone/api.h.jinja", **_in_c(page), **view)
+
+
 def _in_c(page: Page) -> dict[str, object]:
     return {"banner": "\n".join(f"/* {line} */" for line in page.banner)}
 
 
 def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) -> str:
     """The one C++ file."""
-    code = [_mechanism(page, parts, parts.program)] + ([] if parts.system is None else [_system(page, parts.system)])
-    has_lanes, has_derivatives = any("Lanes<Real, " in text for text in code), parts.freedoms is not None
-    lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
-    more = [_DERIVATIVES] if has_derivatives else []
+    code = class_of_mechanism(parts, parts.program, apart=False).code
+    if parts.system is not None:
+        system = class_of_system(parts, parts.system, apart=False)
+        code += [_APART, system.factorisation, system.header, _GATHERED[0], *system.functions.values(), _GATHERED[1]]
+    has_lanes = any("Lanes<Real, " in text for text in code)
     if parts.side_by_side is not None:
-        code += ["namespace side_by_side {\n", _mechanism(page, parts, parts.side_by_side, "Mask"), "}  // namespace side_by_side\n"]
-        more.append(_SIDE_BY_SIDE)
-    core = amalgamate([*lanes, _CORE, steps.header, *more, *(() if parts.system is None else _FACTORISATIONS)])
-    standard = sorted({*core.standard, *_OF_INTERFACE})
+        code += ["namespace side_by_side {\n", *class_of_mechanism(parts, parts.side_by_side, "Mask", apart=False).code]
+        code.append("}  // namespace side_by_side\n")
+    core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *(() if parts.system is None else _FACTORISATIONS)])
+    standard = sorted({*core.standard, *OF_INTERFACE})
     p = page.stem
     return "\n".join([
         "\n".join(f"// {line}" for line in page.banner), f'#include "{view["header"]}.h"\n',
@@ -200,54 +157,12 @@ def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) 
     ])  # fmt: skip
 
 
-def _mechanism(page: Page, parts: Parts, program: Program, conditions: str = "bool") -> str:
-    """The class of the mechanism and its functions, by a program of it."""
-    equations = parts.mechanism
-    viewer = Viewer(program, equations, conditions)
-    unused = _unused(equations) if parts.system is None else _UNUSED | {"events", "guard"}
-    names = [f.name for f in equations.functions if f.name not in unused]
-    mechanism = page.render(
-        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", core=True, conditions=conditions,
-        operations={name: program.operations(name) for name in names}, charts=equations.charts, cuts=[c.first for c in equations.closures],
-        switches=switches_of(equations), **members(viewer, equations), **_sizes(equations),
-    )  # fmt: skip
-    return "\n".join([mechanism, *_functions(page, viewer, names)])
-
-
-def _system(page: Page, system: System) -> str:
-    """The class of the system, its functions and its factorisation."""
-    equations, program, plan = system.equations, system.program, system.plan
-    inner = replace(page, class_name=system_class(page.class_name))
-    viewer = Viewer(program, equations)
-    names = [f.name for f in equations.functions if f.name not in _unused(equations)]
-    factorisation = emit_factorisation(plan, equations.row_names, inner, core=True)
-    header = factorisation.pop("factorisation.hpp")
-    described = render_class(
-        inner, viewer, program, equations, names, core=True, charts=equations.charts,
-        pattern=pattern_view(plan.pattern, equations.row_names), switches=switches_of(equations), **_sizes(equations),
-    )  # fmt: skip
-    functions = [*_functions(inner, viewer, names), *factorisation.values()]
-    return "\n".join([_APART, header, described, _GATHERED[0], *functions, _GATHERED[1]])
-
-
-def _unused(equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
-    """Functions of what is stepped that nobody calls."""
-    return _UNUSED | (frozenset() if equations.switches else {"events"})
-
-
-def _functions(page: Page, viewer: Viewer, names: Sequence[str]) -> list[str]:
-    """The functions of a class."""
-    functions = page.functions(viewer, names, header=page.header, core=True)
-    return [functions[name] for name in sorted(functions)]
-
-
-def _sizes(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[str, int]]:
-    return {"sizes": {
-        "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
-        "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
-        "roads": len(equations.roads), "columns": len(equations.columns),
-        "guards": len(guards_of(equations.topology.model, equations.scene)), "switches": len(equations.switches),
-    }}  # fmt: skip
+def headers_of(parts: Parts, steps: Steps, *, has_lanes: bool) -> list[str]:
+    """The headers of the runtime that a simulation needs; ``has_lanes`` is whether isomorphic parts are computed side by side."""
+    has_derivatives = parts.freedoms is not None
+    lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
+    more = [*([_DERIVATIVES] if has_derivatives else []), *([_SIDE_BY_SIDE] if parts.lanes else [])]
+    return [*lanes, _CORE, steps.header, *more]
 
 
 def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, object]:
@@ -259,7 +174,7 @@ def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, o
         tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
-        **_sizes(equations), "start_sizes": _sizes(start)["sizes"], "freedoms": parts.freedoms,
+        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms,
         "memory": "Sim::Memory" if parts.freedoms is None else "Memory",
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,

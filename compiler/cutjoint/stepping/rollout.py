@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutjoint.emit.standalone import LANES
+from cutjoint.emit.classes import LANES
 from cutjoint.stepping.lanes import Lanes
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.stepping.values import Array

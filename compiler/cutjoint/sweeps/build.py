@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cutjoint.emit.standalone import LANES
+from cutjoint.emit.classes import LANES
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.model.records import Scene
 from cutjoint.pipeline import generate
@@ -13,7 +13,6 @@ from cutjoint.sweeps.code import with_runs
 from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.target import find_target
-from cutjoint.toolchain.digests import digest_of
 
 
 def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, ...]:
@@ -43,7 +42,7 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     }  # fmt: skip
     ready = with_runs(alone, study, scene, equations.columns, names)
     return Kernel(
-        model=alone.name, scene=scene.name, source=digest_of(list(ready.files.values())),
+        model=alone.name, scene=scene.name, source=ready.library.digest,
         content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), lanes=max(1, ready.lanes),
         series=len(study.series), rows=rows, row_step=row_step,
     )  # fmt: skip

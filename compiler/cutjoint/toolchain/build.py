@@ -1,4 +1,4 @@
-"""Generated source -> simulator binary, by CMake, cached by content."""
+"""Generated source -> a simulator or a library, by CMake, cached by content."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
 
 @dataclass(frozen=True, kw_only=True)
 class Binary:
-    """A built simulator: ``path`` to run, ``fresh`` when it was built now rather than found, with what it was built."""
+    """A built simulator or library: its ``path``, ``fresh`` when it was built now rather than found, with what it was built."""
 
     path: Path
     fresh: bool
@@ -50,7 +50,7 @@ def write_text(file: Path, text: str) -> None:
 
 
 def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> Binary:
-    """Build the simulator of a source, or find it in the cache.
+    """Build the simulator or the library of a source, or find it in the cache.
 
     The cache key covers the generated files, the runtime headers, compiler and flags, with "native" the processor too.
     A ``kind`` for comparison has the solvers of SuiteSparse, some of which are under the GPL: such a simulator is not for handing on.
@@ -75,7 +75,7 @@ def is_built(source: Source, *, flags: Sequence[str] = FLAGS) -> bool:
 
 def _place_of(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:
     key = digest_of([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.definitions])
-    return cache_folder() / key / "simulator"
+    return cache_folder() / key / source.product
 
 
 def warm(driver: str, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> bool:
@@ -123,17 +123,13 @@ def simulator_of(name: str) -> str:
     return f"{name}_simulator"
 
 
-def build_folder(
-    name: str, files: Mapping[str, str], digest: str, *, shared: bool, flags: Sequence[str] = FLAGS
-) -> Path:  # fmt: skip
-    """Build a folder that stands alone by its CMake project, or find what it makes in the cache: the simulator, or ``shared`` the
-    library.
+def build_folder(name: str, files: Mapping[str, str], digest: str, flags: Sequence[str] = FLAGS) -> Path:
+    """Build the simulator of a folder that stands alone by its CMake project, or find it in the cache.
 
     Raises:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
-    made = f"lib{name}.so" if shared else simulator_of(name)
-    return build_files(name, files, made, digest, flags, f"-DBUILD_SHARED_LIBS={'ON' if shared else 'OFF'}")
+    return build_files(name, files, simulator_of(name), digest, flags)
 
 
 def build_files(
@@ -170,4 +166,4 @@ def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[
         build_project(folder / "source", out, compiler, flags, *places, *kind.definitions, *definitions)
         store_parts(missing, out, cache_folder())
     store_objects([o for o in objects if o not in known], out)
-    return out / "simulator"
+    return out / source.product

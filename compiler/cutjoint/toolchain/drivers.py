@@ -75,11 +75,13 @@ class Part:
 
 
 def driver_parts(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind) -> tuple[Part, ...]:
-    """The parts of a driver, one of DRIVERS.
+    """The parts of a driver, one of DRIVERS; none of anything else.
 
     Starts and integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts
     are, too.
     """
+    if driver not in DRIVERS:
+        return ()
     start = [runtime_digest(), *compiler.key, *resolve(flags)]
     rest = [*start, driver, runtime_digest(part=driver), *kind.definitions]
     return Part(name="initial_state", digest=digest_of(start)), Part(name="driver", digest=digest_of(rest))

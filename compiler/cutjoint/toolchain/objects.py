@@ -17,13 +17,15 @@ from cutjoint.locations import templates_folder
 from cutjoint.toolchain.cache import cache_folder, fetch, is_sound, store
 from cutjoint.toolchain.compiler import Compiler, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest
-from cutjoint.toolchain.drivers import Kind
+from cutjoint.toolchain.drivers import DRIVERS, Kind
 
 if TYPE_CHECKING:
     from cutjoint.emit.source import Source
 
-#: The targets of the CMake project of generated code.
+#: The targets of the CMake projects of simulators and of libraries, and the templates of these.
 _TARGETS = ("start", "mechanism", "simulator")
+_OF_LIBRARIES = ("mechanism", "system", "interface")
+_PROJECTS = ("CMakeLists.txt.jinja", "library/CMakeLists.txt.jinja", "objects.cmake.jinja")
 
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _COMMENT = re.compile(r"^ *//.*\n", re.MULTILINE)
@@ -52,10 +54,11 @@ class Object:
 
 
 def find_objects(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> list[Object]:
-    """The object files that a simulator may consist of."""
-    how = {target: [_project_digest(), *compiler.key, *resolve(flags), *_variant(target, source.driver, kind)] for target in _TARGETS}
+    """The object files that a simulator or a library may consist of."""
+    targets = _TARGETS if source.driver in DRIVERS else _OF_LIBRARIES
+    how = {target: [_project_digest(), *compiler.key, *resolve(flags), *_variant(target, source.driver, kind)] for target in targets}
     texts = {name: "\0".join(_code(source.files, name)) for name in source.files if name.endswith(".cpp")}
-    return [Object(target=t, source=name, digest=digest_of([text, *how[t]])) for t in _TARGETS for name, text in texts.items()]
+    return [Object(target=t, source=name, digest=digest_of([text, *how[t]])) for t in targets for name, text in texts.items()]
 
 
 def _variant(target: str, driver: str, kind: Kind) -> tuple[str, ...]:
@@ -92,8 +95,8 @@ def _code(files: Mapping[str, str], name: str) -> Iterator[str]:
 
 @cache
 def _project_digest() -> str:
-    """What the project says of how files are compiled."""
-    return digest_of([(templates_folder() / "CMakeLists.txt.jinja").read_text(encoding="utf-8")])
+    """What the projects say of how files are compiled."""
+    return digest_of([(templates_folder() / project).read_text(encoding="utf-8") for project in _PROJECTS])
 
 
 def _prepared(file: Path) -> Path:

@@ -81,14 +81,34 @@ print(json.dumps(times))
 
 @dataclass(frozen=True, kw_only=True)
 class Wait:
-    """A command that is waited for: ``words`` of `cutjoint` with {model}, {cases} and {out}; an ``edit`` of EDITS comes after a first run
-    of the unchanged model."""
+    """A command that is waited for: ``words`` of `cutjoint` with {model}, {cases} and {out}, or a ``script`` of Python with {model}; an
+    ``edit`` of EDITS comes after a first run of the unchanged model."""
 
     name: str
     model: str
-    words: str
+    words: str = ""
+    script: str = ""
     edit: str = ""
 
+    def command(self, places: Mapping[str, Path]) -> list[str]:
+        """The command with its files."""
+        script = [sys.executable, "-c", self.script.format_map(places)]
+        return script if self.script else [*CUTJOINT, *(word.format_map(places) for word in self.words.split())]
+
+
+#: A simulation that Python holds, and the library of a study with many runs.
+_LOAD = "import cutjoint; cutjoint.load('{model}', scene='simul1')"
+_SWEEP = """
+from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.reading import read_study_text
+build_kernels(read_study_text('''
+cutjoint_study: 1
+model: {model}
+scenes: [simul1]
+parameters: {{chassis_mass: [1200, 1300]}}
+objectives: {{high: {{maximum: chassis.z}}}}
+''', '{model}'), lanes=True)
+"""
 
 _SIMUL1 = "simulate {model} --scene simul1 --out {out}"
 WAITS = (
@@ -100,6 +120,12 @@ WAITS = (
     Wait(name="modes of the Iltis, changed hardpoint", model="iltis", words="modes {model} --scene simul1", edit="hardpoint"),
     Wait(name="equilibrium of the Iltis, changed hardpoint", model="iltis", words="equilibrium {model} --scene simul1", edit="hardpoint"),
     Wait(name="Iltis simul1 by method auto, cold", model="iltis", words=f"{_SIMUL1} --method auto --tolerance 1e-3"),
+    Wait(name="load of the four-bar, cold", model="four_bar", script="import cutjoint; cutjoint.load('{model}')"),
+    *(
+        Wait(name=f"{what} of the Iltis{how}, {f'changed {edit}' if edit else 'cold'}", model="iltis", script=script, edit=edit)
+        for what, how, script in (("load", "", _LOAD), ("sweep", " in lanes", _SWEEP))
+        for edit in ("", "output", "road")
+    ),
 )
 
 
@@ -112,7 +138,7 @@ def time_wait(wait: Wait) -> tuple[float, float]:
         model.write_text(text, encoding="utf-8")
         cases.write_text("stiffness\n" + "".join(f"{2000 + i}\n" for i in range(200)), encoding="utf-8")
         places = {"model": model, "cases": cases, "out": folder / "run.csv"}
-        command = [*CUTJOINT, *(word.format_map(places) for word in wait.words.split())]
+        command = wait.command(places)
         environment = {**os.environ, "CUTJOINT_CACHE": str(folder / "cache")}
         if wait.edit:
             time_process(command, environment)

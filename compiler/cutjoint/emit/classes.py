@@ -1,0 +1,144 @@
+"""What a simulation that stands alone is made of, and the C++ classes of that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from cutjoint.emit.factorisation import emit_factorisation
+from cutjoint.emit.source import FACTORISATION, SPACE, Page, members, switches_of, system_class
+from cutjoint.emit.system import pattern_view, render_class
+from cutjoint.emit.view import Viewer
+from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.records import RecursiveEquations, SystemEquations
+from cutjoint.methods import START
+from cutjoint.program.records import Program
+from cutjoint.sparse.plan import Plan
+
+#: Simulations side by side: the doubles of an AVX-512 register; narrower machines take several registers.
+LANES = 8
+
+#: Functions that a simulation does not call; ``events`` only where its steps end at events, ``guard`` only of what it steps.
+_UNUSED = frozenset({"domains", "energy"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class System:
+    """What Newton's iteration steps: its equations and program, and the plan of its factorisation."""
+
+    equations: SystemEquations
+    program: Program
+    plan: Plan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts:
+    """What a simulation is made of: the mechanism, which finds where it starts, its program, and the system that is stepped, None where the
+    mechanism itself is.
+
+    With the mechanism's degrees of freedom, ``freedoms``, the interface has minimal coordinates and derivatives too, and of a mechanism
+    that is stepped itself values that change their sign where its formulas change.  With a program without lanes of its own,
+    ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a namespace of that name.
+    """
+
+    mechanism: RecursiveEquations
+    program: Program
+    system: System | None
+    freedoms: int | None = None
+    side_by_side: Program | None = None
+
+    @property
+    def method(self) -> str:
+        """The name of the method."""
+        return START if self.system is None else self.system.equations.method
+
+    @property
+    def page(self) -> Page:
+        """What all templates are given."""
+        return Page.of(self.mechanism, self.method)
+
+    @property
+    def lanes(self) -> int:
+        """How many simulations go side by side, 0 if none do."""
+        return 0 if self.side_by_side is None else LANES
+
+    @property
+    def stepped(self) -> RecursiveEquations | SystemEquations:
+        """The equations of what is stepped, which have parameters, inputs and outputs."""
+        return self.mechanism if self.system is None else self.system.equations
+
+    def over_events(self) -> Parts:
+        """The same for steps that go over events."""
+        system = self.system and replace(self.system, equations=replace(self.system.equations, switches=()))
+        return replace(self, mechanism=replace(self.mechanism, switches=()), system=system)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Class:
+    """A generated class: its ``name``, its ``header``, its ``functions`` by file, what a simulation is ``told`` of it (sizes, charts, cut
+    joints, switches, pattern), and the header of a ``factorisation`` that it needs."""
+
+    name: str
+    header: str
+    functions: Mapping[str, str]
+    told: Mapping[str, object]
+    factorisation: str = ""
+
+    @property
+    def code(self) -> list[str]:
+        """The class and its functions in the order of one file."""
+        return [self.header, *self.functions.values()]
+
+
+def class_of_mechanism(
+    parts: Parts, program: Program, conditions: str = "bool", *, apart: bool, header: str = "", space: str = SPACE
+) -> Class:
+    """The class of the mechanism by a program of it, in a namespace; ``apart`` in files of their own, with the name of the ``header``
+    without its ending."""
+    page, equations = parts.page, parts.mechanism
+    viewer = Viewer(program, equations, conditions)
+    unused = _unused(equations) if parts.system is None else _UNUSED | {"events", "guard"}
+    names = [f.name for f in equations.functions if f.name not in unused]
+    told = {
+        "charts": equations.charts, "cuts": [c.first for c in equations.closures], "switches": switches_of(equations), **sizes_of(equations)
+    }  # fmt: skip
+    how = {"core": True, "apart": apart, "space": space}
+    described = page.render(
+        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", conditions=conditions,
+        operations={name: program.operations(name) for name in names}, **members(viewer, equations), **told, **how,
+    )  # fmt: skip
+    functions = dict(sorted(page.functions(viewer, names, header=header, **how).items()))
+    return Class(name=page.class_name, header=described, functions=functions, told=told)
+
+
+def class_of_system(parts: Parts, system: System, *, apart: bool, header: str = "") -> Class:
+    """The class of the system, and its factorisation; as above."""
+    equations, program, plan = system.equations, system.program, system.plan
+    page = replace(parts.page, class_name=system_class(parts.page.class_name))
+    viewer = Viewer(program, equations)
+    names = [f.name for f in equations.functions if f.name not in _unused(equations)]
+    factorisation = emit_factorisation(plan, equations.row_names, page, apart=apart)
+    needed = factorisation.pop(f"{FACTORISATION}.hpp")
+    told = {
+        "charts": equations.charts, "cuts": [], "switches": switches_of(equations), **sizes_of(equations),
+        "pattern": pattern_view(plan.pattern, equations.row_names),
+    }  # fmt: skip
+    how = {"core": True, "apart": apart}
+    described = render_class(page, viewer, program, equations, names, **told, **how)
+    functions = dict(sorted(page.functions(viewer, names, header=header, **how).items()))
+    return Class(name=page.class_name, header=described, functions=functions | factorisation, told=told, factorisation=needed)
+
+
+def _unused(equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
+    """Functions of what is stepped that nobody calls."""
+    return _UNUSED | (frozenset() if equations.switches else {"events"})
+
+
+def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[str, int]]:
+    """What a class says of its sizes."""
+    return {"sizes": {
+        "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
+        "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
+        "roads": len(equations.roads), "columns": len(equations.columns),
+        "guards": len(guards_of(equations.topology.model, equations.scene)), "switches": len(equations.switches),
+    }}  # fmt: skip
