@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, RodForce, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import simulate
 from cutjoint.reduce.idle import drop_idle_equations
 from cutjoint.reduce.light import lighten_links
 from cutjoint.reduce.links import shorten_links
@@ -84,7 +85,7 @@ def read(text: str, scene: str = "fall") -> tuple[Model, Scene]:
 
 
 def run(model: Model, scene: Scene, method: str = "recursive", dt: float | None = None) -> Trajectory:
-    trajectory = simulate(compile_scene(model, scene, method=method), dt=dt)
+    trajectory = simulate(compile_interpreted(model, scene, method=method), dt=dt)
     assert trajectory.failure is None
     return trajectory
 

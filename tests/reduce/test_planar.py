@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Scene
-from cutjoint.pipeline import compile_scene, generate, simulate
+from cutjoint.pipeline import generate, simulate
 from cutjoint.reduce.half.nearly import flatten_nearly
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.planar import flatten
@@ -25,7 +26,7 @@ def swing(old: str = "", new: str = "") -> tuple[Model, Scene]:
 
 
 def run(model: Model, scene: Scene, method: str) -> Trajectory:
-    trajectory = simulate(compile_scene(model, scene, method=method))
+    trajectory = simulate(compile_interpreted(model, scene, method=method))
     assert trajectory.failure is None
     return trajectory
 

@@ -8,10 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import simulate
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.reduce.records import Outcome
 from cutjoint.reduce.rolling import SMALL, roll_straight
@@ -76,7 +77,7 @@ def ball() -> Model:
 
 
 def run(model: Model, scene: Scene, method: str = "recursive") -> Trajectory:
-    return simulate(compile_scene(model, scene, method=method), check=False)
+    return simulate(compile_interpreted(model, scene, method=method), check=False)
 
 
 def words(outcome: Outcome) -> dict[str, str]:

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
@@ -74,7 +75,7 @@ def test_every_column_of_a_half_is_that_of_the_whole(method: str) -> None:
     outcome = halve(model, scene)
     assert outcome.left == ()
     whole, half = (
-        completed(simulate(compile_scene(m, s, method=method))) for m, s in ((model, scene), (outcome.model, outcome.scene))
+        completed(simulate(compile_interpreted(m, s, method=method))) for m, s in ((model, scene), (outcome.model, outcome.scene))
     )  # fmt: skip
     assert list(whole.columns) == list(half.columns)
     assert whole.units == half.units
