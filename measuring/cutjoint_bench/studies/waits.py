@@ -123,8 +123,8 @@ WAITS = (
     Wait(name="load of the four-bar, cold", model="four_bar", script="import cutjoint; cutjoint.load('{model}')"),
     *(
         Wait(name=f"{what} of the Iltis{how}, {f'changed {edit}' if edit else 'cold'}", model="iltis", script=script, edit=edit)
-        for what, how, script in (("load", "", _LOAD), ("sweep", " in lanes", _SWEEP))
-        for edit in ("", "output", "road")
+        for what, how, script, edits in (("load", "", _LOAD, ("", "output", "road")), ("sweep", " in lanes", _SWEEP, ("", "road")))
+        for edit in edits
     ),
 )
 
