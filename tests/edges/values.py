@@ -34,6 +34,7 @@ USABLE = {
     "tolerance": {"1e300", "1e16", "1e-300"},
     "end": {"1e-300"},
     "replay": {"0"},
+    "replays": {"0"},
 }
 
 

@@ -37,7 +37,7 @@ _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
               help="Page (.html) of the results: filters, Pareto fronts, the worst runs; with --replay that of the run (.html or .glb).")
 @click.option("--replay", metavar="NUMBER", type=options.WholeRange(min=0),
               help="Write the page of this run instead, to see it in the viewer.")
-@click.option("--replays", metavar="NUMBER", type=options.WholeRange(min=0), default=3, show_default=True,
+@click.option("--replays", metavar="NUMBER", type=options.WholeRange(min=0, max=100), default=3, show_default=True,
               help="Of each objective so many of the worst runs, and of those that failed, have their pages in a folder beside --view, "
                    "one click away.")
 @options.reports_errors
