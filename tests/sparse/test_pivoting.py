@@ -16,6 +16,7 @@ from cutjoint.sparse.pivoting import (
     NoPivotError,
     PivotSequence,
     SingularError,
+    dependent_rows,
     pivot_by_columns,
     pivot_by_likeness,
     pivot_by_markowitz,
@@ -104,6 +105,14 @@ def test_rounding_in_place_of_zeros_does_not_scale(seed: int) -> None:
     pattern = pattern_of(np.ones_like(matrix), symmetric=False)
     exact, rounded = (scale_samples(pattern, [values_of(pattern, m)])[0] for m in (matrix, np.where(matrix == 0, rounding, matrix)))
     np.testing.assert_allclose(rounded, exact, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rounding_does_not_choose_the_rows_that_depend_on_others(seed: int) -> None:
+    """Of rows that are equally large any could go; processors round in their own ways."""
+    matrix = np.array([[1.0, 0, 1, 0], [0, 1, 0, 1], [1, 1, 1, 1], [1, -1, 1, -1]])
+    noise = 1 + 1e-15 * np.random.default_rng(seed).normal(size=matrix.shape)
+    assert dependent_rows(matrix * noise) == dependent_rows(matrix) == (2, 3)
 
 
 def test_rounding_is_no_pivot() -> None:

@@ -33,6 +33,10 @@ _DAMPING = 1e-9
 _ROUNDING = 2.0**-44
 
 
+#: Of pivots this much alike the first is taken, so that rounding, other on another processor, decides nothing.
+_ALIKE = 1 - 1e-6
+
+
 class SingularError(ValueError):
     """A sample is singular: ``rows`` are those, in the matrix's numbering, that depend on the others."""
 
@@ -137,8 +141,9 @@ def dependent_rows(matrix: Array) -> tuple[int, ...]:
     """The rows of a scaled matrix that depend on the others: what complete pivoting leaves, late ones rather than early."""
     remains, rows = matrix.copy(), list(range(len(matrix)))
     while rows:
-        at, column = np.unravel_index(np.argmax(np.abs(remains)), remains.shape)
-        if abs(remains[at, column]) <= ZERO:
+        magnitudes = np.abs(remains)
+        at, column = np.unravel_index(np.argmax(magnitudes > _ALIKE * magnitudes.max()), remains.shape)
+        if magnitudes[at, column] <= ZERO:
             break
         pivot = remains[at]
         remains = np.delete(remains - np.outer(remains[:, column] / pivot[column], pivot), at, axis=0)
