@@ -7,8 +7,10 @@ import pytest
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.rigid import describe_geometry
 from tests.analysis.formulated import formulated
+from tests.conftest import MODELS
 from tests.mechanisms.overconstrained import parallel_cranks_text
 
+PRESS = (MODELS / "press.yaml").read_text(encoding="utf-8")
 DOOR = """\
 cutjoint: 1
 name: door
@@ -49,3 +51,10 @@ def test_a_crank_that_is_nearly_as_long_as_two_others() -> None:
     cranks = parallel_cranks_text(3, (0.6, 0.8))
     assert said(cranks) == ""
     assert said(cranks.replace("at: [2, 0, 0]", "at: [2, 0.003, 0]")).startswith("rigid only just")
+
+
+def test_a_mechanism_that_a_guide_drives_is_meant_to_have_no_freedom() -> None:
+    """A crank and slider whose crank is guided, near its dead centre: the slider's speed hardly follows."""
+    dead_centre, rail = PRESS.replace("A: [0, 0, 0.1]", "A: [0.1, 0, 0.0001]"), "at: B, axis: [1, 0, 0]"
+    assert rail in dead_centre
+    assert said(dead_centre.replace(rail, f"{rail}, guide: t")) == ""

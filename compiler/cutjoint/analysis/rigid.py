@@ -21,7 +21,9 @@ def describe_geometry(equations: RecursiveEquations, mobility: Mobility) -> str:
 
 def _describe_rigidity(equations: RecursiveEquations, mobility: Mobility) -> str:
     """Which speed of a rigid mechanism the loops hold only just, and what to look at; "" where they hold all well."""
-    start = close_loops(equations, design_coordinates(equations)) if mobility.closed and not mobility.degrees_of_freedom else None
+    if mobility.degrees_of_freedom or not mobility.closed or any(joint.guide for joint in equations.topology.model.joints):
+        return ""  # what guides drive is held by them, near dead centres too
+    start = close_loops(equations, design_coordinates(equations))
     if start is None or not start[1].size:
         return ""
     opening, values, speeds = np.linalg.svd(start[1], full_matrices=False)
