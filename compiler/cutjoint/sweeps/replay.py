@@ -12,29 +12,26 @@ import sympy
 from cutjoint.pipeline import compile_scene, simulate
 from cutjoint.run.errors import RunError
 from cutjoint.run.result_files import naming_output
+from cutjoint.run.simulator import SimulatorError
 from cutjoint.standalone import choose_steps
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.topology.reading import read_model
 from cutjoint.view.views import show_run, write_shown
 
 
-class NothingToShowError(RunError):
-    """A run failed before its first row."""
-
-
 def replay_runs(study: Study, runs: Sequence[int], folder: Path, done: Callable[[int], None]) -> dict[int, Path]:
-    """Write the pages of runs into a folder; returns them by their runs.  Runs that have nothing to show have none.  ``done`` is told how
+    """Write the pages of runs into a folder; returns them by their runs.  Runs that cannot be shown have none.  ``done`` is told how
     many runs there were.
 
     Raises:
-        ModelError, ToolchainError, SimulatorError, OutputError: as of `replay`.
+        ModelError, ToolchainError, OutputError: as of `replay`.
     """
     with naming_output(folder):
         folder.mkdir(parents=True, exist_ok=True)
     pages = {}
     for number, run in enumerate(runs):
         done(number)
-        with suppress(NothingToShowError):
+        with suppress(RunError, SimulatorError):  # --replay says what it is
             pages[run] = replay(study, run, folder / f"run-{run}.html")
     return pages
 
@@ -62,6 +59,6 @@ def replay(study: Study, run: int, view: Path) -> Path:
         integrator=steps.integrator, events=steps.events, coordinates=True, error=False, check=False,
     )  # fmt: skip
     if done.failure is not None and not done.t.size:
-        raise NothingToShowError(f"--replay {run}: it failed before its first row, so that there is nothing to show: {done.failure}")
+        raise RunError(f"--replay {run}: it failed before its first row, so that there is nothing to show: {done.failure}")
     shown = show_run(model, scene, study.method, parameters, done)
     return write_shown(view, replace(shown, note=f"{shown.note}, run {run} of a sweep"))
