@@ -19,12 +19,13 @@ if TYPE_CHECKING:
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.batch import compile_batch, simulate_batch
     from cutjoint.model.errors import ModelError
-    from cutjoint.pipeline import compile_model, simulate
+    from cutjoint.pipeline import compile_model
     from cutjoint.program.blocks import ConstantError
     from cutjoint.realtime import FailedRealTimeError, run_in_real_time
     from cutjoint.run.errors import RunError
     from cutjoint.run.failures import FailedBatchError, FailedRunError
     from cutjoint.run.outputs import OutputError
+    from cutjoint.run.simulation import simulate
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
@@ -52,12 +53,13 @@ _HOMES = {
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.batch": ("compile_batch", "simulate_batch"),
     "cutjoint.model.errors": ("ModelError",),
-    "cutjoint.pipeline": ("compile_model", "simulate"),
+    "cutjoint.pipeline": ("compile_model",),
     "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.errors": ("RunError",),
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError"),
     "cutjoint.run.outputs": ("OutputError",),
+    "cutjoint.run.simulation": ("simulate",),
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),

@@ -19,7 +19,7 @@ from cutjoint.locations import AnyPath
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
 from cutjoint.model.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import describe_failure, is_impossible
@@ -29,6 +29,7 @@ from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.settings import require_settings
+from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.build import build_topology

@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import compile_model
 from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
+from cutjoint.run.simulation import simulate
 
 FOLDER = Path(__file__).resolve().parent
 MODEL = FOLDER.parent.parent / "models" / "iltis.yaml"

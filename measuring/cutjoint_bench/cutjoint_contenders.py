@@ -21,11 +21,12 @@ from cutjoint.methods import (
     Implementation,
     names_of,
 )
-from cutjoint.pipeline import compile_scene, generate, simulate
+from cutjoint.pipeline import compile_scene, generate
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder

@@ -10,10 +10,11 @@ import numpy as np
 
 from cutjoint.methods import METHODS
 from cutjoint.model.records import GROUND, Body, Joint, JointKind, Model, Output
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Array
 from cutjoint.run.run_file import Evaluator
+from cutjoint.run.simulation import simulate
 from cutjoint_bench.errors import energies
 from cutjoint_bench.records import Case
 

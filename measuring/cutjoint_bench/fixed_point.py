@@ -9,10 +9,10 @@ from math import inf
 
 import numpy as np
 
-from cutjoint.pipeline import simulate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import partial_of
 from cutjoint.run.results import Array
+from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.cases import make_rows
 from cutjoint_bench.records import Case

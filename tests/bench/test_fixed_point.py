@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
+from cutjoint.run.simulation import simulate
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.exact.chain import Chain, write_chain
 from cutjoint_bench.fixed_point import predict_limit

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
+from cutjoint.run.simulation import simulate
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.cutjoint_contenders import TOLERANCES
 from cutjoint_bench.errors import measure_errors

@@ -17,13 +17,14 @@ from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Road, Scene
-from cutjoint.pipeline import generate, simulate
+from cutjoint.pipeline import generate
 from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from tests.compile_run.generated import interpret_program, random_states, run_evaluate
 from tests.conftest import MODELS, needs_cpp

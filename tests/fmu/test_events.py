@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.scenes import find_scene
+from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
 from tests.mechanisms.bouncing import exact_bounces, exact_switches
 

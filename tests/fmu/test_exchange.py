@@ -13,10 +13,11 @@ from scipy.integrate import solve_ivp
 
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
+from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.bouncing import exact_bounces
 from tests.reduce.test_guards import TEXT as HAMMER

@@ -17,9 +17,9 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import simulate
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 
 Node = dict[str, Any]
 

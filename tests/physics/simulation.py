@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 
 
 def compile_text(folder: Path, text: str, scene: str | None = None) -> Artifact:

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.accuracy import compare
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from tests.physics.simulation import completed
 
 #: A mass of 1 kg on a spring of 400 N/m: 20 rad/s, from 0.1 m at rest.

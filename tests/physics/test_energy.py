@@ -12,9 +12,10 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import EnergyBalance, Trajectory
+from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
 from tests.mechanisms.bouncing import bouncing_text
 

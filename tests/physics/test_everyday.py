@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp
 
 pytestmark = needs_cpp

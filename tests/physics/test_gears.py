@@ -10,8 +10,9 @@ import pytest
 import sympy
 
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import Artifact, compile_scene, simulate
+from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
 from tests.mechanisms import gears
 

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory, read_table
+from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp
 
 pytestmark = needs_cpp

@@ -12,7 +12,7 @@ import sympy
 from cutjoint.interpreted import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scalar, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.half.means import Nearness
 from cutjoint.reduce.half.nearly import halve_nearly
@@ -22,6 +22,7 @@ from cutjoint.reduce.records import Outcome
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS
 from tests.mechanisms.symmetric import CARRIAGE
 

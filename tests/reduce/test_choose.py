@@ -15,12 +15,13 @@ from cutjoint import prepared
 from cutjoint.cli import main
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Numerics, Road, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.reduce import choose as choose_module
 from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_model
 from cutjoint.reduce.measure import distance
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.compiler import Compiler
 from cutjoint_bench.exact.chain import Chain, crank_motion
 from cutjoint_bench.exact.elliptic import quarter_period

@@ -8,10 +8,10 @@ import pytest
 
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import simulate
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
+from cutjoint.run.simulation import simulate
 from cutjoint.twin.artifact import compile_generic
 from tests.conftest import needs_cpp
 

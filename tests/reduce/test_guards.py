@@ -13,11 +13,12 @@ import pytest
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import compile_scene, generate, simulate
+from cutjoint.pipeline import compile_scene, generate
 from cutjoint.reduce.guards import guard_forces, guardable, speculate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport, Trajectory
+from cutjoint.run.simulation import simulate
 from cutjoint.twin.artifact import compile_generic
 from tests.conftest import MODELS, with_heavy
 from tests.physics.simulation import completed

@@ -11,7 +11,6 @@ import pytest
 from cutjoint.interpreted import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, RodForce, Scene
-from cutjoint.pipeline import simulate
 from cutjoint.reduce.idle import drop_idle_equations
 from cutjoint.reduce.light import lighten_links
 from cutjoint.reduce.links import shorten_links
@@ -20,6 +19,7 @@ from cutjoint.reduce.records import Note, Outcome, Pass
 from cutjoint.reduce.sequence import Step, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS
 from tests.mechanisms.overconstrained import IN_LINE, UPRIGHT, parallel_cranks_text
 

@@ -8,12 +8,13 @@ import pytest
 from cutjoint.interpreted import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Scene
-from cutjoint.pipeline import generate, simulate
+from cutjoint.pipeline import generate
 from cutjoint.reduce.half.nearly import flatten_nearly
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.records import Outcome
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS
 from tests.mechanisms.planar import SWING, random_tree
 from tests.reduce.test_symmetry import at_start

@@ -12,11 +12,11 @@ from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import simulate
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.reduce.records import Outcome
 from cutjoint.reduce.rolling import SMALL, roll_straight
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS
 
 #: A wheel on a cart that rolls along x; a guide moves it sideways, and the cart is held at its height.

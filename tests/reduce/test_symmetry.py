@@ -14,10 +14,11 @@ from cutjoint.methods import METHODS
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Model, Output, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.half.symmetry import halve
 from cutjoint.reduce.records import Outcome
 from cutjoint.run.artifact import Artifact
+from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.symmetric import CARRIAGE, wings_text

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.cli import main
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import compile_scene, derive, simulate
+from cutjoint.pipeline import compile_scene, derive
 from cutjoint.realtime import run_in_real_time
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
@@ -22,6 +22,7 @@ from cutjoint.run.cures import Cure, try_cures
 from cutjoint.run.failures import FailedRunError
 from cutjoint.run.options import Options
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import Start, start
 from tests.conftest import MODELS, needs_cpp

@@ -17,11 +17,12 @@ from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from cutjoint.twin.artifact import compile_generic
 from tests.conftest import with_heavy

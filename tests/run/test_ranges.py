@@ -15,13 +15,13 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.ranges import LARGEST_INTEGER, RANGES, fault_of_setting
 from cutjoint.model.read import read_model_text
 from cutjoint.model.steps import MOST_ROWS, Steps, StepsError, count_steps
-from cutjoint.pipeline import simulate
 from cutjoint.run.errors import RunError
 from cutjoint.run.modes import _ending_at
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings
 from cutjoint.run.settings import require_settings
+from cutjoint.run.simulation import simulate
 from tests.run.test_failing_starts import PENDULUM
 from tests.run.test_settings import compiled, pendulum
 

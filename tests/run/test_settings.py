@@ -15,12 +15,13 @@ from cutjoint.cli import main
 from cutjoint.commands.options import Setting
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.realtime import run_in_real_time
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import require_settings
+from cutjoint.run.simulation import simulate
 from cutjoint.states import find_scene_modes
 from cutjoint.twin.artifact import compile_generic
 from tests.run.test_failing_starts import PENDULUM

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from cutjoint.methods import INTEGRATORS
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import compile_model
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.simulation import simulate
 from cutjoint.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text

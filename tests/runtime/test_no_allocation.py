@@ -12,10 +12,11 @@ import pytest
 
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import compile_model, compile_scene, simulate
+from cutjoint.pipeline import compile_model, compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import completed

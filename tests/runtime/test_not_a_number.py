@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.scenes import find_scene
+from cutjoint.run.simulation import simulate
 
 #: Two masses that know nothing of each other; the force on the first is no number beyond 1 m.
 MODEL = """

@@ -23,8 +23,9 @@ from scipy.spatial.transform import Rotation
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.model.records import Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.outputs import OutputError
+from cutjoint.run.simulation import simulate
 from cutjoint.sweeps.local import Threads
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.table import missing

@@ -8,11 +8,12 @@ from math import inf
 
 import numpy as np
 
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 
 #: Units of places and angles, by which runs are compared, and quantities in them that are ratios of speeds or follow from a road.
 PLACES, OTHERS = ("m", "rad"), ("slip", "camber", "deflection")

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 
 #: Of `compiling_seconds`, s: some, and some for each operation of an evaluation; a system's factorisation is as long as its evaluation.
 _COMPILING, _COMPILING_AN_OPERATION, _WITH_FACTORISATION = 1.0, 1.5e-4, 2

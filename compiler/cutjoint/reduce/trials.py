@@ -8,11 +8,12 @@ from functools import cached_property
 from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.program.records import Program
 from cutjoint.reduce.sampling import compiling_seconds
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from cutjoint.run.steps import common_step
 
 #: The function of a system that each iteration calls beside its tangent.

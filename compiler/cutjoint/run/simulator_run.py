@@ -88,7 +88,7 @@ def start(
     run: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
     progress: Progress | None = None, seconds: float | None = None,
 ) -> Trajectory:  # fmt: skip
-    """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are the files that receive what `pipeline.simulate` says.
+    """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are the files that receive what `simulation.simulate` says.
 
     Raises:
         SimulatorError: the simulator could not begin, could not write a file, or took more than ``seconds``.

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import sympy
 
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.result_files import naming_output
+from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.standalone import choose_steps
 from cutjoint.sweeps.records import Kind, Study

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.pipeline import simulate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.scenes import with_settings
+from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.errors import measure_errors

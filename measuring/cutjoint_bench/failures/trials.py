@@ -8,11 +8,12 @@ from functools import partial
 from typing import Any
 
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array
 from cutjoint.run.scenes import with_settings
+from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.cases import make_case

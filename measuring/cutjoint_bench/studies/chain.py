@@ -16,8 +16,9 @@ from rich.console import Console
 from rich.table import Table
 
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.scenes import find_scene
+from cutjoint.run.simulation import simulate
 from cutjoint_bench.exact.chain import Chain, write_chain
 from cutjoint_bench.studies.provenance import provenance
 

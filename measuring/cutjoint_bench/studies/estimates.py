@@ -17,9 +17,10 @@ from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import STEP, Model, Scene
-from cutjoint.pipeline import compile_scene, simulate
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.provenance import provenance
 
 #: An estimate is near the true error within this factor.

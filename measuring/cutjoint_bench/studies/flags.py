@@ -10,7 +10,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import compile_model
+from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.provenance import provenance
 
 FLAGS = ("-O3 -march=native", "-O2 -march=native", "-O1 -march=native", "-O3 -march=native -ffast-math", "-O3 -mavx2 -mfma", "-O3")

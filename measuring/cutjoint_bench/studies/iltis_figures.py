@@ -13,10 +13,11 @@ import numpy as np
 from cutjoint.analysis.mobility import Mobility, find_mobility
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
+from cutjoint.run.simulation import simulate
 from cutjoint.states import find_equilibrium
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.machine import machine

@@ -13,9 +13,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.distance import distance
 from cutjoint_bench.studies.provenance import provenance

@@ -18,8 +18,9 @@ from scipy.integrate import solve_ivp
 
 from cutjoint.analysis.closing import design_coordinates, make_inputs
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model, derive, simulate
+from cutjoint.pipeline import compile_model, derive
 from cutjoint.program.interpret import Array, interpret_blocks
+from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.problems import PROBLEMS
 from cutjoint_bench.studies.provenance import provenance

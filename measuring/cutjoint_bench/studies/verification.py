@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import median
 
-from cutjoint.pipeline import compile_model, simulate
+from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.machine import machine
 from cutjoint_bench.studies.problems import PROBLEMS, Errors, Problem, measure_errors, observed_orders
 

@@ -23,9 +23,9 @@ class Controlled {
   /// Go on from y at t to `until`; `number` is the step's in messages.  Throws Failure where no step is small enough.
   Fault advance(Real t, Real until, std::vector<Real>& y, long number) {
     using std::pow;
-    const Real least = (until - t) * Real(1e-10);
+    const Real rest = (until - t) * Real(1e-10), least = (until - t) * Real(1e-6);
     if (!(h_ > Real(0))) h_ = (until - t) / Real(16);
-    while (until - t > least) {
+    while (until - t > rest) {
       const Real h = std::min(h_, until - t);
       integrator_.attempt(t, h, y, end_, error_);
       const Real size = largest_error(y);

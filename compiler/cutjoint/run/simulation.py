@@ -1,0 +1,40 @@
+"""A run from Python: Binary -> Trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cutjoint.locations import AnyPath
+from cutjoint.run.accuracy import run_accurately
+from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
+from cutjoint.run.inputs import GivenInput
+from cutjoint.run.options import Options
+from cutjoint.run.results import Trajectory
+from cutjoint.run.simulator import Progress
+
+
+def simulate(
+    artifact: Artifact, *, out: AnyPath | None = None, steps: AnyPath | None = None, tangents: AnyPath | None = None,
+    parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
+    penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
+    integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
+    inputs: Mapping[str, GivenInput] | None = None, coordinates: bool = False,
+) -> Trajectory:  # fmt: skip
+    """Run a compiled model with ``parameters`` (SI units); settings from ``dt`` on are those of `Options`, by default the scene's.
+
+    ``inputs`` drive the run instead of the scene's laws, as `run.inputs` has them.  ``out`` receives the table, ``steps`` a CSV file with
+    iterations and residuals of each step, ``tangents`` a line of JSON for each row, the Jacobians of the accelerations.  With ``error`` the
+    run keeps the scene's tolerance and has an ``error``; with ``coordinates`` it has those of each row, by which `write_view` draws it.
+    Without ``check`` a run that fails is returned with its failure.
+
+    Raises:
+        RunError: a parameter or an input that cannot be set, or settings that no run has or that do not go together.
+        SimulatorError, OutputError: the simulator could not begin, or a file cannot be written.
+        FailedRunError, Interrupted, Terminated: the run failed (the error has its trajectory), or a signal has ended it.
+    """
+    options = Options(dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator,
+                      events=events)  # fmt: skip
+    plan = make_simulator_run(artifact, options, parameters, inputs=inputs, tangents=tangents is not None, coordinates=coordinates)
+    run = run_accurately(plan, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error, advise=check)
+    held = {name: value for name, value in (inputs or {}).items() if not isinstance(value, Mapping)}
+    return require_end(run, artifact, {**(parameters or {}), **held}) if check else run
