@@ -17,7 +17,7 @@ from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
-from cutjoint.sweeps.run import Progress as Told
+from cutjoint.sweeps.run import Progress as OnProgress
 from cutjoint.sweeps.run import Sweep, perform_study
 from cutjoint.view.views import require_view
 
@@ -59,8 +59,8 @@ def command(
         return
     if view is not None and view.suffix != ".html":
         raise OutputError(f"--view {view}: no such kind of file; write a name that ends in .html")
-    with _progress(read) as (told, note):
-        done = perform_study(read, out, scheduler=scheduler, threads=threads, progress=told, note=note)
+    with _progress(read) as (advance, note):
+        done = perform_study(read, out, scheduler=scheduler, threads=threads, progress=advance, note=note)
     _report(read, done)
     if view is not None:
         _write_page(read, done, view, f"cutjoint sweep {study}", replays)
@@ -72,8 +72,8 @@ def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: in
     from cutjoint.sweeps.replay import replay_runs
 
     folder, runs = view.with_name(f"{view.stem}-runs"), worst_runs(study, done, replays)
-    with _progress(study) as (told, _):
-        pages = replay_runs(study, runs, folder, lambda number: told(number, len(runs))) if runs else {}
+    with _progress(study) as (advance, _):
+        pages = replay_runs(study, runs, folder, lambda number: advance(number, len(runs))) if runs else {}
     addresses = {run: quote(f"{folder.name}/{page.name}") for run, page in pages.items()}
     options.out.print(f"view: {write_whole(view, make_page(study, done, command, addresses))}", markup=False)
     if pages:
@@ -90,7 +90,7 @@ def _replay(study: Study, run: int, view: Path) -> None:
 
 
 @contextmanager
-def _progress(study: Study) -> Iterator[tuple[Told, Callable[[str], None]]]:
+def _progress(study: Study) -> Iterator[tuple[OnProgress, Callable[[str], None]]]:
     """A bar with a forecast, and what writes a line above it."""
     columns = (
         SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("runs,"), TimeElapsedColumn(),
@@ -99,10 +99,10 @@ def _progress(study: Study) -> Iterator[tuple[Told, Callable[[str], None]]]:
     with Progress(*columns, console=options.err, transient=True) as bar:
         task = bar.add_task(f"compiling {study.model.name}", total=None)
 
-        def told(done: int, runs: int) -> None:
+        def advance(done: int, runs: int) -> None:
             bar.update(task, description=study.model.name, total=runs, completed=done)
 
-        yield told, lambda text: bar.console.print(text, markup=False)
+        yield advance, lambda text: bar.console.print(text, markup=False)
 
 
 def _report(study: Study, done: Sweep) -> None:

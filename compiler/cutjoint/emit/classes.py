@@ -75,13 +75,13 @@ class Parts:
 
 @dataclass(frozen=True, kw_only=True)
 class Class:
-    """A generated class: its ``name``, its ``header``, its ``functions`` by file, what a simulation is ``told`` of it (sizes, charts, cut
-    joints, switches, pattern), and the header of a ``factorisation`` that it needs."""
+    """A generated class: its ``name``, its ``header``, its ``functions`` by file, its ``layout`` (sizes, charts, cut joints, switches,
+    pattern), and the header of a ``factorisation`` that it needs."""
 
     name: str
     header: str
     functions: Mapping[str, str]
-    told: Mapping[str, object]
+    layout: Mapping[str, object]
     factorisation: str = ""
 
     @property
@@ -99,16 +99,16 @@ def class_of_mechanism(
     viewer = Viewer(program, equations, conditions)
     unused = _unused(equations) if parts.system is None else _UNUSED | {"events", "guard"}
     names = [f.name for f in equations.functions if f.name not in unused]
-    told = {
+    layout = {
         "charts": equations.charts, "cuts": [c.first for c in equations.closures], "switches": switches_of(equations), **sizes_of(equations)
     }  # fmt: skip
     how = {"core": True, "apart": apart, "space": space}
     described = page.render(
         "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", conditions=conditions,
-        operations={name: program.operations(name) for name in names}, **members(viewer, equations), **told, **how,
+        operations={name: program.operations(name) for name in names}, **members(viewer, equations), **layout, **how,
     )  # fmt: skip
     functions = dict(sorted(page.functions(viewer, names, header=header, **how).items()))
-    return Class(name=page.class_name, header=described, functions=functions, told=told)
+    return Class(name=page.class_name, header=described, functions=functions, layout=layout)
 
 
 def class_of_system(parts: Parts, system: System, *, apart: bool, header: str = "") -> Class:
@@ -119,14 +119,14 @@ def class_of_system(parts: Parts, system: System, *, apart: bool, header: str = 
     names = [f.name for f in equations.functions if f.name not in _unused(equations)]
     factorisation = emit_factorisation(plan, equations.row_names, page, apart=apart)
     needed = factorisation.pop(f"{FACTORISATION}.hpp")
-    told = {
+    layout = {
         "charts": equations.charts, "cuts": [], "switches": switches_of(equations), **sizes_of(equations),
         "pattern": pattern_view(plan.pattern, equations.row_names),
     }  # fmt: skip
     how = {"core": True, "apart": apart}
-    described = render_class(page, viewer, program, equations, names, **told, **how)
+    described = render_class(page, viewer, program, equations, names, **layout, **how)
     functions = dict(sorted(page.functions(viewer, names, header=header, **how).items()))
-    return Class(name=page.class_name, header=described, functions=functions | factorisation, told=told, factorisation=needed)
+    return Class(name=page.class_name, header=described, functions=functions | factorisation, layout=layout, factorisation=needed)
 
 
 def _unused(equations: RecursiveEquations | SystemEquations) -> frozenset[str]:

@@ -114,5 +114,5 @@ def _interface(parts: Parts, classes: Sequence[_Placed], run_file: Mapping[str, 
 def _sized(page: Page, each: _Placed) -> dict[str, str]:
     """A class with what a simulation is told of it, and its namespace."""
     base = "::".join(filter(None, ("generated", each.space, each.made.name)))
-    told = {**each.made.told, "class_name": each.made.name, "base": base, "summary": "The same, with what a simulation is told of it."}
-    return {"space": each.space, "code": page.render("sized.hpp.jinja", **told)}
+    layout = {**each.made.layout, "class_name": each.made.name, "base": base, "summary": "The same, with what a simulation is told of it."}
+    return {"space": each.space, "code": page.render("sized.hpp.jinja", **layout)}

@@ -47,7 +47,7 @@ _MOST_BYTES = 32_000_000
 #: The addresses that schedulers of Dask have.
 _ADDRESS = re.compile(r"(?:tcp|tls|ucx|ws|wss)://(?:[\w.-]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}", re.ASCII)
 
-#: Told of progress: how many of how many runs are done.
+#: Called with how many of how many runs are done.
 Progress = Callable[[int, int], None]
 
 

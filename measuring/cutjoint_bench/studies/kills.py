@@ -41,26 +41,26 @@ def compare(console: Console, name: str, file: Path) -> list[dict[str, Any]]:
     """Print and return what each way writes."""
     study, folder = read_study(file), file.parent
     table = Table("way", "runs of the last call", "elapsed s", "sha256 of the file", title=f"{name}, {study.runs} runs")
-    told: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
 
-    def tell(way: str, out: Path, performed: int, seconds: float) -> None:
+    def record(way: str, out: Path, performed: int, seconds: float) -> None:
         digest = sha256(out.read_bytes()).hexdigest()
-        told.append({"study": name, "way": way, "runs": study.runs, "last_call": performed, "elapsed": seconds, "sha256": digest})
+        rows.append({"study": name, "way": way, "runs": study.runs, "last_call": performed, "elapsed": seconds, "sha256": digest})
         table.add_row(way, str(performed), f"{seconds:.1f}", digest[:16])
 
     for threads in (1, processors()):
         done = perform_study(study, folder / f"{threads}.parquet", threads=threads)
-        tell(f"one process, {threads} threads", done.path, done.performed, done.elapsed)
+        record(f"one process, {threads} threads", done.path, done.performed, done.elapsed)
     for way, start in (("LocalCluster", local_cluster), ("dask scheduler, dask worker", process_cluster)):
         with start(_WORKERS, {}) as address:
             done = perform_study(study, folder / f"{way}.parquet", scheduler=address)
-        tell(way, done.path, done.performed, done.elapsed)
+        record(way, done.path, done.performed, done.elapsed)
     out, begin = folder / "killed.parquet", perf_counter()
     present = perform_killed(file, out, study.runs)
-    tell(f"the same; killed at {', '.join(map(str, present))} runs: a worker, the client, the scheduler", out, study.runs - present[-1],
+    record(f"the same; killed at {', '.join(map(str, present))} runs: a worker, the client, the scheduler", out, study.runs - present[-1],
          perf_counter() - begin)  # fmt: skip
     console.print(table)
-    return told
+    return rows
 
 
 def perform_killed(file: Path, out: Path, runs: int) -> list[int]:
@@ -127,17 +127,17 @@ def main() -> None:
     parser.add_argument("--only", choices=list(STUDIES))
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    console, told = Console(highlight=False, width=140), []
+    console, rows = Console(highlight=False, width=140), []
     console.print(provenance(), markup=False)
     for name, (text, runs) in STUDIES.items():
         if asked.only in (None, name):
             with TemporaryDirectory() as place:
                 file = Path(place) / "study.yaml"
                 file.write_text(text_of(text, max(20, int(runs * asked.share))), encoding="utf-8")
-                told += compare(console, name, file)
+                rows += compare(console, name, file)
     if asked.out is not None:
-        write_whole(asked.out, json.dumps({"of": provenance(), "ways": told}, indent=2) + "\n")
-    names, files = ({way[key] for way in told} for key in ("study", "sha256"))
+        write_whole(asked.out, json.dumps({"of": provenance(), "ways": rows}, indent=2) + "\n")
+    names, files = ({way[key] for way in rows} for key in ("study", "sha256"))
     raise SystemExit(0 if len(names) == len(files) else 1)
 
 
