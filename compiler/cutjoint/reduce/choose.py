@@ -1,15 +1,16 @@
 """`method: auto`: the cheapest model, formulation and step that keep a scene's tolerance, found by calibration runs.
 
-The truth is the full model at steps that are halved until nothing changes any more.  Every reduced model of every method is then
-tried with steps that are whole fractions or multiples of the distance of the scene's rows, and timed at the longest that keeps the
-tolerance.
+The truth is the full model at steps that are halved until nothing changes any more.  The reduced models of the first method that takes
+the model, and what of these is cheapest for the others, are then tried with steps that are whole fractions or multiples of the distance
+of the scene's rows, and timed at the longest that keeps the tolerance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError
 from math import ceil, inf, log
@@ -20,7 +21,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import made_with
 from cutjoint.reduce.measure import distance, time_run
-from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
+from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequence
 from cutjoint.reduce.trials import Trials, at_step
 from cutjoint.reduce.truth import Truth, find_truth, fraction
 from cutjoint.run.artifact import Artifact
@@ -66,12 +67,43 @@ class Candidate:
 class Choice:
     """What was picked.
 
-    ``evidence`` has a candidate for each reduced model of each method, ``settled`` is how far the truth still moved.
+    ``evidence`` has a candidate for each reduced model of each method, ``settled`` is how far the truth still moved, ``reduced`` the model
+    that was picked, where the choice was made just now.
     """
 
     picked: Candidate
     evidence: tuple[Candidate, ...]
     settled: float
+    reduced: ReducedModel | None = field(default=None, compare=False, repr=False)
+
+
+class _ReducedModels:
+    """The reduced models that are tried: of the first method that takes the model those of its own reduction sequence, of the others what
+    is cheapest of these."""
+
+    def __init__(self, model: Model, scene: Scene) -> None:
+        self._model, self._scene = model, scene
+        self._of: dict[str, list[ReducedModel]] = {}
+
+    def of(self, method: str) -> list[ReducedModel]:
+        """Those of a method, one for each motion.
+
+        Raises:
+            ModelError, RunError: the method takes none.
+        """
+        if method not in self._of:
+            first = self._first
+            last = list({reduced.motion: reduced for reduced in first}.values())
+            self._of[method] = last if method == first[0].method else cheapest_by(method, first)
+        return self._of[method]
+
+    @cached_property
+    def _first(self) -> list[ReducedModel]:
+        *others, last = METHODS
+        for method in others:
+            with suppress(ModelError, RunError):
+                return reduction_sequence(self._model, self._scene, method, approximate=True)
+        return reduction_sequence(self._model, self._scene, last, approximate=True)
 
 
 def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> Choice:
@@ -91,10 +123,14 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
 def chosen_model(model: Model, scene: Scene, choice: Choice) -> ReducedModel:
     """The reduced model that was picked, with its step as the scene's own."""
     picked = choice.picked
-    variant = next(r for r in reduction_sequence(model, scene, picked.method, approximate=True) if r.name == picked.variant)
+    variant = choice.reduced or _find(picked, _ReducedModels(model, scene))
     step = common_step(picked.dt, variant.scene.output_step)
     numerics = replace(variant.scene.numerics, methods={**variant.scene.numerics.methods, picked.method: _own(variant.scene, picked)})
     return replace(variant, scene=replace(variant.scene, numerics=numerics, output_step=step))
+
+
+def _find(picked: Candidate, reduced_models: _ReducedModels) -> ReducedModel:
+    return next(reduced for reduced in reduced_models.of(picked.method) if reduced.name == picked.variant)
 
 
 def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
@@ -118,14 +154,16 @@ def _read(place: Path) -> Choice | None:
 
 def _keep(made: Choice, place: Path) -> Choice:
     with suppress(ToolchainError):  # a cache that cannot be written: it is measured again next time
-        write_record(place, asdict(made))
+        write_record(place, {
+            "picked": asdict(made.picked), "evidence": [asdict(c) for c in made.evidence], "settled": made.settled,
+        })  # fmt: skip
     return made
 
 
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
     assert scene.tolerance is not None
-    truth = find_truth(model, scene, parameters)
-    tried = list(_candidates(model, scene, parameters, truth))
+    truth, reduced_models = find_truth(model, scene, parameters), _ReducedModels(model, scene)
+    tried = list(_candidates(reduced_models, scene, parameters, truth))
     evidence = _timed_in_turns(tried, parameters)
     good = [c for c in evidence if not c.failure]
     if not good:
@@ -134,7 +172,7 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     if scene.budget is not None and scene.end / picked.seconds < scene.budget:
         found = f"the fastest that keeps the tolerance is {scene.end / picked.seconds:.3g} times as fast as real time"
         raise RunError(f"{scene.span}: scene '{scene.name}': budget {scene.budget:g}: {found}; hint: write a larger tolerance")
-    return Choice(picked=picked, evidence=evidence, settled=truth.settled)
+    return Choice(picked=picked, evidence=evidence, settled=truth.settled, reduced=_find(picked, reduced_models))
 
 
 def _timed_in_turns(tried: Sequence[tuple[Candidate, Artifact | None]], parameters: Mapping[str, float]) -> tuple[Candidate, ...]:
@@ -160,17 +198,16 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
 
 
 def _candidates(
-    model: Model, scene: Scene, parameters: Mapping[str, float], truth: Truth
+    reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Truth
 ) -> Iterator[tuple[Candidate, Artifact | None]]:  # fmt: skip
     fastest: Candidate | None = None
     for method in METHODS:
         try:
-            variants = reduction_sequence(model, scene, method, approximate=True)
+            variants = reduced_models.of(method)
         except (ModelError, RunError) as error:
             yield Candidate(variant="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None
             continue
-        last_of = {variant.motion: variant for variant in variants}
-        for variant in last_of.values():
+        for variant in variants:
             candidate, artifact = try_reduced(variant, scene, parameters, truth, fastest=fastest)
             if not candidate.failure and (fastest is None or candidate.seconds < fastest.seconds):
                 fastest = candidate

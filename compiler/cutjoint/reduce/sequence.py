@@ -108,6 +108,42 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
     return variants
 
 
+def cheapest_by(method: str, sequence: Sequence[ReducedModel]) -> list[ReducedModel]:
+    """What of another method's reduction sequence is cheapest for a method: for each motion the last model, or one before it while that
+    costs less, if it costs less than the motions before.
+
+    What a pass makes of a model does not depend on the method, only whether it pays.  So no pass runs again, and few models are derived.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError, RunError: the method takes none of them; the error is the full model's.
+    """
+    found: list[ReducedModel] = []
+    for motion in MOTIONS:
+        best = _cheapest(method, [reduced for reduced in sequence if reduced.motion == motion])
+        if best is not None and all(best.operations < other.operations for other in found):
+            found.append(best)
+    return found or [_derived(method, sequence[0])]
+
+
+def _cheapest(method: str, sequence: Sequence[ReducedModel]) -> ReducedModel | None:
+    best: ReducedModel | None = None
+    for reduced in reversed(sequence):
+        try:
+            other = _derived(method, reduced)
+        except _REFUSALS:
+            continue
+        if best is not None and other.operations >= best.operations:
+            break
+        best = other
+    return best
+
+
+def _derived(method: str, reduced: ReducedModel) -> ReducedModel:
+    """A reduced model by another method."""
+    outcome = Outcome(model=reduced.model, scene=reduced.scene, done=reduced.done)
+    return _count(reduced.name, outcome, method, motion=reduced.motion)
+
+
 def _geared(model: Model, steps: Sequence[Step]) -> Iterator[Note]:
     """The passes that are not tried on a model with gears."""
     words = f"rules out the passes {', '.join(step.name for step in steps if not step.gears)}, which know no gears"
@@ -161,7 +197,11 @@ def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> N
 
 
 def _variant(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedModel:
-    outcome = settle_inputs(outcome) if outcome.done else outcome
+    return _count(name, settle_inputs(outcome) if outcome.done else outcome, method, motion=motion)
+
+
+def _count(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedModel:
+    """A reduced model with the operations of a method's evaluation."""
     equations, program = schedule_method(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
     return ReducedModel(
         name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=equations.unknowns,
