@@ -52,7 +52,8 @@ def test_tables_come_from_the_summary_alone(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(tables, "SUMMARY", tmp_path / "summary.json")
     report.write_docs(tmp_path, STUDIES)
     said = CliRunner().invoke(tables.main, catch_exceptions=False).output
-    assert said.count("## ") == 3
+    assert said.count("## ") == 4
+    assert "| clock/swing (swings) | recursive: 500 | recursive: 500 | recursive: " in said
     assert "| study | processor | system | measured with other code than this version's |\n| --- | --- | --- | --- |\n" in said
     assert "## swings: clock/swing, at equal errors" in said
     assert "| recursive | 10 | 500 ± 0 | 1.0e-04 |" in said

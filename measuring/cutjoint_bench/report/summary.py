@@ -8,6 +8,7 @@ from typing import Any
 from cutjoint_bench.findings import TARGETS, Spot, fastest_spot
 from cutjoint_bench.report.tables import (
     BenchTable,
+    tabulate_best,
     tabulate_limits,
     tabulate_lines,
     tabulate_paper,
@@ -35,6 +36,7 @@ def _tables(studies: Studies) -> Iterator[tuple[str, BenchTable | None]]:
     """Each with its title; None where a report lacks what it shows."""
     cases = [case for data in studies.values() for case in data["cases"]]
     yield "studies", tabulate_studies(studies)
+    yield "what to take", tabulate_best(studies)
     yield "Table I", tabulate_paper(cases)
     yield "Table II", tabulate_parallel(cases)
     yield "the fixed point", tabulate_limits(cases)

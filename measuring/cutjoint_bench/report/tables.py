@@ -42,6 +42,19 @@ def tabulate_studies(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable:
     return BenchTable(head=("study", "processor", "system", "measured with other code than this version's"), rows=tuple(rows))
 
 
+def tabulate_best(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable | None:
+    """What to take for a scene and an accuracy: the fastest of ours and its time, interpolated between measured points."""
+    rows = []
+    for name, data in studies.items():
+        for case in data["cases"]:
+            lines = [line for line in case["lines"] if "refused" not in line]
+            found = [fastest_ours(lines, target) for target in TARGETS]
+            if any(found):
+                rows.append((f"{case['name']} ({name})", *(f"{best[0]}: {milliseconds(best[1])}" if best else "" for best in found)))
+    head = ("fastest, and ms, at an error of", *(f"{target:.0e} m" for target in TARGETS))
+    return BenchTable(head=head, rows=tuple(rows)) if rows else None
+
+
 def _some(names: Sequence[str], most: int = 4) -> str:
     """The first names, the rest counted; the data has them all."""
     rest = f"; and {len(names) - most} more" if len(names) > most else ""
