@@ -9,6 +9,7 @@ from hashlib import sha256
 from math import inf, nan
 from typing import Protocol
 
+from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Array, Trajectory
@@ -34,8 +35,10 @@ class Case:
         """Model and scene."""
         return f"{self.model.name}/{self.scene.name}"
 
-    def input_digest(self, method: str) -> str:
-        """A digest of all that a simulator of this case reads when it runs: parameters, settings of the method, start, roads."""
+    def input_digest(self, simulator: str) -> str:
+        """A digest of all that a simulator of this case, a method or a peer by its name, reads when it runs: parameters, settings of the
+        method (of the default one for a peer), start, roads."""
+        method = simulator if simulator in METHODS else DEFAULT_METHOD
         given = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method, options=PLAIN_STEPS)
         return sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:32]
 

@@ -226,6 +226,13 @@ def test_every_method_is_a_contender() -> None:
         choose(["gauss"])
 
 
+def test_every_contender_has_an_input_to_be_known_by() -> None:
+    """Peers have no settings of steps here; theirs are those of the default method."""
+    case = make_case(MODELS / "pendulum.yaml")
+    digests = {name: case.input_digest(name.partition("/")[0]) for name in CONTENDERS}
+    assert digests["mujoco/rk4"] == digests["recursive"] != digests["augmented"]
+
+
 def test_contenders_have_the_events_of_their_names_whatever_the_scene_says(monkeypatch: pytest.MonkeyPatch) -> None:
     case = make_case(MODELS / "pendulum.yaml", end=0.1)
     asked: list[object] = []

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
@@ -17,6 +18,18 @@ from cutjoint_bench.errors import measure_errors
 from cutjoint_bench.reference import find_reference
 from tests.conftest import DATA, MODELS
 from tests.physics.simulation import read_reference
+
+#: A mass of 1 kg that 1 N pushes from rest until it has gone 0.25 m, at sqrt(0.5) s.
+SWITCHED = """\
+cutjoint: 1
+name: switched
+gravity: [0, 0, 0]
+bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0]}}
+joints: {rail: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces: {push: {kind: joint_force, joint: rail, law: "where(position < 0.25, 1, -1)"}}
+outputs: [block.x]
+scenes: {run: {end: 1, output_step: 1}}
+"""
 
 
 def test_the_pendulum_is_where_elliptic_functions_put_it() -> None:
@@ -37,6 +50,16 @@ def test_two_routes_agree_on_a_closed_loop() -> None:
     assert reference.position_apart < 1e-12
     assert reference.velocity_apart < 1e-11
     assert reference.provenance["routes"] == ["Runge-Kutta", "extrapolation"]
+
+
+def test_a_route_that_needs_endlessly_short_steps_ends() -> None:
+    """A force that jumps needs steps of about the relative error that is asked for, below a millionth of a row."""
+    model = read_model_text(SWITCHED, "switched.yaml")
+    artifact = compile_scene(model, model.scenes["run"], method="classical", precision="extended")
+    run = simulate(artifact, integrator="reference", dt=1.0, tolerance=1e-12, check=False)
+    assert run.failure is not None
+    assert run.failure.message == "no step is small enough for the tolerance"
+    assert run.failure.time == pytest.approx(np.sqrt(0.5), abs=1e-5)  # a step that fails is followed by one of a tenth, at the shortest
 
 
 @pytest.mark.heavy
