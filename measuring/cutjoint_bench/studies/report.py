@@ -48,10 +48,10 @@ def paper() -> Plan:
 
 
 def reductions() -> Plan:
-    """One of the paper's scenes, with and without lanes, in full and reduced, model by model."""
+    """One of the paper's scenes, with and without lanes, in full and reduced, model by model, by each integrator."""
     case = make_case(MODELS / "iltis.yaml", "simul1", row=0.0075)
-    return Plan(cases=[case], contenders=choose(["generated", "scalar", "reductions"]), reference="extended",
-                title="lanes and reduced models")  # fmt: skip
+    contenders = choose(["generated", "scalar", "reductions", "integrators", "reduced"])
+    return Plan(cases=[case], contenders=contenders, reference="extended", title="lanes, reduced models and integrators")
 
 
 def vehicle() -> Plan:
