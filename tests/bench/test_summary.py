@@ -11,7 +11,9 @@ from click import ClickException
 from click.testing import CliRunner
 
 from cutjoint_bench.findings import Spot
+from cutjoint_bench.report.page import NO_MAPS
 from cutjoint_bench.report.summary import fastest_of, summarise
+from cutjoint_bench.report.tables import milliseconds
 from cutjoint_bench.studies import report, tables
 
 
@@ -59,13 +61,13 @@ def test_tables_come_from_the_summary_alone(tmp_path: Path, monkeypatch: pytest.
     assert "| recursive | 10 | 500 ± 0 | 1.0e-04 |" in said
 
 
-def test_the_page_links_the_charts_that_docs_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_begins_with_the_question_and_ends_with_provenance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "PICTURES", ("swings",))
     report.write_docs(tmp_path, STUDIES)
     page = (tmp_path / "bench.html").read_text(encoding="utf-8")
-    assert '<img src="clock_swing.svg" alt="Time over error, clock/swing">' in page
-    assert report.NOTE in page
-    assert "<svg" not in page
+    parts = ('id="explore"', "<h2>clock/swing: and peers</h2>", "At equal accuracy", "At the scene's own step", "Provenance")
+    assert [page.index(part) for part in parts] == sorted(page.index(part) for part in parts)
+    assert NO_MAPS.note in page
     assert (tmp_path / "clock_swing.svg").read_text(encoding="utf-8").startswith("<svg")
 
 
@@ -74,3 +76,7 @@ def test_a_page_that_is_too_large_for_git_is_refused(tmp_path: Path, monkeypatch
     with pytest.raises(ClickException, match=r"the page for .* has \d+ bytes"):
         report.write_docs(tmp_path, STUDIES)
     assert not (tmp_path / "bench.html").exists()
+
+
+def test_times_have_three_digits() -> None:
+    assert [milliseconds(s) for s in (1.2345e-5, 0.99949, 0.9996, 1.4837, 12.0)] == ["0.0123", "999", "1000", "1480", "12000"]

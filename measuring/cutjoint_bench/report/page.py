@@ -1,10 +1,9 @@
-"""The page of a bench: one HTML file that needs no network; its charts are within it, or some of them files beside it."""
+"""The page of a bench: one HTML file that stands alone, with a chart of all points first and provenance last."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from html import escape
 from importlib.resources import files
 from math import isnan
 from typing import Any
@@ -42,15 +41,10 @@ Draw = Callable[[Data], str]
 
 @dataclass(frozen=True, kw_only=True)
 class Charts:
-    """How a page shows its charts: functions from a case, a drift or an atlas to HTML, empty for a chart that it leaves out.
+    """How a page shows drifts and atlases: functions to HTML, empty for a chart that it leaves out; ``note`` is what it says of these."""
 
-    ``explores`` is whether one chart of all cases comes first, by a script.  ``note`` is what the page says of charts that it leaves out.
-    """
-
-    work_precision: Draw
     drift: Draw
     atlas: Draw
-    explores: bool = False
     note: str = ""
 
 
@@ -58,21 +52,16 @@ def _left_out(_: Data) -> str:
     return ""
 
 
-#: All charts, within the page.
-INLINE = Charts(work_precision=_left_out, drift=draw_drift, atlas=draw_atlas, explores=True)
+ALL_CHARTS = Charts(drift=draw_drift, atlas=draw_atlas)
+
+#: For a page that git holds.
+NO_MAPS = Charts(
+    drift=_left_out, atlas=_left_out,
+    note="Charts of what is kept and maps of failures are on the page that make report writes to results/report/bench.html.",
+)  # fmt: skip
 
 
-def link_charts(pictures: Mapping[tuple[str, str], str], note: str) -> Charts:
-    """Charts of time over error as files beside the page, by name and title of their case; no others."""
-
-    def link(case: Data) -> str:
-        file = pictures.get((case["name"], case["title"]))
-        return "" if file is None else f'<img src="{escape(file)}" alt="Time over error, {escape(case["name"])}">'
-
-    return Charts(work_precision=link, drift=_left_out, atlas=_left_out, note=note)
-
-
-def render_page(studies: Mapping[str, Data], charts: Charts = INLINE) -> str:
+def render_page(studies: Mapping[str, Data], charts: Charts = ALL_CHARTS) -> str:
     """The page of what `study.perform` returned for each study, by its name."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("cutjoint_bench"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -82,11 +71,11 @@ def render_page(studies: Mapping[str, Data], charts: Charts = INLINE) -> str:
         [part for data in studies.values() for part in data[name]] for name in ("cases", "drifts", "atlases", "situations")
     )
     script = files("cutjoint_bench").joinpath("templates/explore.js").read_text(encoding="utf-8")
-    explored = explore(cases) if charts.explores else {"cases": []}
+    explored = explore(cases)
     return environment.get_template("bench.html.jinja").render(
         explorer={"points": as_data(explored), "script": script, "hash": script_hash(script)} if explored["cases"] else None,
         studies=tabulate_studies(studies), configurations=tabulate_configurations(cases),
-        cases=[_case(case, charts) for case in cases if case["lines"]],
+        cases=[_case(case) for case in cases if case["lines"]],
         paper=tabulate_paper(cases), stiff=tabulate_stiff(cases), limits=tabulate_limits(cases), parallel=tabulate_parallel(cases),
         drifts=[_drift(drift, charts) for drift in drifts],
         atlases=[{"title": a["title"], "words": a["words"], "chart": charts.atlas(a)} for a in atlases],
@@ -94,10 +83,9 @@ def render_page(studies: Mapping[str, Data], charts: Charts = INLINE) -> str:
     )  # fmt: skip
 
 
-def _case(case: Data, charts: Charts) -> dict[str, Any]:
+def _case(case: Data) -> dict[str, Any]:
     return {
         "name": case["name"], "title": case["title"], "end": case["end"], "reference": _reference(case), "words": describe(case),
-        "work_precision": charts.work_precision(case),
         "lines": tabulate_lines(case), "targets": tabulate_targets(case),
     }  # fmt: skip
 

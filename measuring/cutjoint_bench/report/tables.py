@@ -24,8 +24,9 @@ class BenchTable:
 
 
 def milliseconds(seconds: float) -> str:
-    """Three digits."""
-    return f"{1e3 * seconds:.3g}"
+    """Three digits, without an exponent from 1000 ms on."""
+    rounded = f"{1e3 * seconds:.3g}"
+    return f"{float(rounded):.0f}" if float(rounded) >= 1000 else rounded
 
 
 def size(value: float | None) -> str:

@@ -27,7 +27,7 @@ from cutjoint_bench.prebuild import prebuild
 from cutjoint_bench.progress import Say, part_of, progress_bar
 from cutjoint_bench.records import Case
 from cutjoint_bench.report.charts import draw_work_precision
-from cutjoint_bench.report.page import link_charts, render_page
+from cutjoint_bench.report.page import NO_MAPS, render_page
 from cutjoint_bench.report.summary import summarise
 from cutjoint_bench.store import Store
 from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS, SUMMARY
@@ -134,7 +134,7 @@ def _chain(chain: Chain) -> Case:
 STUDIES: dict[str, Callable[[], Plan]] = {
     study.__name__: study
     for study in (
-        paper, reductions, vehicle, verification, smooth, governor, chain, twins, precisions, ill_conditioned, failures, bumpers,
+        vehicle, chain, verification, governor, smooth, reductions, paper, twins, precisions, ill_conditioned, failures, bumpers,
         situations,
     )
 }
@@ -147,8 +147,6 @@ PICTURES = ("vehicle", "chain", "verification", "governor")
 #: Bytes that the page in docs has at most.
 LARGEST = 500_000
 
-NOTE = "A chart of all points, of what is kept, and maps of failures are on the page that make report writes to results/report/bench.html."
-
 
 @click.command()
 @click.option("--only", type=click.Choice(list(STUDIES)), multiple=True, help="Measure these; the page keeps the others.")
@@ -156,7 +154,7 @@ NOTE = "A chart of all points, of what is kept, and maps of failures are on the 
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=MEASUREMENTS.parent, show_default=True,
               help="Folder of bench.json, all that was measured, and bench.html, with all charts.")
 @click.option("--docs", type=click.Path(file_okay=False, path_type=Path), default=DOCS, show_default=True,
-              help="Folder of the summary, a page without most charts, and the charts that docs show.")
+              help="Folder of the summary, a page without drifts' charts and maps, and the charts that docs show.")
 def main(only: tuple[str, ...], draw: bool, out: Path, docs: Path) -> None:
     """Measure what is not yet measured and write the report."""
     data = out / "bench.json"
@@ -199,14 +197,14 @@ def as_text(studies: dict[str, Any]) -> str:
 
 
 def write_docs(docs: Path, studies: dict[str, Any]) -> None:
-    """The summary, the page that links its charts, and these.
+    """The summary, the page, and the charts of time over error that docs show.
 
     Raises:
         click.ClickException: the page is too large for git.
     """
     pictured = [case for name in PICTURES if name in studies for case in studies[name]["cases"]]
     files = {(case["name"], case["title"]): f"{case['model']}_{case['scene']}.svg" for case in pictured}
-    page = render_page(studies, link_charts(files, NOTE))
+    page = render_page(studies, NO_MAPS)
     if (size := len(page.encode())) > LARGEST:
         raise click.ClickException(f"the page for {docs} has {size} bytes: leave something out, such as tables of configurations")
     write_whole(docs / "bench.html", page)
