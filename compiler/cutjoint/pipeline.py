@@ -15,7 +15,7 @@ from typing import Any
 from cutjoint.analysis.soundness import require_soundness
 from cutjoint.delivery import plan_delivery
 from cutjoint.emit.source import Source, emit
-from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import AnyPath
@@ -41,13 +41,14 @@ def compile_model(path: AnyPath, *, scene: str | None = None, opened: Sequence[s
 def compile_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, out: AnyPath | None = None, flags: Sequence[str] = FLAGS,
     outputs: Sequence[Output] | None = None, lanes: bool = True, comparison: bool = False, precision: str = DEFAULT_PRECISION,
-    integrator: str | None = None, linearise: bool = False, patience: float = inf,
+    integrator: str | None = None, linearise: bool = False, patience: float = inf, made: tuple[Equations, Program, Source] | None = None,
 ) -> Artifact:  # fmt: skip
     """Compile a model for a scene; ``out`` receives a folder (`delivery`), which may have steps by another ``integrator`` than the scene's,
     and with ``linearise`` derivatives at a state.
 
     ``outputs`` are instead of the scene's.  ``comparison`` links the solvers of SuiteSparse too.  ``precision`` is one of PRECISIONS, the
     number type of the run; the start is found in double.  Compiling that takes more than ``patience`` (s) goes on in another process.
+    ``made`` is what `generate` has made of all this already.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the choice is wrong, or they do not go together.
@@ -59,7 +60,7 @@ def compile_scene(
     # Model -> Source
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs
-    equations, program, source = made = generate(model, scene, outputs, method=method, lanes=lanes, precision=precision)
+    equations, program, source = made = made or generate(model, scene, outputs, method=method, lanes=lanes, precision=precision)
     delivery = plan_delivery(out, made, method=method, precision=precision, integrator=integrator, lanes=lanes, linearise=linearise)
     generated = perf_counter()
     # Source -> Binary
@@ -82,31 +83,33 @@ def generate(
     precision: str = DEFAULT_PRECISION,
 ) -> tuple[Equations, Program, Source]:  # fmt: skip
     """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register."""
-    if METHODS[method].has_system:
-        from cutjoint.systems import generate_system  # the recursive method does not wait for what this imports
-
-        return generate_system(derive(model, scene, ()).starting, method, tuple(outputs), lanes=lanes, precision=precision)
-    recursive, program = _schedule(model, scene, outputs, method=method, lanes=lanes and PRECISIONS[precision].packed)
-    # Program -> Source
-    return recursive, program, emit(program, recursive)
+    lanes = lanes and PRECISIONS[precision].packed
+    equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes)
+    return equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision)
 
 
-def schedule_method(model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD) -> tuple[Equations, Program]:
+def schedule_method(
+    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True
+) -> tuple[Equations, Program]:  # fmt: skip
     """The same but for the source, for who needs no more than the program."""
+    # Model -> Topology -> Equations -> Program
     if METHODS[method].has_system:
-        from cutjoint.systems import schedule_system
+        from cutjoint.systems import schedule_system  # the recursive method does not wait for what this imports
 
-        return schedule_system(derive(model, scene, ()).starting, method, tuple(outputs), lanes=True)[:2]
-    return _schedule(model, scene, outputs, method=method, lanes=True)
-
-
-def _schedule(
-    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str, lanes: bool
-) -> tuple[RecursiveEquations, Program]:  # fmt: skip
-    # Model -> Topology -> Equations
+        return schedule_system(derive(model, scene, ()).starting, method, tuple(outputs), lanes=lanes)
     recursive = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
-    # Equations -> Program
     return recursive, schedule_recursive(recursive, lanes=lanes)
+
+
+def emit_scheduled(equations: Equations, program: Program, *, lanes: bool = True, precision: str = DEFAULT_PRECISION) -> Source:
+    """The source of what `schedule_method` has made."""
+    # Program -> Source
+    if isinstance(equations, RecursiveEquations):
+        return emit(program, equations)
+    from cutjoint import systems
+
+    assert isinstance(equations, SystemEquations)
+    return systems.emit_scheduled(equations, program, lanes=lanes, packed=PRECISIONS[precision].packed)
 
 
 def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE) -> RecursiveEquations:

@@ -1,11 +1,12 @@
 """The pipeline's branch for methods with Newton's iteration: the equations of a system, and the plan of its factorisation.
 
-    Equations of the start -> Equations -> Program -> Plan -> Source
+    Equations of the start -> Equations -> Program, Plan -> Source
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,7 +23,7 @@ from cutjoint.formulate.natural.equations import formulate_lagrangian, without
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import DEFAULT_PRECISION, METHODS, PRECISIONS, Formulation
+from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.records import Output
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
@@ -39,47 +40,31 @@ _ONCE = frozenset({"initial_coordinates", *CHECKS})
 E = TypeVar("E", bound=SystemEquations)
 
 
-def generate_system(
-    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool, precision: str = DEFAULT_PRECISION
-) -> tuple[SystemEquations, Program, Source]:
-    """What `pipeline.generate` makes for the methods with Newton's iteration; ``start`` finds where a run begins.
-
-    Lanes and straight-line factorisations are for number types of which several fit a register.
-    """
-    packed = PRECISIONS[precision].packed
-    lanes = lanes and packed
-    equations, program, plan = schedule_system(start, method, outputs, lanes=lanes)
-    # Program, Plan -> Source
-    mechanism, straight_line = schedule_recursive(start, lanes=lanes), STRAIGHT_LINE if packed else 0
-    return equations, program, emit_system(mechanism, program, equations, plan, straight_line=straight_line)
-
-
-def interpret_system(
-    start: RecursiveEquations, method: str, outputs: tuple[Output, ...]
-) -> tuple[SystemEquations, Program, Source, dict[str, Any]]:  # fmt: skip
-    """The same for the interpreter, with what it reads."""
-    equations, program, plan = schedule_system(start, method, outputs, lanes=True)
-    return equations, program, *_interpreted(equations, program, plan)
-
-
-def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[SystemEquations, Program, Source, dict[str, Any]]:
-    """The same of what was scheduled already, by a method without a saddle point, whose plan follows from the pattern alone."""
-    program, pattern = settle_entries(program, len(equations.row_names), symmetric=METHODS[equations.method].symmetric)
-    return equations, program, *_interpreted(equations, program, plan_definite(pattern))
-
-
-def _interpreted(equations: SystemEquations, program: Program, plan: Plan) -> tuple[Source, dict[str, Any]]:
-    return emit_interpreted_system(schedule_recursive(equations.start, lanes=True), program, equations, plan)
-
-
 def schedule_system(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool
-) -> tuple[SystemEquations, Program, Plan]:  # fmt: skip
-    """The equations, their program, and the plan of the factorisation; errors as of `plan_system`."""
+) -> tuple[SystemEquations, Program]:  # fmt: skip
+    """What `pipeline.schedule_method` makes for the methods with Newton's iteration; ``start`` finds where a run begins.
+
+    Raises:
+        RunError, MissingLibraryError: as of `plan_system`.
+    """
     # Topology -> Equations
     equations, states = formulate_system(start, method, outputs)
-    # Equations -> Program -> Plan
+    # Equations -> Program, Plan
     return plan_system(equations, states, lanes=lanes)
+
+
+def emit_scheduled(equations: SystemEquations, program: Program, *, lanes: bool, packed: bool) -> Source:
+    """The C++ of what was scheduled.  Lanes and straight-line factorisations are for number types of which several fit a register."""
+    mechanism, straight_line = schedule_recursive(equations.start, lanes=lanes), STRAIGHT_LINE if packed else 0
+    assert equations.plan is not None
+    return emit_system(mechanism, program, equations, equations.plan, straight_line=straight_line)
+
+
+def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[Source, dict[str, Any]]:
+    """The same for the interpreter, with what it reads."""
+    assert equations.plan is not None
+    return emit_interpreted_system(schedule_recursive(equations.start, lanes=True), program, equations, equations.plan)
 
 
 def formulate_system(
@@ -95,10 +80,10 @@ def formulate_system(
     return without(equations, dependent_equations(equations, states)), states
 
 
-def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program, Plan]:
-    """The program of a system and the plan of its factorisation; ``states`` are where the pivots of a saddle point are tried.
+def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program]:
+    """The program of a system; ``states`` are where the pivots of a saddle point are tried.
 
-    The equations returned know where the entries of their tangent stand.
+    The equations returned know where the entries of their tangent stand, and the plan of its factorisation.
 
     Raises:
         RunError: the equations depend on each other in one of the states.
@@ -114,8 +99,8 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
     )  # fmt: skip
     equations = equations.with_tangent(places(pattern))
     if isinstance(equations, LagrangianEquations) and METHODS[equations.method].saddle_point:
-        return equations, program, _plan_with_pivots(equations, pattern, states)
-    return equations, program, plan_definite(pattern)
+        return replace(equations, plan=_plan_with_pivots(equations, pattern, states)), program
+    return replace(equations, plan=plan_definite(pattern)), program
 
 
 def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:

@@ -11,7 +11,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import schedule_method
-from cutjoint.reduce.choose import Candidate, try_reduced
+from cutjoint.reduce.choose import Candidate, find_step
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.reduce.trials import Trials
@@ -59,6 +59,6 @@ def test_a_model_of_many_instructions_is_given_up_before_it_is_compiled(monkeypa
 
     monkeypatch.setattr("cutjoint.reduce.trials.compile_scene", compiles)
     fastest = Candidate(variant="full", method="augmented", dt=1e-3, error=0.0, seconds=1e-3, instructions=1.0)
-    found, artifact = try_reduced(full, scene, {}, truth, fastest=fastest)
-    assert (found.seconds, artifact) == (inf, None)
+    found, trials = find_step(full, scene, {}, truth, fastest=fastest)
+    assert (found.seconds, trials) == (inf, None)
     assert found.failure == "more than 1.5 times the instructions of another at longer steps already"

@@ -11,7 +11,6 @@ from typing import Any
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.rigid import describe_geometry
 from cutjoint.commands import options
-from cutjoint.emit.source import Source
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
@@ -113,7 +112,7 @@ def _play_meanwhile(
         if compiling.later.done:
             raise _CompiledFirst
 
-    artifact = _compile_interpreted(request, model, scene, method, compiling.made)
+    artifact = _compile_interpreted(request, model, scene, method, compiling.made[:2])
     artifact = replace(artifact, generate_seconds=compiling.seconds + artifact.generate_seconds)
     prepared = prepare(artifact, request.options, parameters)
     run = play(prepared, watch)
@@ -153,7 +152,7 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
 
 
 def _compile_interpreted(
-    request: Request, model: Model, scene: Scene, method: str, made: tuple[Equations, Program, Source] | None = None
+    request: Request, model: Model, scene: Scene, method: str, made: tuple[Equations, Program] | None = None
 ) -> Artifact:  # fmt: skip
     from cutjoint.interpreted import compile_interpreted
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from cutjoint.model.records import Output, Parameter, Scene
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
+
+if TYPE_CHECKING:
+    from cutjoint.sparse.plan import Plan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,13 +255,14 @@ class SystemEquations(Equations):
     """An index-3 formulation that Newton's iteration solves, see runtime/include/cutjoint/lagrangian/system.hpp.
 
     ``start`` are the recursive equations that find where a run begins.  The results ``tangent:row,column`` are the tangent's candidates,
-    of a symmetric tangent the lower triangle; their slots follow from its pattern.  ``switches`` are the values of ``events``, in an order
-    of their own.
+    of a symmetric tangent the lower triangle; their slots follow from its pattern, and ``plan`` is its factorisation's, once there is
+    one.  ``switches`` are the values of ``events``, in an order of their own.
     """
 
     method: str
     start: RecursiveEquations
     switches: tuple[SwitchPlace, ...] = ()
+    plan: Plan | None = None
 
     @property
     def mechanism(self) -> RecursiveEquations:

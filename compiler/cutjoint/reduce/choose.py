@@ -7,10 +7,11 @@ of the scene's rows, and timed at the longest that keeps the tolerance.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError
 from math import ceil, inf, log
@@ -20,6 +21,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import made_with
+from cutjoint.reduce.aside import DERIVING, begin
 from cutjoint.reduce.measure import distance, time_run
 from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequence
 from cutjoint.reduce.trials import Trials, at_step
@@ -46,8 +48,9 @@ RATIO = 2**0.5
 #: instructions.  An error counts as lower below this share of another.
 PATIENCE, DEARER, SETTLING = 3.0, 1.5, 0.9
 
-#: Rounds in which the fastest are timed in turns.
-ROUNDS = 3
+#: Rounds in which the fastest are timed again, in turns.
+ROUNDS = 2
+
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
@@ -83,19 +86,31 @@ class _ReducedModels:
 
     def __init__(self, model: Model, scene: Scene) -> None:
         self._model, self._scene = model, scene
-        self._of: dict[str, list[ReducedModel]] = {}
+        self._of: dict[str, Future[list[ReducedModel]]] = {}
+
+    def begin(self) -> None:
+        """Derive those of all methods in other threads, one after the other."""
+        for method in METHODS:
+            self._begin(method)
 
     def of(self, method: str) -> list[ReducedModel]:
-        """Those of a method, one for each motion.
+        """Those of a method, one for each motion, when they are there.
 
         Raises:
             ModelError, RunError: the method takes none.
         """
+        return self._begin(method).result()
+
+    def _begin(self, method: str) -> Future[list[ReducedModel]]:
         if method not in self._of:
+            self._of[method] = begin(partial(self._derive, method))
+        return self._of[method]
+
+    def _derive(self, method: str) -> list[ReducedModel]:
+        with DERIVING:
             first = self._first
             last = list({reduced.motion: reduced for reduced in first}.values())
-            self._of[method] = last if method == first[0].method else cheapest_by(method, first)
-        return self._of[method]
+            return last if method == first[0].method else cheapest_by(method, first)
 
     @cached_property
     def _first(self) -> list[ReducedModel]:
@@ -162,9 +177,12 @@ def _keep(made: Choice, place: Path) -> Choice:
 
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
     assert scene.tolerance is not None
-    truth, reduced_models = find_truth(model, scene, parameters), _ReducedModels(model, scene)
-    tried = list(_candidates(reduced_models, scene, parameters, truth))
-    evidence = _timed_in_turns(tried, parameters)
+    reduced_models = _ReducedModels(model, scene)
+    truth = find_truth(model, scene, parameters, when_running=reduced_models.begin)
+    steps = _find_steps(reduced_models, scene, parameters, truth)
+    compiled = [None if trials is None else trials.compiled for _, trials in steps]  # all of it, before anything is timed
+    tried = [timed(candidate, artifact, parameters) for (candidate, _), artifact in zip(steps, compiled, strict=True)]
+    evidence = _timed_in_turns(list(zip(tried, compiled, strict=True)), parameters)
     good = [c for c in evidence if not c.failure]
     if not good:
         raise RunError(f"{scene.span}: scene '{scene.name}': nothing keeps the tolerance of {scene.tolerance:g}: {_nearest(evidence)}")
@@ -186,7 +204,7 @@ def _timed_in_turns(tried: Sequence[tuple[Candidate, Artifact | None]], paramete
         return tuple(c for c, _ in tried)
     rounds = [[time_run(artifact, c.dt, parameters).seconds for c, artifact in close.items()] for _ in range(ROUNDS)]
     seconds = dict(zip(close, (min(column) for column in zip(*rounds, strict=True)), strict=True))
-    return tuple(replace(c, seconds=seconds.get(c, c.seconds)) for c, _ in tried)
+    return tuple(replace(c, seconds=min(c.seconds, seconds.get(c, inf))) for c, _ in tried)
 
 
 def _nearest(evidence: Sequence[Candidate]) -> str:
@@ -197,53 +215,86 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
     return f"{best.method} ({best.variant}) came to {best.error:.2g}; hint: write a larger tolerance"
 
 
-def _candidates(
+def _find_steps(
     reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Truth
-) -> Iterator[tuple[Candidate, Artifact | None]]:  # fmt: skip
-    fastest: Candidate | None = None
-    for method in METHODS:
-        try:
-            variants = reduced_models.of(method)
-        except (ModelError, RunError) as error:
-            yield Candidate(variant="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None
-            continue
-        for variant in variants:
-            candidate, artifact = try_reduced(variant, scene, parameters, truth, fastest=fastest)
-            if not candidate.failure and (fastest is None or candidate.seconds < fastest.seconds):
-                fastest = candidate
-            yield candidate, artifact
+) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
+    """The candidates, which are not timed, and the runs of those that keep the tolerance, whose code is being compiled.
+
+    The first method with one is searched alone.  The others, side by side, give up where they take much more than that.  Those come first
+    whose equations need not be derived again to be interpreted: what they leave to the compiler takes longest.
+    """
+    search = partial(_search, reduced_models, scene, parameters, truth)
+    found: list[tuple[Candidate, Trials | None]] = []
+    others = list(METHODS)
+    while others and _fastest(found) is None:
+        found += search(others.pop(0), None)
+    others.sort(key=lambda method: METHODS[method].saddle_point)
+    for searching in [begin(partial(search, method, _fastest(found))) for method in others]:
+        found += searching.result()
+    return sorted(found, key=lambda of: list(METHODS).index(of[0].method))
 
 
-def try_reduced(
+def _search(
+    reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Truth, method: str, fastest: Candidate | None
+) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
+    """The candidates of one method."""
+    try:
+        variants = reduced_models.of(method)
+    except (ModelError, RunError) as error:
+        return [(Candidate(variant="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None)]
+    found: list[tuple[Candidate, Trials | None]] = []
+    for variant in variants:
+        candidate, trials = find_step(variant, scene, parameters, truth, fastest=fastest or _fastest(found))
+        if trials is not None:
+            trials.begin_compiling()
+        found.append((candidate, trials))
+    return found
+
+
+def _fastest(found: Sequence[tuple[Candidate, Trials | None]]) -> Candidate | None:
+    """What takes the fewest instructions of those that keep the tolerance."""
+    return min((c for c, _ in found if not c.failure), key=lambda c: c.instructions, default=None)
+
+
+def find_step(
     variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, *,
     ratio: float = RATIO, fastest: Candidate | None = None,
-) -> tuple[Candidate, Artifact | None]:  # fmt: skip
-    """The longest step that keeps the scene's tolerance, and what a run takes there, by the generated code that is returned too; steps fall
-    by ``ratio``.
+) -> tuple[Candidate, Trials | None]:  # fmt: skip
+    """The longest step that keeps the scene's tolerance, where there is one with the runs that found it; steps fall by ``ratio``.
 
     It gives up where a run is much slower than the ``fastest`` so far, or where a fourth of the step has not brought the error down: the
     rest of the error is then the reduced model's own.
     """
     assert scene.tolerance is not None
-    trials = Trials(variant.model, variant.scene, variant.method)
+    trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
     best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
     for dt in _falling(variant.scene, variant.method, ratio):
         try:
             run = trials.run(dt, parameters)
-            error = distance(run, truth.run)
-            if reason := _gives_up(trials, run, fastest):
-                return replace(best, failure=reason), None
-            if error <= SHARE * scene.tolerance:
-                cost = time_run(at_step(trials.compiled, dt), dt, parameters)
-                found = replace(best, dt=dt, error=error, seconds=cost.seconds, instructions=trials.instructions(run), failure=cost.failure)
-                return found, trials.compiled
         except SimulatorError as problem:
             return replace(best, failure=str(problem)), None
+        error = distance(run, truth.run)
+        if reason := _gives_up(trials, run, fastest):
+            return replace(best, failure=reason), None
+        if error <= SHARE * scene.tolerance:
+            seconds = run.seconds if trials.is_compiled else inf
+            return replace(best, dt=dt, error=error, seconds=seconds, instructions=trials.instructions(run), failure=""), trials
         if error < SETTLING * best.error:
             best = replace(best, dt=dt, error=error)
         elif best.error < inf and dt < best.dt / 4:
             return replace(best, failure="shorter steps do not lower its error"), None
     return best, None
+
+
+def timed(found: Candidate, artifact: Artifact | None, parameters: Mapping[str, float]) -> Candidate:
+    """A candidate with what a run takes by its generated code."""
+    if artifact is None:
+        return found
+    try:
+        cost = time_run(at_step(artifact, found.dt), found.dt, parameters)
+    except SimulatorError as problem:
+        return replace(found, seconds=inf, failure=str(problem))
+    return replace(found, seconds=cost.seconds, failure=cost.failure)
 
 
 def _gives_up(trials: Trials, run: Trajectory, fastest: Candidate | None) -> str:

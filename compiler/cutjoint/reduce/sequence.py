@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
+from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import schedule_method
+from cutjoint.program.records import Program
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
 from cutjoint.reduce.half.nearly import flatten_nearly, halve_nearly
@@ -76,7 +78,7 @@ class ReducedModel:
     ``name`` is that of the last pass that changed it; ``done`` is what the passes up to that one did, ``left`` what they found and left.
 
     ``motion`` is one of MOTIONS; ``operations`` are those of an evaluation, ``unknowns`` and ``equations`` the numbers of coordinates and
-    of the cut joints' equations.
+    of the cut joints' equations; ``scheduled`` are the equations and the program that these were counted in.
     """
 
     name: str
@@ -89,6 +91,7 @@ class ReducedModel:
     equations: int
     done: tuple[Note, ...] = ()
     left: tuple[Note, ...] = ()
+    scheduled: tuple[Equations, Program] | None = field(default=None, compare=False, repr=False)
 
 
 def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, approximate: bool = False) -> list[ReducedModel]:
@@ -202,11 +205,11 @@ def _variant(name: str, outcome: Outcome, method: str, *, motion: str) -> Reduce
 
 def _count(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedModel:
     """A reduced model with the operations of a method's evaluation."""
-    equations, program = schedule_method(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
+    equations, program = scheduled = schedule_method(outcome.model, outcome.scene, outcome.scene.outputs, method=method)
     return ReducedModel(
         name=name, model=outcome.model, scene=outcome.scene, method=method, motion=motion, unknowns=equations.unknowns,
         operations=program.operations(METHODS[method].iteration), equations=len(equations.equation_names), done=outcome.done,
-        left=outcome.left,
+        left=outcome.left, scheduled=scheduled,
     )  # fmt: skip
 
 

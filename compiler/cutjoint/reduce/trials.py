@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from concurrent.futures import Future
 
+from cutjoint.formulate.records import Equations
 from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene
+from cutjoint.pipeline import compile_scene, emit_scheduled, schedule_method
 from cutjoint.program.records import Program
+from cutjoint.reduce.aside import DERIVING, begin
 from cutjoint.reduce.sampling import compiling_seconds
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
@@ -24,25 +26,42 @@ _INTERPRETING = 4e-9
 
 
 class Trials:
-    """Runs of a model by a method whose steps are given, and which keep no tolerance."""
+    """Runs of a model by a method whose steps are given, and which keep no tolerance; ``scheduled`` is what `pipeline.schedule_method` made
+    of it."""
 
-    def __init__(self, model: Model, scene: Scene, method: str) -> None:
+    def __init__(self, model: Model, scene: Scene, method: str, *, scheduled: tuple[Equations, Program] | None = None) -> None:
         self._model, self._scene, self._method = model, scene, method
-        self._interpreted = compile_interpreted(model, scene, method=method)
+        with DERIVING:
+            self._scheduled = scheduled or schedule_method(model, scene, scene.outputs, method=method)
+            interpreted = compile_interpreted(model, scene, method=method, made=self._scheduled)
+            self._interpreted = interpreted.with_rows(scene.output_step)  # which finds what its loops leave open
         self._left = compiling_seconds(self._operations, method)
         self._step_seconds = _INTERPRETING * self._operations
-        self._is_compiled = False
+        self._compiling: Future[Artifact] | None = None
 
     @property
     def is_compiled(self) -> bool:
-        """Whether runs are by generated code."""
-        return self._is_compiled
+        """Whether further runs are by generated code."""
+        return self._compiling is not None
 
-    @cached_property
+    @property
     def compiled(self) -> Artifact:
-        """The generated code, by which all further runs are."""
-        self._is_compiled = True
-        return compile_scene(self._model, self._scene, method=self._method)
+        """The generated code, when it is there.
+
+        Raises:
+            ToolchainError: the C++ side failed.
+        """
+        return self.begin_compiling().result()
+
+    def begin_compiling(self) -> Future[Artifact]:
+        """Compile it in another thread, unless that was begun."""
+        self._compiling = self._compiling or begin(self._compile)
+        return self._compiling
+
+    def _compile(self) -> Artifact:
+        with DERIVING:
+            made = (*self._scheduled, emit_scheduled(*self._scheduled))
+        return compile_scene(self._model, self._scene, method=self._method, made=made)
 
     def run(self, dt: float, parameters: Mapping[str, float]) -> Trajectory:
         """A run of steps dt (s), whose rows are some of the scene's; it may have failed.
@@ -52,7 +71,7 @@ class Trials:
             ToolchainError: the C++ side failed.
         """
         steps = self._scene.end / dt
-        if self._is_compiled or self._left < steps * self._step_seconds:
+        if self.is_compiled or self._left < steps * self._step_seconds:
             return run_at(self.compiled, dt, parameters)
         run = run_at(self._interpreted, dt, parameters)
         self._left -= run.seconds

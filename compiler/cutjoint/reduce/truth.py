@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import ceil, floor, inf
 
@@ -30,10 +30,11 @@ class Truth:
     settled: float
 
 
-def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Truth:
+def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float], *, when_running: Callable[[], None] | None = None) -> Truth:
     """The full model of a scene with a tolerance by the first method that settles.
 
-    Methods with a linear system come first: they hold loops by the equations.
+    Methods with a linear system come first: they hold loops by the equations.  ``when_running`` is called as the runs of a method begin,
+    which leave this program little to do.
 
     Raises:
         RunError: none settles.
@@ -43,7 +44,10 @@ def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float]) -> T
     for method in sorted(METHODS, key=lambda name: not METHODS[name].has_system):
         try:
             step = scene.numerics.of_method(method).step
-            return _settle(Trials(model, scene, method), step, scene, parameters)
+            trials = Trials(model, scene, method)
+            if when_running is not None:
+                when_running()
+            return _settle(trials, step, scene, parameters)
         except (ModelError, RunError, SimulatorError) as error:
             reasons.append(f"{method}: {error}")
     raise RunError(f"{scene.span}: scene '{scene.name}': no truth to measure by: " + "; ".join(reasons))

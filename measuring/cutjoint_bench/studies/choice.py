@@ -23,7 +23,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
-from cutjoint.reduce.choose import Candidate, choose, try_reduced
+from cutjoint.reduce.choose import Candidate, choose, find_step, timed
 from cutjoint.reduce.measure import time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import at_step
@@ -112,7 +112,8 @@ class Comparison:
                 yield found
 
     def _try(self, variant: ReducedModel, fastest: Candidate | None) -> Record:
-        return asdict(try_reduced(variant, self.scene, {}, self.truth, ratio=FINE, fastest=fastest)[0])
+        found, trials = find_step(variant, self.scene, {}, self.truth, ratio=FINE, fastest=fastest)
+        return asdict(timed(found, None if trials is None else trials.compiled, {}))
 
     def _variants(self, method: str) -> list[ReducedModel]:
         try:

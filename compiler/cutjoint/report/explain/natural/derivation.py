@@ -63,5 +63,6 @@ def derive_natural(model: Model, scene: Scene, method: str) -> Derivation:
     states = closed_states(full)
     dependent = dependent_equations(full, states)
     # Equations -> Program -> Plan
-    equations, program, plan = plan_system(without(full, dependent if METHODS[method].saddle_point else ()), states, lanes=False)
-    return Derivation(full=full, equations=equations, dependent=dependent, program=program, plan=plan)
+    equations, program = plan_system(without(full, dependent if METHODS[method].saddle_point else ()), states, lanes=False)
+    assert equations.plan is not None
+    return Derivation(full=full, equations=equations, dependent=dependent, program=program, plan=equations.plan)
