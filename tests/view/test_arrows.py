@@ -59,6 +59,7 @@ def test_arrows_are_shown_on_request(hanging: Shown, browser: Page) -> None:
     browser.open(hanging.page)
     before = browser.picture(PICTURES / "arrows-without.png").read_bytes()
     browser.run("document.getElementById('forces').click(); document.getElementById('names').click()")
+    browser.settle()
     names = browser.run("[...document.querySelectorAll('#labels .force')].map((label) => label.textContent)")
     assert names
     assert set(names) <= {"spring 20 N", "pull 5 N", "hold 5 N", "hang 10 N"}
