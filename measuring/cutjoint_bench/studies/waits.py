@@ -56,24 +56,24 @@ note("import SymPy")
 from cutjoint.commands import simulate
 from cutjoint import pipeline
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.emit.source import emit
 from cutjoint.model.read import read_model
-from cutjoint.systems import generate_system
+from cutjoint.systems import schedule_system
 from cutjoint.toolchain.build import write_source
 note("other imports")
 model = read_model(Path(sys.argv[1]))
 scene, method = model.scenes[sys.argv[2]], sys.argv[3]
 note("read the model")
-equations = pipeline.derive(model, scene, scene.outputs)
+has_system = pipeline.METHODS[method].has_system
+equations = pipeline.derive(model, scene, () if has_system else scene.outputs)
 note("topology, equations of the mechanism")
-if pipeline.METHODS[method].has_system:
-    source = generate_system(equations.starting, method, tuple(scene.outputs), lanes=True)[2]
-    note("equations of the system, lowering, order, printing")
+if has_system:
+    scheduled = schedule_system(equations.starting, method, tuple(scene.outputs), lanes=True)
+    note("equations of the system, lanes, lowering, common terms, order")
 else:
-    program = schedule_recursive(equations, lanes=True)
+    scheduled = equations, schedule_recursive(equations, lanes=True)
     note("lanes, lowering, common terms")
-    source = emit(program, equations)
-    note("printing")
+source = pipeline.emit_scheduled(*scheduled)
+note("printing")
 write_source(source, Path(sys.argv[4]))
 print(json.dumps(times))
 """
@@ -169,11 +169,7 @@ def phases(model: str, scene: str, method: str) -> Iterator[tuple[str, float]]:
     """Names and processor times, s, of what compiling a model comes to."""
     with TemporaryDirectory() as name:
         source, out = Path(name) / "source", Path(name) / "out"
-        place = MODELS / f"{model}.yaml"
-        done = subprocess.run(
-            [sys.executable, "-c", SYMBOLIC, place, scene, method, source], capture_output=True, text=True, check=True
-        )  # fmt: skip
-        yield from json.loads(done.stdout).items()
+        yield from symbolic_phases(MODELS / f"{model}.yaml", scene, method, source).items()
         runtime = plain_runtime(Path(name))
         project = ("-DCMAKE_EXPORT_COMPILE_COMMANDS=ON", f"-DCUTJOINT_RUNTIME={runtime}", *Kind().definitions)
         before = getrusage(RUSAGE_CHILDREN)
@@ -184,6 +180,15 @@ def phases(model: str, scene: str, method: str) -> Iterator[tuple[str, float]]:
         again = ["cmake", "-S", str(source), "-B", str(Path(name) / "again"), "-G", "Ninja", project[1]]
         yield "CMake's configuration, with a driver to build", time_process(again)[1]
         yield "all processes of the build together", everything
+
+
+def symbolic_phases(model: Path, scene: str, method: str, out: Path) -> dict[str, float]:
+    """Names and processor times, s, of the symbolic half, which puts its source into a folder."""
+    done = subprocess.run([sys.executable, "-c", SYMBOLIC, model, scene, method, out], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise click.ClickException(done.stderr[-800:])
+    times: dict[str, float] = json.loads(done.stdout)
+    return times
 
 
 def _compilations(out: Path) -> Iterator[tuple[str, list[str]]]:
