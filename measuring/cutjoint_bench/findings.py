@@ -102,6 +102,20 @@ def best(lines: Sequence[Line], error: float, suits: Callable[[Line], bool]) -> 
     return min(found, key=lambda pair: pair[1]) if found else None
 
 
+def leading(lines: Sequence[Line]) -> list[Line]:
+    """The methods by their own rule, and of the others, group by group and peer by peer, what is the fastest at one of TARGETS at least."""
+    leaders = {
+        found[0] for group in dict.fromkeys(map(_rivals, lines)) for error in TARGETS
+        if (found := best(lines, error, lambda line, group=group: _rivals(line) == group)) is not None  # type: ignore[misc]
+    }  # fmt: skip
+    return [line for line in lines if line["group"] == "generated" or line["label"] in leaders]
+
+
+def _rivals(line: Line) -> tuple[str, str]:
+    """What a line is compared with: its group, of peers the same tool."""
+    return line["group"], line["contender"].partition("/")[0] if line["group"] == "peer" else ""
+
+
 class Spot(NamedTuple):
     """A measured point: its time (s), contender, step (s) and error of position (m)."""
 

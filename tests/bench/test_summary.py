@@ -10,7 +10,7 @@ import pytest
 from click import ClickException
 from click.testing import CliRunner
 
-from cutjoint_bench.findings import Spot
+from cutjoint_bench.findings import Spot, leading
 from cutjoint_bench.report.page import NO_MAPS
 from cutjoint_bench.report.summary import fastest_of, summarise
 from cutjoint_bench.report.tables import milliseconds
@@ -80,3 +80,15 @@ def test_a_page_that_is_too_large_for_git_is_refused(tmp_path: Path, monkeypatch
 
 def test_times_have_three_digits() -> None:
     assert [milliseconds(s) for s in (1.2345e-5, 0.99949, 0.9996, 1.4837, 12.0)] == ["0.0123", "999", "1000", "1480", "12000"]
+
+
+def test_what_leads_its_group_is_drawn() -> None:
+    lines = [
+        line("recursive", "generated", point(0.01, 9.0, 1e-4)), line("augmented", "generated", point(0.01, 10.0, 1e-4)),
+        line("recursive/rk4", "integrators", point(0.01, 2.0, 1e-6)), line("recursive/events", "integrators", point(0.01, 3.0, 1e-6)),
+        line("recursive/sdirk4", "integrators", point(0.01, 1.0, 1e-3)), line("mujoco/rk4", "peer", point(0.01, 3.0, 1e-6)),
+        line("mujoco/euler", "peer", point(0.01, 4.0, 1e-4)), line("exudyn/index2", "peer", point(0.01, 99.0, 1e-3)),
+        line("classical", "solvers", point(0.01, 1.0, 1.0)),
+    ]  # fmt: skip
+    drawn = [found["contender"] for found in leading(lines)]
+    assert drawn == ["recursive", "augmented", "recursive/rk4", "recursive/sdirk4", "mujoco/rk4", "exudyn/index2"]

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from cutjoint_bench.findings import timed
+from cutjoint_bench.findings import leading, timed
 
 Line = Mapping[str, Any]
 
@@ -26,9 +26,6 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "generated": ("-", "o"), "scalar": ("-", "x"), "solvers": (":", "."), "generic": ("--", "s"), "precision": ("-", "o"),
     "peer": ("-.", "^"), "reduced": ("--", "D"), "reductions": ("--", "v"), "integrators": (":", "P"),
 }  # fmt: skip
-
-_ERRORS = {"position": "largest error of position [m]", "velocity": "largest error of velocity [m/s]"}
-
 
 def new_figure(width: float, height: float) -> Figure:
     """A figure to draw on."""
@@ -53,20 +50,18 @@ def style(panel: Axes) -> None:
 
 
 def draw_work_precision(case: Mapping[str, Any]) -> str:
-    """Time over error, a line a contender, its step along the line; the scene's own step is ringed, in the paper's scenes the paper's."""
-    figure = new_figure(11, 4.8)
-    panels = figure.subplots(1, 2)
-    for panel, (name, label) in zip(panels, _ERRORS.items(), strict=True):
-        for colour, line in zip(_colours(case["lines"]), case["lines"], strict=True):
-            _draw_line(panel, line, name, colour)
-        panel.set_xscale("log")
-        panel.set_yscale("log")
-        panel.invert_xaxis()
-        panel.set_xlabel(label)
-        style(panel)
-    panels[0].set_ylabel(f"time for {case['end']:g} s of motion [s]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small", frameon=False)
+    """Time over error of the leading contenders, a line each, its step along the line; the scene's own step is ringed."""
+    figure, lines = new_figure(10, 4.8), leading(case["lines"])
+    panel = figure.subplots()
+    for colour, line in zip(_colours(lines), lines, strict=True):
+        _draw_line(panel, line, colour)
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.invert_xaxis()
+    panel.set_xlabel("largest error of position [m]")
+    panel.set_ylabel(f"time for {case['end']:g} s of motion [s]")
+    style(panel)
+    figure.legend(loc="outside right center", fontsize="small", frameon=False)
     return svg_of(figure)
 
 
@@ -80,12 +75,12 @@ def _colours(lines: Sequence[Line]) -> list[str]:
     return [of[family] for family in families]
 
 
-def _draw_line(panel: Axes, line: Line, name: str, colour: str) -> None:
-    points = [p for p in timed(line) if p["errors"][name]]
+def _draw_line(panel: Axes, line: Line, colour: str) -> None:
+    points = [p for p in timed(line) if p["errors"]["position"]]
     if not points:
         return
     stroke, mark = STYLES.get(line["group"], ("-", "o"))
-    x, y = [p["errors"][name] for p in points], [median(p["seconds"]) for p in points]
+    x, y = [p["errors"]["position"] for p in points], [median(p["seconds"]) for p in points]
     panel.plot(x, y, stroke, marker=mark, markersize=3.5, linewidth=1.2, color=colour, label=line["label"])
     for p, error, seconds in zip(points, x, y, strict=True):
         if p["dt"] == line.get("dt"):
