@@ -220,8 +220,8 @@ def _find_steps(
 ) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
     """The candidates, which are not timed, and the runs of those that keep the tolerance, whose code is being compiled.
 
-    The first method with one is searched alone.  The others, side by side, give up where they take much more than that.  Those come first
-    whose equations need not be derived again to be interpreted: what they leave to the compiler takes longest.
+    The first method with one is searched alone.  The others, side by side, give up where they take much more than that.  A saddle
+    point is begun last, since it takes longest to prepare.
     """
     search = partial(_search, reduced_models, scene, parameters, truth)
     found: list[tuple[Candidate, Trials | None]] = []
