@@ -62,3 +62,16 @@ def test_a_model_of_many_instructions_is_given_up_before_it_is_compiled(monkeypa
     found, trials = find_step(full, scene, {}, truth, fastest=fastest)
     assert (found.seconds, trials) == (inf, None)
     assert found.failure == "more than 1.5 times the instructions of another at longer steps already"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "instructions", "failure"),
+    [(inf, 1.0, "more than 1.5 times the instructions of another"), (1e-9, inf, "slower than another")],
+)
+def test_a_compiled_model_is_given_up_too(seconds: float, instructions: float, failure: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.reduce.trials.compiling_seconds", lambda operations, method: 0.0)
+    model, scene = turn()
+    (full, *_) = reduction_sequence(model, scene, "recursive")
+    fastest = Candidate(variant="full", method="augmented", dt=1e-3, error=0.0, seconds=seconds, instructions=instructions)
+    found, trials = find_step(full, scene, {}, find_truth(model, scene, {}), fastest=fastest)
+    assert (found.failure, trials) == (f"{failure} at longer steps already", None)

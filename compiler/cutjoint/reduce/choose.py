@@ -44,7 +44,7 @@ LONGEST, SHORTEST = 16, 2**-9
 #: From one step that is tried to the next.
 RATIO = 2**0.5
 
-#: A reduced model is given up where a run takes so many times as long as the best so far, or, before it is compiled, so many times the
+#: A reduced model is given up where a compiled run takes so many times as long as the best so far, or any run so many times the
 #: instructions.  An error counts as lower below this share of another.
 PATIENCE, DEARER, SETTLING = 3.0, 1.5, 0.9
 
@@ -277,8 +277,8 @@ def find_step(
         if reason := _gives_up(trials, run, fastest):
             return replace(best, failure=reason), None
         if error <= SHARE * scene.tolerance:
-            seconds = run.seconds if trials.is_compiled else inf
-            return replace(best, dt=dt, error=error, seconds=seconds, instructions=trials.instructions(run), failure=""), trials
+            found = replace(best, dt=dt, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
+            return found, trials
         if error < SETTLING * best.error:
             best = replace(best, dt=dt, error=error)
         elif best.error < inf and dt < best.dt / 4:
@@ -301,10 +301,10 @@ def _gives_up(trials: Trials, run: Trajectory, fastest: Candidate | None) -> str
     """Why shorter steps are not tried after a run; empty where they are."""
     if fastest is None or run.failure is not None:
         return ""
-    if trials.is_compiled:
-        return "slower than another at longer steps already" if run.seconds > PATIENCE * fastest.seconds else ""
-    more = trials.instructions(run) > DEARER * fastest.instructions
-    return f"more than {DEARER:g} times the instructions of another at longer steps already" if more else ""
+    if trials.instructions(run) > DEARER * fastest.instructions:
+        return f"more than {DEARER:g} times the instructions of another at longer steps already"
+    slower = trials.is_compiled and run.seconds > PATIENCE * fastest.seconds  # which may have been interpreted, and is faster then
+    return "slower than another at longer steps already" if slower else ""
 
 
 def _falling(scene: Scene, method: str, ratio: float) -> list[float]:
