@@ -104,10 +104,11 @@ def best(lines: Sequence[Line], error: float, suits: Callable[[Line], bool]) -> 
 
 def leading(lines: Sequence[Line]) -> list[Line]:
     """The methods by their own rule, and of the others, group by group and peer by peer, what is the fastest at one of TARGETS at least."""
-    leaders = {
-        found[0] for group in dict.fromkeys(map(_rivals, lines)) for error in TARGETS
-        if (found := best(lines, error, lambda line, group=group: _rivals(line) == group)) is not None  # type: ignore[misc]
-    }  # fmt: skip
+    rivals: dict[tuple[str, str], list[Line]] = {}
+    for line in lines:
+        rivals.setdefault(_rivals(line), []).append(line)
+    fastest = [best(among, error, lambda _: True) for among in rivals.values() for error in TARGETS]
+    leaders = {found[0] for found in fastest if found is not None}
     return [line for line in lines if line["group"] == "generated" or line["label"] in leaders]
 
 

@@ -68,6 +68,7 @@ def test_the_page_begins_with_the_question_and_ends_with_provenance(tmp_path: Pa
     parts = ('id="explore"', "<h2>clock/swing: and peers</h2>", "At equal accuracy", "At the scene's own step", "Provenance")
     assert [page.index(part) for part in parts] == sorted(page.index(part) for part in parts)
     assert NO_MAPS.note in page
+    assert page.count("<svg") == 1, "the chart of all points alone"
     assert (tmp_path / "clock_swing.svg").read_text(encoding="utf-8").startswith("<svg")
 
 

@@ -91,7 +91,7 @@ class ReducedModel:
     equations: int
     done: tuple[Note, ...] = ()
     left: tuple[Note, ...] = ()
-    scheduled: tuple[Equations, Program] | None = field(default=None, compare=False, repr=False)
+    scheduled: tuple[Equations, Program] = field(compare=False, repr=False)
 
 
 def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, approximate: bool = False) -> list[ReducedModel]:
