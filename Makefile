@@ -3,13 +3,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test heavy sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches lint setup clean
+# The tests that changes since BASE reach, by imports and names: make near BASE=main~3
+BASE ?= HEAD
+.PHONY: demo test near heavy sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --integrator dormand-prince --out results/simul1.csv --plots results/simul1
 
 test: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile
+
+near: setup
+	near=$$($(BIN)/python scripts/near $(BASE)) && if [ -n "$$near" ]; then $(BIN)/python -m pytest -n auto --dist loadfile $$near; fi
 
 heavy: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile -m heavy
