@@ -1,14 +1,22 @@
-"""Damage to a cache: the next run mends it, or says what is wrong, and its table is the right one."""
+"""Damage to a cache: the next run mends it, or says what is wrong, and its table is the right one.
+
+A cache that others can write is refused before anything of it runs.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import random
+import re
+import shlex
 import shutil
+import subprocess
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from filelock import FileLock
 
@@ -18,17 +26,24 @@ from cutjoint.toolchain.build import cache_folder
 from .press import MODEL, press, require_told, run
 
 _DAMAGES = ("empty", "cut", "flip", "append", "remove", "mode", "folder", "unreadable_text", "dangling")
+#: Which parts of a path to a file of the cache others can write or own: the file itself, its folder, the cache, the folder that has it.
+_PARTS = ("file", "folder", "cache", "parent")
+_WAYS = ("by everybody", "by a group", "of another", "planted")
+_OTHER = 65534
 _CALL = ("simulate", MODEL, "--out", "run.csv")
 #: Compiled fast rather than made fast.
 _FLAGS = {"CUTJOINT_FLAGS": "-O0"}
 
 
 def make(rng: random.Random) -> str:
-    """Which file of a cache is damaged (a number that is taken modulo how many there are), how, and where in it, as JSON.
+    """Which file of a cache is damaged (a number that is taken modulo how many there are), how, and where in it, as JSON; or which part of
+    its path others can write, how they do, and whether what the message says is done about it.
 
     Libraries are built anew in minutes, so that most damage is to the rest.
     """
     _template()
+    if os.geteuid() == 0 and rng.random() < 0.8:
+        return json.dumps({"file": rng.randrange(1000), "part": rng.choice(_PARTS), "way": rng.choice(_WAYS), "cured": rng.random() < 0.3})
     libraries = rng.random() < 0.05
     return json.dumps({"file": rng.randrange(1000), "damage": rng.choice(_DAMAGES), "at": rng.random(), "libraries": libraries})
 
@@ -54,17 +69,24 @@ def _digest() -> str:
 
 def _run(folder: Path, private: Path) -> bytes:
     """The table of the press with a private cache."""
-    (folder / MODEL).write_text(press(), encoding="utf-8")
-    done = run(_CALL, folder, {"CUTJOINT_CACHE": str(private), **_FLAGS})
-    require_told(done)
+    done = _call(folder, private)
     assert done.returncode == 0, done.stderr[-600:]
     assert "please report" not in done.stderr
     return (folder / "run.csv").read_bytes()
 
 
+def _call(folder: Path, private: Path) -> subprocess.CompletedProcess[str]:
+    (folder / MODEL).write_text(press(), encoding="utf-8")
+    done = run(_CALL, folder, {"CUTJOINT_CACHE": str(private), **_FLAGS})
+    require_told(done)
+    return done
+
+
 def check(text: str) -> tuple[str, ...]:
     """Nothing; fails where the run after the damage, or the one after that, does not give the right table."""
     case = json.loads(text)
+    if "way" in case:
+        return _check_others(case)
     template, wanted = _template()
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -99,3 +121,41 @@ def _damage(file: Path, how: str, at: float) -> None:
         made = {"empty": b"", "cut": content[:i], "flip": flipped, "append": content + b"\0more", "unreadable_text": b"\xff\xfe" + content}
         file.write_bytes(made[how])
         file.chmod(mode)
+
+
+def _check_others(case: dict[str, Any]) -> tuple[str, ...]:
+    """Why a cache that others can write is refused; fails where it is used."""
+    template, wanted = _template()
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        private = folder / "above" / "cache"
+        shutil.copytree(template, private)
+        files = [p for p in sorted(private.rglob("*")) if p.is_file() and p.suffix not in (".lock", ".a")]
+        simulators = sorted(private.glob("*/simulator"))
+        file = simulators[0] if case["way"] == "planted" else files[case["file"] % len(files)]
+        part = {"file": file, "folder": file.parent, "cache": private, "parent": private.parent}[case["part"]]
+        _open_to_others(part, case["way"], file, folder / "ran")
+        done = _call(folder, private)
+        assert not (folder / "ran").exists(), "what another user planted has run"
+        if done.returncode == 0:
+            assert case["part"] in ("file", "folder"), f"{case['part']} is used {case['way']}"
+            assert case["way"] != "planted", "what another user planted is taken for damage"
+            assert (folder / "run.csv").read_bytes() == wanted
+            return ()  # a run does not need all files
+        assert f"is not safe: {part} " in done.stderr.replace("\n", " "), done.stderr[-600:]
+        if case["cured"] and (said := re.search(r"; (chmod .*?) if nobody", done.stderr)):
+            subprocess.run(shlex.split(said[1]), check=True)
+            assert _run(folder, private) == wanted
+        return (done.stderr.rsplit(" is not safe: ", 1)[-1].split(";")[0],)
+
+
+def _open_to_others(part: Path, way: str, file: Path, ran: Path) -> None:
+    """Let another user write a part of a path, or put a program there whose digest is right and which says that it ``ran``."""
+    if way == "planted":
+        file.write_text(f"#!/bin/sh\ntouch {shlex.quote(str(ran))}\n", encoding="utf-8")
+        file.with_name("simulator.sha256").write_text(f"{sha256(file.read_bytes()).hexdigest()} program\n", encoding="ascii")
+    if way in ("of another", "planted"):
+        os.lchown(part, _OTHER, _OTHER)
+    elif way == "by a group":
+        os.chown(part, -1, _OTHER)
+    part.chmod(part.stat().st_mode | {"by everybody": 0o022, "by a group": 0o020}.get(way, 0))

@@ -1,7 +1,8 @@
 """Files by content keys: each has its digest beside it, and counts as absent unless it is what was stored.
 
 A digest is compared at each use: a file of 1 MB takes a millisecond, while size and time of change do not show a flipped bit.  For the same
-reason nothing is flushed to the disk: what a power failure cuts off is no longer what was stored.
+reason nothing is flushed to the disk: what a power failure cuts off is no longer what was stored.  Files that somebody else could have
+written are refused (`trust`).
 
 What all caches share is stored beside the installation, in the same form.
 """
@@ -23,6 +24,7 @@ import platformdirs
 
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import PREFIX, hold, plain_folder, temporary_folder
+from cutjoint.toolchain.trust import Trust, trust_of
 
 
 def cache_folder() -> Path:
@@ -36,8 +38,14 @@ def installed_folder() -> Path:
 
 
 def is_sound(file: Path) -> bool:
-    """Whether a file of the cache is there and is what was stored."""
+    """Whether a file of the cache is there and is what was stored.
+
+    Raises:
+        ToolchainError: somebody else can write there.
+    """
     beside = _digest_place(file)
+    for each in (file, beside):
+        _trust_of(each).require(each)
     try:
         return file.is_file() and beside.is_file() and beside.read_text(encoding="ascii", errors="replace") == _describe(file)
     except OSError:
@@ -50,7 +58,7 @@ def find_or_make(file: Path, make: Callable[[Path], Path]) -> bool:
     ``make`` gets a temporary folder with a plain path, and returns where the file is that it made.
 
     Raises:
-        ToolchainError: the file is not there and the cache cannot be written.
+        ToolchainError: the file is not there and the cache cannot be written, or somebody else can write it.
     """
     if is_sound(file):
         return False
@@ -73,7 +81,7 @@ def alone(file: Path) -> Iterator[None]:
     lock = folder / f"{PREFIX}{'-'.join(file.relative_to(folder).with_suffix('').parts)}.lock"
     with ExitStack() as stack:
         with _writing(folder):
-            _made(lock.parent)
+            _made(folder)
             stack.enter_context(hold(lock))
         yield
 
@@ -91,13 +99,18 @@ def store(file: Path, target: Path) -> None:
         copy, beside = folder / "content", folder / "digest"
         shutil.copy(file, copy)
         beside.write_text(_describe(copy), encoding="ascii")
+        _settle(target, copy, beside)
         _make_way(target)
         copy.replace(target)
         beside.replace(_digest_place(target))
 
 
 def fetch(file: Path, target: Path) -> bool:
-    """Copy a file out of the cache; returns whether the copy is what was stored."""
+    """Copy a file out of the cache; returns whether the copy is what was stored.
+
+    Raises:
+        ToolchainError: somebody else can write there.
+    """
     if not is_sound(file):
         return False
     try:
@@ -108,7 +121,12 @@ def fetch(file: Path, target: Path) -> bool:
 
 
 def read_record(place: Path) -> Any:
-    """A record of the cache; None where there is none, or not what was written."""
+    """A record of the cache; None where there is none, or not what was written.
+
+    Raises:
+        ToolchainError: somebody else can write there.
+    """
+    _trust_of(place).require(place)
     try:
         digest, _, text = place.read_bytes().partition(b"\n") if place.is_file() else (b"", b"", b"")
     except OSError:
@@ -125,6 +143,7 @@ def write_record(place: Path, record: Any) -> None:
     text = json.dumps(record).encode()
     with _writing(cache_folder()), temporary_folder(_made(cache_folder())) as folder:
         (folder / "record").write_bytes(sha256(text).hexdigest().encode() + b"\n" + text)
+        _settle(place, folder / "record")
         _make_way(place)
         (folder / "record").replace(place)
 
@@ -144,6 +163,11 @@ def _store_of(file: Path) -> Path:
     return installed_folder() if file.is_relative_to(installed_folder()) else cache_folder()
 
 
+def _trust_of(file: Path) -> Trust:
+    store = _store_of(file)
+    return trust_of(store, installed=store == installed_folder())
+
+
 def _digest_place(file: Path) -> Path:
     return file.with_name(f"{file.name}.sha256")
 
@@ -157,8 +181,25 @@ def _describe(file: Path) -> str:
 
 
 def _made(folder: Path) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
+    """A folder of a store, or the store, which is made if it is not there.
+
+    Raises:
+        ToolchainError: somebody else can write there.
+    """
+    if not folder.is_dir():
+        for part in (*reversed(folder.parents), folder):
+            if not part.is_dir():
+                part.mkdir(mode=0o755, exist_ok=True)
+                if part.is_relative_to(_store_of(folder)):
+                    _settle(folder, part)
+    _trust_of(folder).require(folder)
     return folder
+
+
+def _settle(place: Path, *paths: Path) -> None:
+    """Give files for a ``place`` in a store the permissions that they have there."""
+    for path in paths:
+        _trust_of(place).settle(path)
 
 
 def _make_way(target: Path) -> None:
@@ -167,7 +208,7 @@ def _make_way(target: Path) -> None:
     for part in reversed(target.relative_to(store).parents):
         if not (folder := store / part).is_dir():
             folder.unlink(missing_ok=True)
-    target.parent.mkdir(parents=True, exist_ok=True)
+    _made(target.parent)
     for file in (target, _digest_place(target)):
         if file.is_dir() and not file.is_symlink():
             shutil.rmtree(file)

@@ -65,7 +65,7 @@ def is_plain(path: Path) -> bool:
 @contextmanager
 def hold(path: Path) -> Iterator[None]:
     """Hold a lock; its file is there for no longer than that, unless the process is killed."""
-    with FileLock(path):
+    with FileLock(path, mode=0o664):  # a group that shares a cache takes turns
         try:
             yield
         finally:

@@ -1,0 +1,158 @@
+"""Whom files are trusted from: this user, root, and nobody else who could have written or exchanged them.
+
+A digest beside a file shows damage.  It shows no intent: who can write the file can write the digest.  So each folder, link and file that a
+path leads through is looked at, from the root on.  Where nobody else can write any of them, nobody else can exchange a file between its
+check and its use.  A group that shares a cache on purpose is named by $CUTJOINT_CACHE_GROUP.
+"""
+
+from __future__ import annotations
+
+import grp
+import os
+import pwd
+import shlex
+import stat
+import sys
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from cutjoint.toolchain.errors import ToolchainError
+
+#: The environment variable with the name or number of a group that shares the cache.
+GROUP = "CUTJOINT_CACHE_GROUP"
+
+#: Links that a path may lead through, as in Linux.
+_MOST_LINKS = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trust:
+    """Who may own and write the files of a ``store``, which one is that beside the installation if it is ``installed``.
+
+    What belongs to one of ``groups`` may be written by its members, and what belongs to the group that ``shares`` the store may have any
+    owner.
+    """
+
+    store: Path
+    installed: bool
+    owners: frozenset[int]
+    groups: frozenset[int]
+    shares: int | None
+
+    def require(self, path: Path) -> None:
+        """Check all that a path in the store leads through; what is not there is no fault.
+
+        Raises:
+            ToolchainError: somebody else owns a part of it, or can write there.
+        """
+        top, host = self.store.resolve(), Path("/").lstat().st_uid
+        for part, found, is_last in _parts(path):
+            is_inside = is_last or part.is_relative_to(top)
+            if not self._is_owner(found) and (is_inside or found.st_uid != host):  # in a user namespace the host's root has another number
+                raise self._fault(part, f"belongs to {_user(found.st_uid)}", "have it removed" if is_inside else "")
+            if not stat.S_ISLNK(found.st_mode) and (is_inside or not found.st_mode & stat.S_ISVTX):
+                self._require_unwritable(part, found, top)
+
+    def settle(self, path: Path) -> None:
+        """Let nobody else write a new folder or file of the store, but the group that shares it."""
+        mode = path.stat().st_mode & ~(stat.S_IWGRP | stat.S_IWOTH)
+        if self.shares is not None:
+            os.chown(path, -1, self.shares)
+            mode |= (mode & (stat.S_IRUSR | stat.S_IXUSR)) >> 3  # the group reads what its owner reads
+            mode |= stat.S_IWGRP | stat.S_ISGID if stat.S_ISDIR(mode) else 0
+        path.chmod(stat.S_IMODE(mode))
+
+    def _is_owner(self, found: os.stat_result) -> bool:
+        return found.st_uid in self.owners or (self.shares is not None and found.st_gid == self.shares)
+
+    def _require_unwritable(self, part: Path, found: os.stat_result, top: Path) -> None:
+        place = f"-R go-w {shlex.quote(str(top))}" if part.is_relative_to(top) else f"go-w {shlex.quote(str(part))}"
+        cure = f"chmod {place} if nobody else has written there"
+        if found.st_mode & stat.S_IWOTH:
+            raise self._fault(part, "can be written by everybody", cure)
+        if found.st_mode & stat.S_IWGRP and found.st_gid not in self.groups:
+            group = _group(found.st_gid)
+            sharing = "" if self.installed else f"set ${GROUP}={group} if that group shares it on purpose"
+            raise self._fault(part, f"can be written by group '{group}'", cure, sharing)
+
+    def _fault(self, part: Path, reason: str, *cures: str) -> ToolchainError:
+        kind, other = ("library", f"remove {self.store}") if self.installed else ("cache", "set $CUTJOINT_CACHE to a folder of your own")
+        return ToolchainError(f"the {kind} {self.store} is not safe: {part} {reason}; {', or '.join(x for x in (*cures, other) if x)}")
+
+
+def trust_of(store: Path, *, installed: bool) -> Trust:
+    """Who is trusted with a store: this user and root, and with one beside the installation who can write the installation.
+
+    Raises:
+        ToolchainError: there is no group of the name in $CUTJOINT_CACHE_GROUP.
+    """
+    shares = _shared_by()
+    owners, groups = {0, os.geteuid()}, {g for g in (_private_group(os.geteuid()), shares) if g is not None}
+    if installed:
+        with suppress(OSError):  # a place that is not there has no files
+            found = os.stat(sys.prefix)
+            owners.add(found.st_uid)
+            groups |= {found.st_gid} if found.st_mode & stat.S_IWGRP else set()
+    return Trust(store=store, installed=installed, owners=frozenset(owners), groups=frozenset(groups), shares=None if installed else shares)
+
+
+def _parts(path: Path) -> Iterator[tuple[Path, os.stat_result, bool]]:
+    """All that a path leads through, links too, in their order, up to what is not there; and whether it is where the path ends."""
+    here, left, links = Path("/"), deque(path.absolute().parts[1:]), 0
+    yield here, here.lstat(), False
+    while left and links <= _MOST_LINKS:
+        name = left.popleft()
+        if name == "..":
+            here = here.parent
+            continue
+        part = here / name
+        try:
+            found = part.lstat()
+            target = Path(os.readlink(part)) if stat.S_ISLNK(found.st_mode) else None
+        except OSError:
+            return
+        yield part, found, not left and target is None
+        if target is None:
+            here = part
+        else:
+            links += 1
+            here = Path("/") if target.is_absolute() else here
+            left.extendleft(reversed([x for x in target.parts if x != "/"]))
+
+
+def _shared_by() -> int | None:
+    """The number of the group that shares the cache; None where it is the user's alone."""
+    asked = os.environ.get(GROUP, "")
+    if not asked or (asked.isascii() and asked.isdigit()):
+        return int(asked) if asked else None
+    try:
+        return grp.getgrnam(asked).gr_gid
+    except KeyError:
+        raise ToolchainError(f"{GROUP}={asked}: there is no such group; set it to the group that shares the cache, or unset it") from None
+
+
+@cache
+def _private_group(number: int) -> int | None:
+    """The group that has a user's name and nobody else, which many systems let write what the user makes."""
+    with suppress(KeyError):
+        user = pwd.getpwuid(number)
+        group = grp.getgrgid(user.pw_gid)
+        if user.pw_uid and group.gr_name == user.pw_name and set(group.gr_mem) <= {user.pw_name}:
+            return group.gr_gid
+    return None
+
+
+def _user(number: int) -> str:
+    with suppress(KeyError):
+        return f"user '{pwd.getpwuid(number).pw_name}'"
+    return f"user {number}"
+
+
+def _group(number: int) -> str:
+    with suppress(KeyError):
+        return grp.getgrgid(number).gr_name
+    return str(number)
