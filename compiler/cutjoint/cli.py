@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from cutjoint.model.printing import escaped_lines
-from cutjoint.run.stopping import Terminated
+from cutjoint.run.stopping import Terminated, ended_by_signals
 
 _COMMANDS = ("check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate", "sweep", "view",
              "warm")  # fmt: skip
@@ -45,7 +45,7 @@ class _Commands(click.Group):
         """Call a command; a signal that ends it is no error, and its message says what there is of the results."""
         gc.set_threshold(_COLLECTION)
         try:
-            with _plain_errors():
+            with ended_by_signals(), _plain_errors():
                 return super().invoke(ctx)
         except (KeyboardInterrupt, Terminated) as stop:
             click.echo("\n".join([str(stop) or "interrupted", *getattr(stop, "__notes__", ())]), err=True)

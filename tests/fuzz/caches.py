@@ -32,7 +32,7 @@ _WAYS = ("by everybody", "by a group", "of another", "planted")
 _OTHER = 65534
 _CALL = ("simulate", MODEL, "--out", "run.csv")
 #: Compiled fast rather than made fast.
-_FLAGS = {"CUTJOINT_FLAGS": "-O0"}
+FLAGS = {"CUTJOINTFLAGS": "-O0"}
 
 
 def make(rng: random.Random) -> str:
@@ -41,7 +41,7 @@ def make(rng: random.Random) -> str:
 
     Libraries are built anew in minutes, so that most damage is to the rest.
     """
-    _template()
+    template()
     if os.geteuid() == 0 and rng.random() < 0.8:
         return json.dumps({"file": rng.randrange(1000), "part": rng.choice(_PARTS), "way": rng.choice(_WAYS), "cured": rng.random() < 0.3})
     libraries = rng.random() < 0.05
@@ -49,7 +49,7 @@ def make(rng: random.Random) -> str:
 
 
 @cache
-def _template() -> tuple[Path, bytes]:
+def template() -> tuple[Path, bytes]:
     """A cache with the press in it, made once for these sources, and the table of its run."""
     folder = cache_folder() / "fuzz"
     folder.mkdir(parents=True, exist_ok=True)
@@ -77,7 +77,7 @@ def _run(folder: Path, private: Path) -> bytes:
 
 def _call(folder: Path, private: Path) -> subprocess.CompletedProcess[str]:
     (folder / MODEL).write_text(press(), encoding="utf-8")
-    done = run(_CALL, folder, {"CUTJOINT_CACHE": str(private), **_FLAGS})
+    done = run(_CALL, folder, {"CUTJOINT_CACHE": str(private), **FLAGS})
     require_told(done)
     return done
 
@@ -87,10 +87,10 @@ def check(text: str) -> tuple[str, ...]:
     case = json.loads(text)
     if "way" in case:
         return _check_others(case)
-    template, wanted = _template()
+    kept, wanted = template()
     with TemporaryDirectory() as name:
         folder = Path(name)
-        shutil.copytree(template, folder / "cache")
+        shutil.copytree(kept, folder / "cache")
         files = [p for p in sorted((folder / "cache").rglob("*")) if p.is_file() and (p.suffix == ".a") == case["libraries"]]
         files = [p for p in files if p.suffix != ".lock"]
         damaged = files[case["file"] % len(files)]
@@ -125,11 +125,11 @@ def _damage(file: Path, how: str, at: float) -> None:
 
 def _check_others(case: dict[str, Any]) -> tuple[str, ...]:
     """Why a cache that others can write is refused; fails where it is used."""
-    template, wanted = _template()
+    kept, wanted = template()
     with TemporaryDirectory() as name:
         folder = Path(name)
         private = folder / "above" / "cache"
-        shutil.copytree(template, private)
+        shutil.copytree(kept, private)
         files = [p for p in sorted(private.rglob("*")) if p.is_file() and p.suffix not in (".lock", ".a")]
         simulators = sorted(private.glob("*/simulator"))
         file = simulators[0] if case["way"] == "planted" else files[case["file"] % len(files)]

@@ -1,78 +1,158 @@
-"""Runs that a signal ends: the earlier table or a whole new one, partial tables that can be read, no process left and no folder."""
+"""Commands that a signal ends while they derive, compile, run or sweep: the earlier table or a whole new one, partial tables that can be
+read, parts from which a sweep goes on, no process left and no folder."""
 
 from __future__ import annotations
 
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import time
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
+import pyarrow.parquet
 
 from tests.edges.calling import compile_first
 from tests.listening import listen
 
+from .caches import FLAGS, template
 from .press import MODEL, command, environment, press, run
 
 _EARLIER = "t,earlier\n0,1\n"
 _END = 3000.0
+#: Calls that run what is compiled, and such that compile it before.
+_RUNNING = (
+    ["simulate", MODEL, "--out", "run.csv", "--end", str(_END)],
+    ["simulate", MODEL, "--out", "run.csv", "--end", str(_END), "--steps", "steps.csv"],
+    ["simulate", MODEL, "--out", "run.csv", "--end", "100", "--batch", "cases.csv"],
+)
+_COMPILING = (
+    ["simulate", MODEL, "--out", "run.csv", "--end", str(_END)],
+    ["compile", MODEL, "--out", "made"],
+    ["modes", MODEL, "--out", "modes.json"],
+    ["sweep", "study.yaml", "--out", "table.parquet"],
+)
+#: A study of so many runs.
+_RUNS = 2000
+_STUDY = f"""
+cutjoint_study: 1
+model: {MODEL}
+end: 1
+parameters: {{stiffness: {{from: 1000, to: 3000, count: {_RUNS}}}}}
+design: grid
+objectives: {{top: {{maximum: slider.x}}}}
+"""
+#: Seconds in which Python starts on a busy machine.
+_START = 2.0
 #: Seconds in which what a killed run has begun ends.
 _GRACE = 15.0
 
 
 def make(rng: random.Random) -> str:
-    """A signal, how long after the start it comes (s), whom it reaches, and the call, as JSON."""
-    compile_first()
-    words = rng.choice((
-        ["simulate", MODEL, "--out", "run.csv", "--end", str(_END)],
-        ["simulate", MODEL, "--out", "run.csv", "--end", str(_END), "--steps", "steps.csv"],
-        ["simulate", MODEL, "--out", "run.csv", "--end", "100", "--batch", "cases.csv"],
-    ))  # fmt: skip
+    """A signal, how long after the start it comes (s), whom it reaches, the call, and whether its cache lacks the model's code, as JSON."""
+    if private := rng.random() < 0.6:
+        template()
+        words, most = rng.choice(_COMPILING), 9.0
+    else:
+        compile_first()
+        words, most = rng.choice(_RUNNING), 4.0
     name = rng.choice(("SIGINT", "SIGTERM", "SIGKILL", "SIGHUP"))
     everybody = name == "SIGINT" or rng.random() < 0.3
-    return json.dumps({"signal": name, "after": round(rng.uniform(0.05, 4), 3), "everybody": everybody, "words": words})
+    case = {"signal": name, "after": round(rng.uniform(0.05, most), 3), "everybody": everybody, "words": words, "private": private}
+    return json.dumps(case)
 
 
 def check(text: str) -> tuple[str, ...]:
-    """How a run that was stopped ended; fails where something is lost, left or still running."""
+    """How a command that was stopped ended; fails where something is lost, left or still running."""
     case = json.loads(text)
     with TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "tmp").mkdir()
         (folder / MODEL).write_text(press(), encoding="utf-8")
         (folder / "cases.csv").write_text("stiffness\n" + "\n".join(map(str, range(1000, 3000))) + "\n", encoding="utf-8")
+        (folder / "study.yaml").write_text(_STUDY, encoding="utf-8")
         (folder / "run.csv").write_text(_EARLIER, encoding="utf-8")
-        status, said = _stop(case, folder)
+        more = _private(folder) if case.get("private") else {"TMPDIR": str(folder / "tmp")}
+        status, said = _stop(case, folder, more)
         _require_none_left(folder)
         _require_tables(folder)
-        assert status != 0 or (folder / "run.csv").read_text(encoding="utf-8") != _EARLIER, "status 0, and no table"
-        if case["signal"] != "SIGKILL":
-            assert "Traceback" not in said, said[-600:]
+        _require_ended(status, said, case, folder)
         assert (folder / MODEL).read_text(encoding="utf-8") == press(), "the model has changed"
-        again = run(["simulate", MODEL, "--out", "again.csv", "--end", "0.01"], folder, {"TMPDIR": str(folder / "tmp")})
+        again = _again(case["words"], folder, more)
         assert again.returncode == 0, again.stderr[-600:]
-        assert not list((folder / "tmp").iterdir()), f"left: {[p.name for p in (folder / 'tmp').iterdir()]}"
+        assert not _temporary(folder), f"left: {_temporary(folder)}"
     return (f"status {status}",) if status else ()
 
 
-def _stop(case: dict[str, object], folder: Path) -> tuple[int, str]:
+def _private(folder: Path) -> dict[str, str]:
+    """The variables of a cache in the folder that has all but what is made for the model."""
+    kept, _ = template()
+    shutil.copytree(kept, folder / "cache", ignore=shutil.ignore_patterns("object-*", "runs", "seconds"))
+    for simulator in (folder / "cache").glob("*/simulator"):
+        if not simulator.parent.name.startswith("interpreter"):
+            shutil.rmtree(simulator.parent)
+    return {"TMPDIR": str(folder / "tmp"), "CUTJOINT_CACHE": str(folder / "cache"), **FLAGS}
+
+
+def _again(words: list[str], folder: Path, more: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
+    """The same once more to its end, which finds nothing in its way, or a short run; a sweep then has all rows."""
+    if words[0] == "simulate":
+        return run(["simulate", MODEL, "--out", "again.csv", "--end", "0.01"], folder, more)
+    done = run(words, folder, more)
+    if words[0] == "sweep" and not done.returncode:
+        assert pyarrow.parquet.read_table(folder / "table.parquet")["run"].to_pylist() == list(range(_RUNS))
+    return done
+
+
+def _temporary(folder: Path) -> list[str]:
+    """What there is of temporary folders and their locks."""
+    return sorted(p.name for pattern in ("tmp/*", "cache/cutjoint-*") for p in folder.glob(pattern))
+
+
+def _require_ended(status: int, said: str, case: Mapping[str, Any], folder: Path) -> None:
+    """A command that a signal has ended says so, has the status of convention, and has put nothing anywhere that is temporary."""
+    number = signal.Signals[str(case["signal"])]
+    if number == signal.SIGKILL:
+        return
+    assert status in (0, 128 + number, -number), f"status {status}: {said[-600:]}"
+    if status == -number:  # before the command has begun, or after its end
+        assert float(case["after"]) < _START or _is_done(case["words"], folder), f"{number.name} ended it at once"
+        return
+    assert "Traceback" not in said, said[-600:]
+    assert not status or "interrupted" in said, said[-600:]
+    assert not _temporary(folder), f"left at once: {_temporary(folder)}"
+    assert status or _is_done(case["words"], folder), "status 0, and no table"
+
+
+def _is_done(words: list[str], folder: Path) -> bool:
+    """Whether what a command was to write is there."""
+    out = folder / words[words.index("--out") + 1]
+    return out.exists() and (out.name != "run.csv" or out.read_text(encoding="utf-8") != _EARLIER)
+
+
+def _stop(case: Mapping[str, Any], folder: Path, more: Mapping[str, str]) -> tuple[int, str]:
     """Start a call, send it the signal, and wait for its end: status and what it says on standard error."""
     words, number = case["words"], signal.Signals[str(case["signal"])]
     assert isinstance(words, list)
     with (folder / "said.txt").open("w+", encoding="utf-8", errors="replace") as said:
         process = subprocess.Popen(
-            command(*words), cwd=folder, env=environment(TMPDIR=str(folder / "tmp")), stdout=subprocess.DEVNULL, stderr=said,
+            command(*words), cwd=folder, env=environment(**more), stdout=subprocess.DEVNULL, stderr=said,
             start_new_session=True, preexec_fn=listen,
         )  # fmt: skip
         try:
             time.sleep(float(str(case["after"])))
             if process.poll() is None:
                 (os.killpg if case["everybody"] else os.kill)(process.pid, number)
-            return process.wait(_GRACE), (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
+            with suppress(subprocess.TimeoutExpired):
+                return process.wait(_GRACE), (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
+            raise AssertionError(f"goes on: {(folder / 'said.txt').read_text(encoding='utf-8', errors='replace')[-600:]}")
         finally:
             process.kill()
 

@@ -1,13 +1,17 @@
-"""Signals that end a run before its end time: what it has written stays."""
+"""Signals that end a command, or a run before its end time: what it has written stays."""
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from threading import Timer
 from types import FrameType
+from typing import Any
 
 
 class Interrupted(KeyboardInterrupt):
@@ -15,11 +19,12 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Terminated(SystemExit):
-    """The signal ``number`` ended a run; the message says when."""
+    """The signal ``number`` ended a run or a command; the message says when, or which signal it was."""
 
-    def __init__(self, number: int, message: str) -> None:
+    def __init__(self, number: int, message: str = "") -> None:
         super().__init__(128 + number)
-        self.message = message
+        self.number = number
+        self.message = message or f"interrupted by {signal.Signals(number).name}"
 
     def __str__(self) -> str:
         return self.message
@@ -44,8 +49,43 @@ class StopRequest:
         return Interrupted(message) if self.number == signal.SIGINT else Terminated(self.number, message)
 
 
+#: Seconds after which a finalizer or a callback is over.
+_SOON = 0.05
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise Terminated(number)
+
+
 #: What Python does with these signals by itself; where a program does otherwise that stays.
 _USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """While this lasts, signals that would end the program at once raise `Terminated`, so that nothing of it is left behind."""
+    with _raised_again(), _handled({s: usual for s, usual in _USUAL.items() if usual == signal.SIG_DFL}, _terminate):
+        yield
+
+
+@contextmanager
+def _raised_again() -> Iterator[None]:
+    """While this lasts, a signal comes once more that came where Python drops exceptions, as in a finalizer or a callback."""
+    usual = sys.unraisablehook
+
+    def hear(dropped: sys.UnraisableHookArgs) -> None:
+        error = dropped.exc_value
+        if isinstance(error, Terminated | KeyboardInterrupt):
+            number = error.number if isinstance(error, Terminated) else signal.SIGINT
+            Timer(_SOON, os.kill, (os.getpid(), number)).start()
+        else:
+            usual(dropped)
+
+    sys.unraisablehook = hear
+    try:
+        yield
+    finally:
+        sys.unraisablehook = usual
 
 
 @contextmanager
@@ -60,12 +100,20 @@ def stop_requests() -> Iterator[StopRequest]:
         if request.answer is not None:
             request.answer()
 
+    usual = {s: _terminate if signal.getsignal(s) == _terminate else usual for s, usual in _USUAL.items()}
+    with _handled(usual, handle):
+        yield request
+
+
+@contextmanager
+def _handled(usual: Mapping[signal.Signals, Any], handle: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """While this lasts, signals are handled for which that is done which is ``usual``; Python has signals in its main thread alone."""
     in_main = threading.current_thread() is threading.main_thread()
-    taken = {s: usual for s, usual in _USUAL.items() if in_main and signal.getsignal(s) == usual}
+    taken = {s: found for s, found in usual.items() if in_main and signal.getsignal(s) == found}
     for s in taken:
         signal.signal(s, handle)
     try:
-        yield request
+        yield
     finally:
-        for s, usual in taken.items():
-            signal.signal(s, usual)
+        for s, found in taken.items():
+            signal.signal(s, found)

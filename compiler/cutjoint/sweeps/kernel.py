@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import ctypes
 import os
-import tempfile
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cutjoint.sweeps.records import Array, Counts
 from cutjoint.sweeps.target import Target
+from cutjoint.toolchain.temporary import temporary_folder
 
 #: Characters of what is said of a run that failed.
 _TEXT = 400
@@ -102,12 +101,12 @@ _lock = threading.Lock()
 
 
 def _functions(kernel: Kernel) -> tuple[Any, int]:
-    """The function of a library that runs a study, and the bytes of memory that it takes.  The file is removed once it is loaded:
-    nothing stays behind, however a worker ends."""
+    """The function of a library that runs a study, and the bytes of memory that it takes.  The file is removed once it is loaded, or
+    by the next process where a worker is killed meanwhile."""
     with _lock:
         if kernel.digest not in _loaded:
-            with tempfile.TemporaryDirectory(prefix="cutjoint-") as folder:
-                file = Path(folder) / f"lib{kernel.digest[:16]}.so"
+            with temporary_folder() as folder:
+                file = folder / f"lib{kernel.digest[:16]}.so"
                 file.write_bytes(kernel.content)
                 _loaded[kernel.digest] = _declared(ctypes.CDLL(os.fspath(file)), f"{kernel.model}_study")
         return _loaded[kernel.digest]

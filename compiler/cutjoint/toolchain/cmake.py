@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import shlex
 import shutil
-import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cutjoint.locations import runtime_folder
+from cutjoint.toolchain.children import tool
 from cutjoint.toolchain.compiler import PACKAGES, Compiler
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import is_plain
@@ -70,35 +70,26 @@ def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: 
     planned = [made_file(line) for line in _call([*command, "--", "-n"], environment, compiler).splitlines()]
     watch = Watch(source, [*compiler.key, *flags], [name for name in planned if name])
     watch.tell()
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment,
-        encoding="utf-8", errors="replace",
-    ) as process:  # fmt: skip
-        assert process.stdout is not None
-        lines = []
-        try:
-            for line in process.stdout:
-                lines.append(line)
-                if name := made_file(line):
-                    watch.finish(name)
-        except BaseException:
-            process.kill()
-            raise
-    _require_done(command, process.returncode, "".join(lines), compiler)
+    _call(command, environment, compiler, watch)
     watch.keep(out / ".ninja_log")
 
 
-def _call(command: Sequence[str], environment: Mapping[str, str], compiler: Compiler) -> str:
-    """What a command prints.
+def _call(command: Sequence[str], environment: Mapping[str, str], compiler: Compiler, watch: Watch | None = None) -> str:
+    """What a command prints; ``watch`` is told of the files that it makes.
 
     Raises:
         ToolchainError: it failed.
     """
-    done = subprocess.run(
-        command, stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace", check=False, env=environment
-    )
-    text = done.stdout + done.stderr
-    _require_done(command, done.returncode, text, compiler)
+    lines = []
+    with tool(command, environment) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            lines.append(line)
+            if watch is not None and (name := made_file(line)):
+                watch.finish(name)
+        status = process.wait()
+    text = "".join(lines)
+    _require_done(command, status, text, compiler)
     return text
 
 

@@ -5,6 +5,7 @@ Each folder has a lock beside it, which its process holds.  A lock that nobody h
 
 from __future__ import annotations
 
+import atexit
 import os
 import re
 import shutil
@@ -26,6 +27,9 @@ PREFIX = "cutjoint-"
 #: Ninja calls runs what stands in $().
 _PLAIN = re.compile(r"[A-Za-z0-9/._+-]+")
 
+#: The folders that this process has made and not yet removed.
+_in_use: set[Path] = set()
+
 
 @contextmanager
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
@@ -34,11 +38,13 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
     _sweep_once(place)
     folder = place / f"{PREFIX}{token_hex(8)}"
     with hold(folder.with_suffix(".lock")):
-        folder.mkdir(mode=0o700)
+        _in_use.add(folder)
         try:
+            folder.mkdir(mode=0o700)
             yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+            _in_use.discard(folder)
 
 
 @contextmanager
@@ -69,7 +75,8 @@ def hold(path: Path) -> Iterator[None]:
         try:
             yield
         finally:
-            path.unlink(missing_ok=True)
+            if not path.with_suffix("").is_dir():  # else a signal came while it was removed, which is done at the end, or by the next
+                path.unlink(missing_ok=True)
 
 
 def sweep(place: Path) -> None:
@@ -78,6 +85,14 @@ def sweep(place: Path) -> None:
         with suppress(OSError, Timeout):
             if lock.lstat().st_uid == os.geteuid():
                 _remove(lock)
+
+
+@atexit.register
+def _remove_all() -> None:
+    """Remove folders that a signal kept, and those of threads that nobody waits for."""
+    for folder in list(_in_use):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.with_suffix(".lock").unlink(missing_ok=True)
 
 
 @cache

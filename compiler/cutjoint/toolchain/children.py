@@ -1,0 +1,60 @@
+"""Tools that this process starts, none of which outlives it or the wait for it (`keeper`)."""
+
+from __future__ import annotations
+
+import atexit
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from cutjoint.toolchain import keeper
+from cutjoint.toolchain.errors import ToolchainError
+
+#: The keepers of tools that are at work, also those of threads that nobody waits for.
+_at_work: set[subprocess.Popen[str]] = set()
+
+
+@contextmanager
+def tool(command: Sequence[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
+    """A tool at work; its standard output has its errors too.  It, and all that it has started, ends at the latest with this block.
+
+    Raises:
+        ToolchainError: the system starts no process.
+    """
+    process = _start(command, environment)
+    _at_work.add(process)
+    try:
+        yield process
+    finally:
+        _end(process)
+        _at_work.discard(process)
+
+
+def _start(command: Sequence[str], environment: Mapping[str, str]) -> subprocess.Popen[str]:
+    kept = [sys.executable, "-I", "-S", str(Path(keeper.__file__).absolute()), *command]
+    try:
+        return subprocess.Popen(
+            kept, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment, encoding="utf-8",
+            errors="replace", start_new_session=True,
+        )  # fmt: skip
+    except OSError as error:
+        raise ToolchainError(f"{command[0]} cannot be started: {error.strerror or error}") from error
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """Wait for a keeper, which ends its tool now if that is still at work."""
+    assert process.stdin is not None
+    process.stdin.close()
+    process.wait()
+    if process.returncode < 0:  # killed itself
+        keeper.end_session(process.pid)
+    assert process.stdout is not None
+    process.stdout.close()
+
+
+@atexit.register
+def _end_all() -> None:
+    for process in list(_at_work):
+        _end(process)

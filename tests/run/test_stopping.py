@@ -1,0 +1,64 @@
+"""Signals that end a command."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import pytest
+
+from cutjoint.run.stopping import Terminated, ended_by_signals, stop_requests
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
+def test_signals_raise_and_are_told(number: signal.Signals) -> None:
+    def work() -> None:
+        os.kill(os.getpid(), number)
+        time.sleep(10)
+
+    with pytest.raises(Terminated) as stop, ended_by_signals():
+        work()
+    assert (stop.value.code, str(stop.value)) == (128 + number, f"interrupted by {number.name}")
+    assert signal.getsignal(number) == signal.SIG_DFL
+
+
+def test_what_is_ignored_stays_so() -> None:
+    """As nohup has it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with ended_by_signals(), stop_requests() as request:
+            os.kill(os.getpid(), signal.SIGHUP)
+        assert request.number is None
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_run_within_a_command_is_asked_to_stop() -> None:
+    with ended_by_signals():
+        with stop_requests() as request:
+            os.kill(os.getpid(), signal.SIGTERM)
+        assert request.number == signal.SIGTERM
+        with pytest.raises(Terminated):
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+class Finalised:
+    """Something whose finalizer takes its time."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), self.number)
+        time.sleep(0.001)
+
+
+@pytest.mark.parametrize(("number", "error"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)])
+def test_a_signal_within_a_finalizer_is_not_lost(number: int, error: type[BaseException]) -> None:
+    def work() -> None:
+        Finalised(number)
+        time.sleep(10)
+
+    with pytest.raises(error), ended_by_signals():
+        work()
