@@ -1,4 +1,4 @@
-"""Fuzzes expressions, files, mechanisms, calls, disks, caches and signals: `make fuzz`, or `python -m tests.fuzz SECONDS [SEED]`.
+"""Fuzzes expressions, files, mechanisms, calls, disks, caches, parts and signals: `make fuzz`, or `python -m tests.fuzz SECONDS [SEED]`.
 
 Prints what was tried, accepted and refused, and the slowest inputs; every input that fails is kept in tests/fuzz/corpus with its seed.
 """

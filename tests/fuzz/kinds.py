@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from . import caches, calls, disks, mechanisms, run_files, signals
+from . import caches, calls, disks, mechanisms, parts, run_files, signals
 from .chain import run_chain
 from .expressions import any_text
 from .models import any_model
@@ -27,6 +27,7 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="calls", suffix=".call.json", make=calls.make, check=calls.check, share=0.03),
         Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, share=0.002, limit=240),
         Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, share=0.0005, limit=1200),
+        Kind(name="parts", suffix=".parts.json", make=parts.make, check=parts.check, share=0.3),
         Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, share=0.001, limit=240),
     )
 }

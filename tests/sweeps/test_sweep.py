@@ -27,8 +27,8 @@ from cutjoint.pipeline import compile_scene
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.simulation import simulate
 from cutjoint.sweeps.local import Threads
+from cutjoint.sweeps.parts import missing
 from cutjoint.sweeps.reading import read_study
-from cutjoint.sweeps.table import missing
 from cutjoint.sweeps.work import Chunk, Rows, Work
 from cutjoint.topology.reading import read_model
 from tests.conftest import MODELS, needs_cpp

@@ -12,7 +12,7 @@ from cutjoint.sweeps.records import Study
 from cutjoint.version import __version__
 
 #: The form of tables; another number where columns or their meaning change.
-FORMAT = 1
+FORMAT = 2
 
 
 def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:

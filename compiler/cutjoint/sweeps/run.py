@@ -27,9 +27,10 @@ from cutjoint.sweeps.build import build_kernels
 from cutjoint.sweeps.local import Threads, Workers, processors
 from cutjoint.sweeps.manifest import make_manifest
 from cutjoint.sweeps.masses import Masses
+from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
-from cutjoint.sweeps.table import MANIFEST, Layout, Parts, arrow, is_whole, missing, require_file, require_room
+from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
 from cutjoint.sweeps.work import Chunk, Work, in_lanes
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
@@ -132,22 +133,28 @@ def perform_study(
     layout = Layout(study=study, manifest=make_manifest(study, kernels))
     if is_whole(out, layout):
         return Sweep(path=out, performed=0, seconds=0.0, elapsed=perf_counter() - begin)
+    if out.exists():
+        say(f"{out} is no table of this sweep, or a damaged one: it is replaced when all rows are there")
     work = Work(
         kernels=kernels, has_scenes=any(v.kind is Kind.SCENE for v in study.variables), objectives=study.objectives,
         trajectories=study.trajectories, every=study.every,
     )  # fmt: skip
     with ExitStack() as stack:
-        parts = Parts(out, layout)
+        parts = Parts(out, layout, say)
         stack.callback(parts.close)
         request = stack.enter_context(stop_requests())
         done = parts.ranges()
         if done:
-            say(f"{sum(last - first for first, last in done)} of {study.runs} runs are in {parts.folder}: going on")
+            say(f"{count_runs(done)} of {study.runs} runs are in {parts.folder}: going on")
         workers = _workers(work, scheduler, threads, say)
         stack.callback(workers.close)
         driver = _Driver(study, work, parts, workers, layout.row_bytes, progress)
         driver.perform(missing(done, study.runs), request)
-        parts.finish()
+        if lost := parts.finish():
+            say(f"{count_runs(lost)} runs that were made are gone from {parts.folder}: making them again")
+            driver.perform(lost, request)
+            if lost := parts.finish():
+                raise parts.incomplete(lost)
     return Sweep(path=out, performed=driver.performed, seconds=driver.seconds, elapsed=perf_counter() - begin)
 
 
@@ -187,7 +194,7 @@ class _Driver:
 
     def perform(self, ranges: list[tuple[int, int]], request: StopRequest) -> None:
         """Make the runs of all ranges, each from the first to the one before the last."""
-        left = sum(last - first for first, last in ranges)
+        left = count_runs(ranges)
         waiting, done, chunks = 0, self.study.runs - left, self._chunks(ranges)
         try:
             while done < self.study.runs:
@@ -213,7 +220,7 @@ class _Driver:
 
     def _chunks(self, ranges: list[tuple[int, int]]) -> Iterator[Chunk]:
         """The runs in order, in chunks of as much work as known so far."""
-        left, masses = sum(last - first for first, last in ranges), Masses(self.study)
+        left, masses = count_runs(ranges), Masses(self.study)
         for first, last in ranges:
             while first < last:
                 number = min(last - first, self._size(left))

@@ -1,19 +1,17 @@
-"""The table of a sweep: Parquet, in parts while it grows and one file when it is whole, with the manifest in the file.
+"""The table of a sweep: Parquet, with the manifest and a digest in the file.
 
-Parts are written beside and renamed: one that is there is whole.  The bytes of the whole table follow from its rows and the manifest,
-whatever parts there were.
+The bytes of a table follow from its rows and the manifest, whatever parts (`parts`) there were.
 """
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +19,8 @@ import numpy as np
 
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import OutputError, is_stream, resolved
-from cutjoint.run.result_files import naming_output, write_whole
 from cutjoint.sweeps.records import Kind, Study
+from cutjoint.sweeps.seals import is_sealed
 from cutjoint.sweeps.work import Rows
 
 #: The key of the manifest in a table's metadata.
@@ -30,9 +28,6 @@ MANIFEST = b"cutjoint"
 
 #: Bytes of a group of rows, and how many rows it has at most; readers take the groups that they need.
 _GROUP_BYTES, _GROUP_ROWS = 16_000_000, 65_536
-
-#: What stands beside a table while it grows.
-_FILE = "manifest.json"
 
 
 def arrow() -> Any:
@@ -71,12 +66,21 @@ class Layout:
         variables = [field(v.name, pa.string() if v.kind is Kind.SCENE else pa.float64(), v.unit) for v in study.variables]
         objectives = [field(o.name, pa.float64(), o.unit) for o in study.objectives]
         shown = [field(f"{study.series[i].text}(t)", pa.list_(pa.float64()), study.series[i].unit) for i in study.trajectories]
-        text = json.dumps(self.manifest, indent=2)
         return pa.schema(
             [field("run", pa.int64()), *variables, field("failure", pa.string()), field("failure_time", pa.float64(), "s"), *objectives,
              *shown],
-            metadata={MANIFEST: text},
+            metadata={MANIFEST: manifest_text(self.manifest)},
         )  # fmt: skip
+
+    @cached_property
+    def key(self) -> str:
+        """The sweep's key: a digest of the manifest, from which rows follow."""
+        return key_of(self.manifest)
+
+    @property
+    def label(self) -> str:
+        """What the digest of the whole table is made with."""
+        return parts_label(self.key, 0, self.study.runs)
 
     @property
     def row_bytes(self) -> int:
@@ -106,6 +110,21 @@ class Layout:
         return arrow().array([self.study.scenes[int(i)].name for i in values], arrow().string())
 
 
+def manifest_text(manifest: Mapping[str, Any]) -> str:
+    """A manifest as it stands in files."""
+    return json.dumps(manifest, indent=2)
+
+
+def key_of(manifest: Mapping[str, Any]) -> str:
+    """The digest of a manifest."""
+    return sha256(manifest_text(manifest).encode()).hexdigest()
+
+
+def parts_label(key: str, first: int, last: int) -> str:
+    """What the digest of rows is made with: a sweep's key, the number of the first run, and the one behind the last."""
+    return f"{key} {first} {last}"
+
+
 def _rows_of(scene: Any) -> int:
     return int(scene.end / scene.output_step) + 2
 
@@ -114,145 +133,14 @@ def _nullable(values: Any) -> Any:
     return arrow().array(values, from_pandas=True)
 
 
-class Parts:
-    """The folder beside a table in which it grows; one command at a time writes it.
-
-    Raises:
-        OutputError: it cannot be written, another command writes it, or it is of another study.
-    """
-
-    def __init__(self, out: Path, layout: Layout) -> None:
-        self.out, self.layout = resolved(out), layout
-        self.folder = self.out.with_name(f"{self.out.name}.parts")
-        with naming_output(self.folder):
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(self.folder / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self._take_over()
-        except BlockingIOError:
-            os.close(self._lock)
-            raise OutputError(f"{self.folder}: another sweep writes this; wait for it, or write elsewhere") from None
-        except BaseException:
-            os.close(self._lock)
-            raise
-
-    def _take_over(self) -> None:
-        """Begin, or go on where an earlier call stopped."""
-        file, text = self.folder / _FILE, json.dumps(self.layout.manifest, indent=2) + "\n"
-        if file.exists():
-            require_same(read_json(file), self.layout.manifest, self.folder)
-        else:
-            write_whole(file, text)
-        for leftover in self.folder.glob(".*.parquet.*"):
-            leftover.unlink()
-
-    def ranges(self) -> list[tuple[int, int]]:
-        """The runs whose rows are there: from the first of each part to the one behind the last, in order."""
-        found = []
-        for path in sorted(self.folder.glob("*-*.parquet")):
-            first, last = (int(text) for text in path.stem.split("-"))
-            if self._is_sound(path, last - first):
-                found.append((first, last))
-            else:
-                path.unlink()
-        return found
-
-    def _is_sound(self, path: Path, rows: int) -> bool:
-        pq, pa = arrow().parquet, arrow()
-        try:
-            with pq.ParquetFile(path) as file:
-                return bool(file.metadata.num_rows == rows and file.schema_arrow.equals(self.layout.schema))
-        except (OSError, pa.ArrowInvalid):
-            return False
-
-    def write(self, rows: Rows) -> None:
-        """The rows of a chunk.
-
-        Raises:
-            OutputError: they cannot be written.
-        """
-        first, last = rows.first, rows.first + len(rows.values)
-        buffer = arrow().BufferOutputStream()
-        arrow().parquet.write_table(self.layout.table(rows), buffer, compression="zstd")
-        write_whole(self._part(first, last), buffer.getvalue().to_pybytes())
-
-    def _part(self, first: int, last: int) -> Path:
-        return self.folder / f"{first:012d}-{last:012d}.parquet"
-
-    def finish(self) -> Path:
-        """All rows are there: one file of them, in order, and no parts.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
-        pq, layout = arrow().parquet, self.layout
-        whole = self.folder / "whole.partial"
-        with naming_output(self.out):
-            with pq.ParquetWriter(whole, layout.schema, compression="zstd") as writer:
-                for group in _regrouped(self._tables(), layout.group_rows):
-                    writer.write_table(group, row_group_size=layout.group_rows)
-            whole.replace(self.out)
-        self.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
-        return self.out
-
-    def _tables(self) -> Iterator[Any]:
-        for first, last in self.ranges():
-            yield arrow().parquet.read_table(self._part(first, last), schema=self.layout.schema)
-
-    def close(self) -> None:
-        """Let others write."""
-        with suppress(OSError):
-            os.close(self._lock)
-
-
-def _regrouped(tables: Iterator[Any], size: int) -> Iterator[Any]:
-    """The same rows in tables of ``size`` rows, the last one shorter."""
-    pa, held, rows = arrow(), [], 0
-    for table in tables:
-        held.append(table)
-        rows += table.num_rows
-        while rows >= size:
-            joined = pa.concat_tables(held)
-            yield joined.slice(0, size).combine_chunks()
-            held, rows = [joined.slice(size)], rows - size
-    if rows:
-        yield pa.concat_tables(held).combine_chunks()
-
-
-def require_same(found: Mapping[str, Any], asked: Mapping[str, Any], place: Path) -> None:
-    """Check that rows that are there are of the same study.
-
-    Raises:
-        OutputError: they are not; it says what differs.
-    """
-    differing = [key for key in asked if found.get(key) != asked[key]]
-    if differing:
-        raise OutputError(f"{place} has rows of another sweep: {', '.join(differing)} differ; remove it, or write elsewhere")
-
-
 def is_whole(out: Path, layout: Layout) -> bool:
-    """Whether a table is there with all rows of a study."""
-    target, pa = resolved(out), arrow()
+    """Whether a table is there with all rows of a study, as they were written."""
+    target = resolved(out)
     if not target.is_file():
         return False
-    try:
-        with pa.parquet.ParquetFile(target) as file:
-            found, wanted = file.schema_arrow, layout.schema
-            same = found.equals(wanted) and (found.metadata or {}).get(MANIFEST) == wanted.metadata[MANIFEST]
-            return bool(same and file.metadata.num_rows == layout.study.runs)
-    except (OSError, pa.ArrowInvalid):
-        return False
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """A manifest; empty where it is none."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
+    with suppress(OSError), target.open("rb") as file:
+        return is_sealed(file, layout.label)
+    return False
 
 
 def require_file(out: Path) -> None:
@@ -279,12 +167,3 @@ def require_room(layout: Layout, out: Path) -> None:
             f"{free / 1e9:.3g} GB left; write fewer runs or thinner trajectories, or write elsewhere"
         )
 
-
-def missing(done: Sequence[tuple[int, int]], runs: int) -> list[tuple[int, int]]:
-    """The ranges of runs that are not in ``done``, which is in order."""
-    gaps, at = [], 0
-    for first, last in done:
-        if first > at:
-            gaps.append((at, first))
-        at = max(at, last)
-    return [*gaps, (at, runs)] if at < runs else gaps

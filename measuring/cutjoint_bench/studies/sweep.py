@@ -31,10 +31,11 @@ from cutjoint.sweeps.build import build_kernels
 from cutjoint.sweeps.cluster import dask
 from cutjoint.sweeps.local import processors
 from cutjoint.sweeps.manifest import make_manifest
+from cutjoint.sweeps.parts import Parts
 from cutjoint.sweeps.reading import read_study_text
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Sweep, perform_study
-from cutjoint.sweeps.table import Layout, Parts
+from cutjoint.sweeps.table import Layout
 from cutjoint.sweeps.work import Chunk, Work
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.clusters import QUIET, local_cluster, process_cluster
@@ -251,7 +252,7 @@ def measure_tasks(console: Console, folder: Path) -> None:
     study = read(PRESS, 1000)
     kernels = build_kernels(study)
     work = Work(kernels=kernels, has_scenes=False, objectives=study.objectives, trajectories=(), every=1)
-    parts = Parts(folder / "parts.parquet", Layout(study=study, manifest=make_manifest(study, kernels)))
+    parts = Parts(folder / "parts.parquet", Layout(study=study, manifest=make_manifest(study, kernels)), print)
     rows = work.perform(Chunk(first=0, values=study.values[:250]))
     each = median(_seconds(lambda: parts.write(rows)) for _ in range(200))
     parts.close()
