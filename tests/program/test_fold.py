@@ -184,6 +184,29 @@ def test_each_term_of_a_sum_counts_once(case: str) -> None:
     assert interpret_blocks(folded.values(), inputs, {})[folded["sum"]] == pytest.approx(expected, rel=1e-14)
 
 
+def test_families_of_several_widths_in_one_sum() -> None:
+    """Four in lanes and two in lanes are added across by themselves, also where they are numbers."""
+    b = Builder()
+    x = [b.call("sin", b.symbol(f"x{k}", 1, BindingTime.ITERATION)) for k in range(6)]
+    terms = [b.mul(b.number(k + 0.5), block) for k, block in enumerate(x)]
+    numbers = [b.scale(b.const([[k + 0.25]]), b.call("sin", b.number(k + 1.0))) for k in range(6)]
+    results = {"sum": b.total(terms), "number": b.total(numbers)}
+    folded = fold(b, [tuple(part[i:j]) for part in (terms, numbers) for i, j in ((0, 4), (4, 6))], results)
+    program = schedule(b, [("folded", folded)])
+    inputs = {f"x{k}": np.array([0.3 + k]) for k in range(6)}
+    expected = interpret_blocks(results.values(), inputs, {})
+    scalars = interpret_scalars(program.graph, [r.scalar for r in program.functions[0].results], inputs, {})
+    for result in program.functions[0].results:
+        assert scalars[result.scalar] == pytest.approx(float(expected[results[result.target]][0, 0]), rel=1e-14)
+
+
+def test_blocks_of_several_widths_do_not_mix() -> None:
+    b = Builder()
+    two, three = (b.lane_const([b.number(float(k)) for k in range(lanes)]) for lanes in (2, 3))
+    with pytest.raises(AssertionError, match=r"add of blocks with \[2, 3\] lanes"):
+        b.add(two, three)
+
+
 def test_lanes_bring_no_inputs_of_other_functions() -> None:
     """A term of one member that another function alone has the inputs for: the first function computes its own alone."""
     b = Builder()

@@ -192,7 +192,7 @@ class Builder:
         found = self._nodes.get(key)
         if found is None:
             when = max((a.binding for a in args), default=BindingTime.CONST) if binding is None else binding
-            width = max((a.lanes for a in args), default=0) if lanes is None else lanes
+            width = _lanes_of(op, args) if lanes is None else lanes
             found = Block(op, args, data, shape, symmetric, when, self._section, len(self._nodes), width)
             self._nodes[key] = found
         return found
@@ -420,6 +420,13 @@ class Builder:
     def backward(self, lower: Block, b: Block) -> Block:
         """L^-T b."""
         return b if is_zero(b) else self._make("backward", (lower, b), b.shape)
+
+
+def _lanes_of(op: str, args: Sequence[Block]) -> int:
+    """How many lanes an operation on blocks has: those of its arguments, of which some may be uniform."""
+    widths = {a.lanes for a in args if a.lanes}
+    assert len(widths) <= 1, f"{op} of blocks with {sorted(widths)} lanes"
+    return max(widths, default=0)
 
 
 def is_zero(a: Block) -> bool:

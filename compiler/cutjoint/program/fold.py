@@ -194,9 +194,12 @@ class _Folding:
         return found, left
 
     def _sum(self, whole: Sequence[tuple[int, Family]], left: Sequence[tuple[int, Block]]) -> Block:
-        """A sum with the whole families added lane by lane first, then across."""
+        """A sum with the whole families of as many lanes added lane by lane first, then across."""
         b = self.builder
-        result = b.lane_sum(b.total([self.lanes(family) if sign > 0 else b.neg(self.lanes(family)) for sign, family in whole]))
+        by_width: dict[int, list[Block]] = {}
+        for sign, family in whole:
+            by_width.setdefault(len(family), []).append(self.lanes(family) if sign > 0 else b.neg(self.lanes(family)))
+        result = b.total([b.lane_sum(b.total(families)) for families in by_width.values()])
         for sign, block in left:
             term = self.uniform(block)
             result = b.add(result, term) if sign > 0 else b.sub(result, term)
