@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from . import caches, calls, disks, lanes, mechanisms, parts, run_files, signals
+from . import caches, calls, disks, lanes, mechanisms, meshes, parts, run_files, signals
 from .chain import run_chain
 from .expressions import any_text
 from .models import any_model
@@ -25,6 +25,7 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="mechanisms", suffix=".mechanism.json", make=mechanisms.make, check=mechanisms.check, share=0.02, limit=600),
         Kind(name="lanes", suffix=".lanes.json", make=lanes.make, check=lanes.check, share=0.05, waits=False),
         Kind(name="run_files", suffix=".run.json", make=run_files.make, check=run_files.check, share=0.2),
+        Kind(name="meshes", suffix=".mesh.json", make=meshes.make, check=meshes.check, share=0.2),
         Kind(name="calls", suffix=".call.json", make=calls.make, check=calls.check, share=0.03),
         Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, share=0.002, limit=240),
         Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, share=0.0005, limit=1200),

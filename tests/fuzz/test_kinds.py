@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import needs_cpp
+from tests.view.browser import CHROMIUM
 
 from .kinds import KINDS
 from .tally import Kind
@@ -17,12 +18,14 @@ from .tally import Kind
 pytestmark = needs_cpp
 
 #: Seeds that the tests try.
-SEEDS = {"mechanisms": 8, "run_files": 60, "calls": 6, "disks": 2, "signals": 2, "caches": 1, "parts": 40, "lanes": 15}
+SEEDS = {"mechanisms": 8, "run_files": 60, "calls": 6, "disks": 2, "signals": 2, "caches": 1, "parts": 40, "lanes": 15, "meshes": 60}
 
 
 def _require_means(kind: Kind) -> None:
     if kind.name == "disks" and (os.geteuid() or shutil.which("mount") is None):
         pytest.skip("a small disk is mounted, which this user may not")
+    if kind.name == "meshes" and CHROMIUM is None:
+        pytest.skip("needs chromium")
 
 
 def _marks(name: str) -> tuple[pytest.MarkDecorator, ...]:

@@ -17,14 +17,20 @@ from typing import Any
 CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
 #: Seconds for a page to do what it is asked for on a busy machine.
 PATIENCE = 120.0
+#: Seconds in which a damaged page says that it is, if it can.
+ANSWER = 3.0
 
 
 class Page:
-    """A page that is open; ``complaints`` are the console's errors and warnings, ``requests`` all addresses that it asked for."""
+    """A page that is open.
+
+    ``complaints`` are the console's errors and warnings, ``errors`` those of scripts, ``requests`` all addresses that it asked for.
+    """
 
     def __init__(self, into: int, out: int) -> None:
         self._into, self._out, self._rest, self._number = into, out, b"", 0
         self.complaints: list[str] = []
+        self.errors: list[str] = []
         self.requests: list[str] = []
         target = self._call("Target.createTarget", url="about:blank")["targetId"]
         self._session: str | None = None
@@ -37,12 +43,27 @@ class Page:
         self._call("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self._call("Emulation.setEmulatedMedia", features=[scheme])
-        self._call("Page.navigate", url=file.resolve().as_uri())
+        self._go(file)
         end = time.monotonic() + PATIENCE
         while self.run("document.body?.dataset.ready ?? ''") != "yes":
             assert time.monotonic() < end, f"{file} is not ready: {self.complaints}"
             time.sleep(0.1)
         self.settle()
+
+    def try_to_open(self, file: Path) -> bool:
+        """Open a page that may be damaged, and forget what others did; whether it is ready in some seconds."""
+        for noted in (self.complaints, self.errors, self.requests):
+            noted.clear()
+        self._go(file)
+        ready, end = "", time.monotonic() + ANSWER
+        while not ready and time.monotonic() < end:
+            time.sleep(0.05)
+            ready = self.run("document.readyState === 'complete' ? document.body?.dataset.ready ?? '' : ''")
+        self.settle()
+        return bool(self.run("document.body?.dataset.ready === 'yes'"))
+
+    def _go(self, file: Path) -> None:
+        self._call("Page.navigate", url=file.resolve().as_uri())
 
     def run(self, script: str) -> Any:
         """The value of a script, which may be a promise."""
@@ -94,7 +115,8 @@ class Page:
         if event == "Network.requestWillBeSent":
             self.requests.append(params["request"]["url"])
         elif event == "Runtime.exceptionThrown":
-            self.complaints.append(json.dumps(params["exceptionDetails"]))
+            self.errors.append(json.dumps(params["exceptionDetails"]))
+            self.complaints.append(self.errors[-1])
         elif event == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning", "assert"):
             self.complaints.append(json.dumps(params["args"]))
         elif event == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):

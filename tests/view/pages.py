@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from zlib import crc32
+
 import numpy as np
 
 from tests.conftest import ROOT
@@ -33,3 +36,22 @@ def require_silence(page: Page) -> None:
     assert page.requests
     assert [r for r in page.requests if not r.startswith(("file:", "data:", "blob:"))] == []
     assert {r for r in page.requests if r.startswith("file:")} <= {r for r in page.requests if r.endswith(".html")}
+
+
+def part_of(page: str, name: str) -> str:
+    """The text of an element with data."""
+    begin, end = _place(page, name)
+    return page[begin:end]
+
+
+def with_part(page: str, name: str, text: str, *, is_sealed: bool = True) -> str:
+    """A page with another text in an element with data, and its check sum if it is sealed."""
+    begin, end = _place(page, name)
+    page = page[:begin] + text + page[end:]
+    return re.sub(f'(id="{name}" data-crc)="\\d+"', f'\\1="{crc32(text.encode())}"', page) if is_sealed else page
+
+
+def _place(page: str, name: str) -> tuple[int, int]:
+    found = re.search(f'<script type="[^"]*" id="{name}"[^>]*>([^<]*)</script>', page)
+    assert found is not None
+    return found.span(1)

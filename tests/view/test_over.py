@@ -14,11 +14,12 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.view.earlier import read_page
 from tests.conftest import MODELS, needs_cpp
 from tests.view.browser import Page
 from tests.view.conftest import Shown, call, show
 from tests.view.files import read_csv
-from tests.view.pages import PICTURES, projected, require_silence
+from tests.view.pages import PICTURES, part_of, projected, require_silence, with_part
 
 PRESS = MODELS / "press.yaml"
 
@@ -66,41 +67,80 @@ def test_values_stand_side_by_side(press: Shown, both: Shown, browser: Page) -> 
     require_silence(browser)
 
 
-def about(page: Path, **changes: Any) -> str:
-    """The text of a page with other facts."""
-    text = page.read_text(encoding="utf-8")
-    facts = json.loads(re.search('id="about">(.*?)</script>', text)[1])  # type: ignore[index]
-    return re.sub('id="about">.*?</script>', lambda _: f'id="about">{json.dumps({**facts, **changes})}</script>', text)
+def about(page: str, **changes: Any) -> str:
+    """A page with other facts."""
+    return with_part(page, "about", json.dumps({**json.loads(part_of(page, "about")), **changes}))
 
 
-def with_image(page: Path) -> str:
-    """The text of a page whose scene asks for a file."""
-    text = page.read_text(encoding="utf-8")
-    glb = base64.b64decode(re.search('id="glb">([^<]*)<', text)[1])  # type: ignore[index]
+def gltf(page: str, **changes: Any) -> str:
+    """A page whose .glb file has other entries in its document, or others in one of its lists: ``nodes_3`` is the fourth node."""
+    glb = base64.b64decode(part_of(page, "glb"))
     size = struct.unpack_from("<I", glb, 12)[0]
-    document = {**json.loads(glb[20 : 20 + size]), "images": [{"uri": "https://example.org/x.png"}]}
+    document = json.loads(glb[20 : 20 + size])
+    for key, value in changes.items():
+        name, _, number = key.partition("_")
+        if number:
+            document[name][int(number)] = {**document[name][int(number)], **value}
+        else:
+            document[name] = value
+    return with_part(page, "glb", base64.b64encode(in_chunks(document, glb[28 + size :])).decode())
+
+
+def in_chunks(document: dict[str, Any], binary: bytes) -> bytes:
     part = json.dumps(document).encode()
     part += b" " * (-len(part) % 4)
-    chunks = struct.pack("<I4s", len(part), b"JSON") + part + glb[20 + size :]
-    whole = struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-    return re.sub('id="glb">[^<]*<', lambda _: f'id="glb">{base64.b64encode(whole).decode()}<', text)
+    chunks = struct.pack("<I4s", len(part), b"JSON") + part + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 @needs_cpp
 @pytest.mark.parametrize("spoil", [
     lambda page: "", lambda page: "<p>another page</p>", lambda page: about(page, columns=3), lambda page: about(page, columns=[]),
-    lambda page: about(page, title=None, columns=[{"name": "x"}] * 5), lambda page: re.sub('id="glb">.', 'id="glb">!', page.read_text()),
-    with_image, lambda page: "[" * 100_000, lambda page: re.sub("id=\"about\">.*?</script>", 'id="about">' + "[" * 100_000 + "</script>",
-                                                               page.read_text()),
-], ids=["empty", "another", "columns", "no columns", "too many", "letters", "an image", "brackets", "deep"])  # fmt: skip
+    lambda page: about(page, title=None, columns=[{"name": "x"}] * 5), lambda page: with_part(page, "glb", "!" + part_of(page, "glb")[1:]),
+    lambda page: with_part(page, "glb", part_of(page, "glb")[:-4]), lambda page: "[" * 100_000,
+    lambda page: with_part(page, "about", "[" * 100_000),
+    lambda page: with_part(page, "table", part_of(page, "table")[::-1], is_sealed=False),
+    lambda page: with_part(page, "table", part_of(page, "table").replace("A", "B", 1), is_sealed=False),
+    lambda page: gltf(page, nodes_1={"matrix": [float("nan")] * 16}), lambda page: gltf(page, nodes_1={"children": [1]}),
+    lambda page: gltf(page, nodes_0={"children": [1, 1]}), lambda page: gltf(page, nodes_1={"mesh": 99}), lambda page: gltf(page, nodes=[]),
+    lambda page: gltf(page, nodes_1={"extras": {"newton": float("nan")}}), lambda page: gltf(page, nodes_0={"rotation": [0, 0, 0, 0]}),
+    lambda page: gltf(page, accessors_0={"count": 10**6}),
+    lambda page: gltf(page, accessors_0={"byteOffset": -4}), lambda page: gltf(page, buffers=[{"byteLength": 4, "uri": "https://example.org/x"}]),
+    lambda page: gltf(page, animations_0={"channels": [{"sampler": 99, "target": {"node": 1, "path": "translation"}}]}),
+    lambda page: gltf(page, extensionsRequired=["KHR_draco_mesh_compression"]),
+], ids=[
+    "empty", "another", "columns", "no columns", "too many", "letters", "cut off", "brackets", "deep", "backwards", "sum", "nan matrix",
+    "cycle", "twice", "no mesh", "no nodes", "nan", "turn", "count", "offset", "elsewhere", "no sampler", "extension",
+])  # fmt: skip
 def test_what_is_no_page_is_refused(spoil: Any, press: Shown, tmp_path: Path) -> None:
     earlier = tmp_path / "earlier.html"
-    earlier.write_text(spoil(press.page), encoding="utf-8")
+    earlier.write_text(spoil(press.page.read_text(encoding="utf-8")), encoding="utf-8")
     arguments = ("simulate", PRESS, "--out", tmp_path / "x.csv", "--view", tmp_path / "x.html", "--over", earlier)
     result = CliRunner().invoke(main, [str(a) for a in arguments])
     assert result.exit_code == 1
     assert "earlier.html: not a page of a run; write one with simulate --view" in result.output
     assert sorted(file.name for file in tmp_path.iterdir()) == ["earlier.html"]
+
+
+@needs_cpp
+def test_only_what_is_drawn_of_an_earlier_page_gets_into_another(press: Shown, browser: Page, tmp_path: Path) -> None:
+    text = press.page.read_text(encoding="utf-8")
+    other = {"extensions": {"KHR_lights_punctual": {"lights": 3}}, "images": [{"uri": "https://example.org/x"}], "skins": [{"joints": [9]}]}
+    text = gltf(text, **other, nodes_1={"skin": 0, "camera": 5}, materials=[{"emissiveTexture": {"index": 0}}])
+    (tmp_path / "earlier.html").write_text(text, encoding="utf-8")
+    call("simulate", PRESS, "--no-error", "--out", tmp_path / "x.csv", "--view", tmp_path / "x.html", "--over", tmp_path / "earlier.html")
+    browser.open(tmp_path / "x.html")
+    assert browser.run("cutjoint.ghost('slider', 0.3)") == pytest.approx(browser.run("cutjoint.project('slider', 0.3)"), abs=0.1)
+    require_silence(browser)
+
+
+@needs_cpp
+def test_pages_without_check_sums_are_read(press: Shown, tmp_path: Path) -> None:
+    """Those of the first version had none."""
+    text = re.sub(' data-crc="[0-9]+"', "", press.page.read_text(encoding="utf-8"))
+    (tmp_path / "earlier.html").write_text(text, encoding="utf-8")
+    for one, other in zip(read_page(tmp_path / "earlier.html", "").drawing.nodes, read_page(press.page, "").drawing.nodes, strict=True):
+        assert np.array_equal(one.translation, other.translation)
 
 
 @needs_cpp

@@ -5,17 +5,18 @@ from __future__ import annotations
 import base64
 import json
 import re
-import struct
 from binascii import Error as EncodingError
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from zlib import crc32
 
 import numpy as np
 
 from cutjoint.run.errors import RunError
-from cutjoint.view.records import Array
+from cutjoint.view.glb import TRIANGLES, Glb, GltfNode, Primitive, read_glb
+from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
+from cutjoint.view.turns import turned
 
 #: Bytes of a page: more than any that is written.
 _LARGEST = 60_000_000
@@ -23,11 +24,10 @@ _LARGEST = 60_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Earlier:
-    """A run of a page: its ``name`` for people, the .glb file, times (s), and columns by name."""
+    """A run of a page: its ``name`` for people, what was drawn of it, and columns over the drawing's times by name."""
 
     name: str
-    glb: bytes
-    t: Array
+    drawing: Drawing
     columns: Mapping[str, Array]
 
 
@@ -43,33 +43,80 @@ def read_page(path: Path, option: str) -> Earlier:
         if len(content) > _LARGEST:
             raise ValueError
         return _read(path.name, content.decode("utf-8"))
-    except (ValueError, KeyError, TypeError, AttributeError, EncodingError, RecursionError, struct.error):
+    except (ValueError, LookupError, TypeError, AttributeError, EncodingError, RecursionError):
         raise RunError(f"{option} {path}: not a page of a run; write one with simulate --view") from None
 
 
 def _read(file: str, text: str) -> Earlier:
-    about = json.loads(_part(text, "about"))
-    glb, table = (base64.b64decode(_part(text, name), validate=True) for name in ("glb", "table"))
-    _require_alone(glb)
+    about = json.loads(_element(text, "about"))
+    glb, table = (base64.b64decode(_element(text, name), validate=True) for name in ("glb", "table"))
     names = [str(column["name"]) for column in about["columns"]]
     rows = np.frombuffer(table, "<f4").reshape(len(names) + 1, -1).astype(np.float64)
     if about["motions"] or rows.shape[1] < 2 or not np.isfinite(rows[0]).all() or not (np.diff(rows[0]) > 0).all():
         raise ValueError
     what = ", ".join(str(about[key]) for key in ("title", "scene", "note") if about[key])
-    return Earlier(name=f"{file}: {what}", glb=glb, t=rows[0], columns=dict(zip(names, rows[1:], strict=True)))
+    return Earlier(name=f"{file}: {what}", drawing=_drawing(read_glb(glb), rows[0]), columns=dict(zip(names, rows[1:], strict=True)))
 
 
-def _part(text: str, name: str) -> str:
-    found = re.search(f'<script type="application/[a-z-]+" id="{name}">([^<]*)</script>', text)
-    if found is None:
+def _element(text: str, name: str) -> str:
+    """What an element of a page holds, as it was written."""
+    found = re.search(f'<script type="application/[a-z-]+" id="{name}"(?: data-crc="([0-9]+)")?>([^<]*)</script>', text)
+    if found is None or (found[1] and int(found[1]) != crc32(found[2].encode())):
         raise ValueError(name)
-    return found[1]
+    return found[2]
 
 
-def _require_alone(glb: bytes) -> None:
-    """Check that a .glb file asks for nothing that is not in it."""
-    magic, version, size, length = struct.unpack_from("<4sIII", glb)
-    document: dict[str, Any] = json.loads(glb[20 : 20 + length])
-    outside = [part for part in document.get("buffers", []) if "uri" in part]
-    if (magic, version, size) != (b"glTF", 2, len(glb)) or outside or document.keys() & {"images", "textures", "extensionsUsed"}:
+def _drawing(glb: Glb, t: Array) -> Drawing:
+    """What the writer of .glb files was given, all of it grey: nodes below one whose turn takes up to y."""
+    root, *others = glb.document.nodes
+    if [scene.nodes for scene in glb.document.scenes] != [[0]] or root.children != [*range(1, len(others) + 1)]:
         raise ValueError
+    quaternion = np.array([root.rotation])
+    if abs(np.linalg.norm(quaternion) - 1) > 1e-3:
+        raise ValueError
+    up = turned(quaternion * [-1, -1, -1, 1], np.array([[0.0, 1.0, 0.0]]))[0]
+    tracks, meshes = _tracks(glb, t), _meshes(glb)
+    return Drawing(name=root.name, t=t, nodes=tuple(_node(node, meshes, tracks.get(i, {})) for i, node in enumerate(others, 1)), up=up)
+
+
+def _tracks(glb: Glb, t: Array) -> Mapping[int, Mapping[str, Array]]:
+    """The motions of nodes over all times, by number and path."""
+    tracks: dict[int, dict[str, Array]] = {}
+    for animation in glb.document.animations:
+        for channel in animation.channels:
+            sampler, path = animation.samplers[channel.sampler], channel.target.path
+            values = glb.numbers(sampler.output, "VEC4" if path == "rotation" else "VEC3")
+            if channel.target.node is None or not np.array_equal(glb.numbers(sampler.input, "SCALAR")[:, 0], t) or len(values) != t.size:
+                raise ValueError
+            tracks.setdefault(channel.target.node, {})[path] = values
+    return tracks
+
+
+def _meshes(glb: Glb) -> Sequence[tuple[Part, ...]]:
+    """The parts of each mesh; arrays that several parts have are one mesh."""
+    known: dict[tuple[int | None, ...], Part] = {}
+    for mesh in glb.document.meshes:
+        for primitive in mesh.primitives:
+            known.setdefault(_arrays(primitive), _part(glb, primitive))
+    return [tuple(known[_arrays(primitive)] for primitive in mesh.primitives) for mesh in glb.document.meshes]
+
+
+def _arrays(primitive: Primitive) -> tuple[int | None, ...]:
+    return primitive.attributes["POSITION"], primitive.attributes["NORMAL"], primitive.indices
+
+
+def _part(glb: Glb, primitive: Primitive) -> Part:
+    points, faces = glb.part(primitive)
+    normals = glb.numbers(primitive.attributes["NORMAL"], "VEC3")
+    if normals.shape != points.shape or primitive.mode != TRIANGLES:
+        raise ValueError
+    return Part(mesh=Mesh(points=points, normals=normals, faces=faces), colour=(0.5, 0.5, 0.5))
+
+
+def _node(node: GltfNode, meshes: Sequence[tuple[Part, ...]], track: Mapping[str, Array]) -> Node:
+    about = node.extras or {}
+    if node.children or node.matrix or not all(isinstance(value, str) or np.isfinite(value) for value in about.values()):
+        raise ValueError
+    still = {"translation": node.translation, "rotation": node.rotation, "scale": node.scale}
+    moving = {path: track.get(path, np.array([value])) for path, value in still.items()}
+    return Node(name=node.name, parts=() if node.mesh is None else meshes[node.mesh], about=about, **moving)

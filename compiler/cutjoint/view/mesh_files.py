@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
+import warnings
 from pathlib import Path
 
 import numpy as np
 
 from cutjoint.export.numbers import Numbers
 from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.printing import printable
 from cutjoint.model.records import Body, Model, Visual
+from cutjoint.view.glb import GlbError, read_glb
 from cutjoint.view.records import Array, Mesh
 from cutjoint.view.sizes import point_of
 
@@ -39,18 +42,20 @@ def load_meshes(body: Body, numbers: Numbers) -> list[Mesh]:
     Raises:
         ModelError: a file is not there, is not below the model file's folder, or is no mesh.
     """
-    return [_placed(_triangles(body, visual), visual, numbers) for visual in body.visuals if visual.mesh]
+    return [_placed(body, visual, numbers) for visual in body.visuals if visual.mesh]
 
 
-def _placed(corners: Array, visual: Visual, numbers: Numbers) -> Mesh:
-    """The mesh of triangles (n, 3, 3) where it stands; the image in a mirror is turned inside out first."""
+def _placed(body: Body, visual: Visual, numbers: Numbers) -> Mesh:
+    """A mesh where it stands, without triangles that have no area; the image in a mirror is turned inside out first."""
     axes = visual.scale * np.array([point_of(numbers, axis) for axis in visual.axes])
-    placed = corners @ axes + point_of(numbers, visual.at)
+    placed = _triangles(body, visual) @ axes + point_of(numbers, visual.at)
     if np.linalg.det(axes) < 0:
         placed = placed[:, ::-1]
     normals = np.cross(placed[:, 1] - placed[:, 0], placed[:, 2] - placed[:, 0])
     sizes = np.linalg.norm(normals, axis=1)
     kept = sizes > 0
+    if not kept.any():
+        raise _problem(body, visual, "has no triangle with an area", "write it in metres, or give a scale")
     normals = normals[kept] / sizes[kept, np.newaxis]
     points = placed[kept].reshape(-1, 3)
     return Mesh(points=points, normals=np.repeat(normals, 3, axis=0), faces=np.arange(len(points)).reshape(-1, 3))
@@ -58,21 +63,40 @@ def _placed(corners: Array, visual: Visual, numbers: Numbers) -> Mesh:
 
 def _triangles(body: Body, visual: Visual) -> Array:
     """The corners of the triangles of a file, (n, 3, 3), in its own frame."""
-    content = _content(body, visual)
+    content, kind = _content(body, visual), Path(visual.mesh).suffix[1:].lower()
     try:
-        import trimesh
-
-        kind = Path(visual.mesh).suffix[1:].lower()
-        loaded = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False, resolver=None, skip_materials=True)
-        corners = np.asarray(loaded.triangles, dtype=np.float64)
+        with np.errstate(all="ignore"):
+            corners = _read_gltf(content) if kind == "glb" else _read_by_trimesh(content, kind)
+            largest = float(np.abs(corners).max(initial=0.0)) * visual.scale
+    except GlbError as error:
+        raise _problem(body, visual, f"is no sound glTF: {printable(str(error))}", "write it anew, or as STL") from None
     except Exception:  # whatever a library makes of a file that is none of its own
         raise _problem(body, visual, "is no mesh that can be read", "write it anew as STL") from None
-    largest = float(np.abs(corners).max(initial=0.0)) * visual.scale
-    if not len(corners) or not largest < _FAR or not np.any(np.ptp(corners.reshape(-1, 3), axis=0)):
+    if not len(corners) or not largest < _FAR:
         raise _problem(body, visual, "has no triangles, or some that are not finite or far away", "write it in metres, or give a scale")
     if len(corners) > _TRIANGLES:
-        raise _problem(body, visual, f"has {len(corners)} triangles, more than {_TRIANGLES}", "make it coarser")
+        raise _problem(body, visual, f"has more than {_TRIANGLES} triangles", "make it coarser")
     return corners
+
+
+def _read_by_trimesh(content: bytes, kind: str) -> Array:
+    import trimesh
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        loaded = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False, resolver=None, skip_materials=True)
+    return np.asarray(loaded.triangles, dtype=np.float64)
+
+
+def _read_gltf(content: bytes) -> Array:
+    """The triangles of a scene; not all of them if there are more than can be drawn."""
+    parts, count = [np.zeros((0, 3, 3))], 0
+    for corners in read_glb(content).triangles():
+        parts.append(corners)
+        count += len(corners)
+        if count > _TRIANGLES:
+            break
+    return np.concatenate(parts)
 
 
 def _content(body: Body, visual: Visual) -> bytes:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from html import escape
+from zlib import crc32
 
 import jinja2
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from cutjoint.locations import templates_folder
 from cutjoint.view.earlier import Earlier
 from cutjoint.view.failure import Failure
+from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import PERIOD, Motion
 from cutjoint.view.records import Array
@@ -48,7 +50,7 @@ class Outlook:
 
 
 #: The page's own script is these files in this order, in one function.
-SCRIPTS = ("data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "graph", "sliders", "controls")
+SCRIPTS = ("trouble", "data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "graph", "sliders", "controls")
 
 #: How many of the last rows of a run that failed are played slowly.
 LAST_ROWS = 40
@@ -67,14 +69,16 @@ def make_page(
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
         "sliders": None if sliders is None else sliders.facts,
         "graph": None if graph is None else asdict(graph),
-        "over": None if over is None else {"name": over.name, "rows": int(over.t.size), "columns": list(over.columns)},
+        "over": None if over is None else {"name": over.name, "rows": int(over.drawing.t.size), "columns": list(over.columns)},
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip
     moving = [] if sliders is None else [sliders.script]
     scripts = [(folder / "vendor/libraries.min.js").read_text(encoding="utf-8"), *moving, own_script()]
+    data = {"about": as_data(about), "glb": _encoded(glb), "table": _table(t, [c.values for c in columns])}
+    if over is not None:
+        data |= {"over-glb": _encoded(write_gltf(over.drawing)), "over-table": _table(over.drawing.t, [*over.columns.values()])}
     return _environment().get_template("page.html.jinja").render(
-        title=escape(f"{title}, {scene}"), about=as_data(about), glb=_encoded(glb), table=_table(t, [c.values for c in columns]),
-        over=None if over is None else {"glb": _encoded(over.glb), "table": _table(over.t, [*over.columns.values()])},
+        title=escape(f"{title}, {scene}"), data=[(name, crc32(text.encode()), text) for name, text in data.items()],
         scripts=scripts, hashes=[script_hash(script) for script in scripts],
         styles=[(folder / name).read_text(encoding="utf-8") for name in ("vendor/uplot.min.css", "page.css")],
     )  # fmt: skip

@@ -4,14 +4,27 @@ const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLi
   Scene, Vector2, Vector3, WebGLRenderer,
 } = Libraries;
 const by = (id) => document.getElementById(id);
-const bytes = (id) => Uint8Array.from(atob(by(id).textContent), (c) => c.charCodeAt(0)).buffer;
-const about = JSON.parse(by('about').textContent);
+const bytes = (id) => Uint8Array.from(atob(held(id)), (c) => c.charCodeAt(0)).buffer;
+const remainders = Uint32Array.from({ length: 256 }, (_, byte) => {
+  for (let bit = 0; bit < 8; bit++) byte = (byte >>> 1) ^ (byte & 1 && 0xedb88320);
+  return byte;
+});
+const about = JSON.parse(held('about'));
 const numbers = new Float32Array(bytes('table'));
 const t = numbers.subarray(0, about.rows);
 const columns = about.columns.map((c, i) => measured({ ...c, values: numbers.subarray((i + 1) * about.rows, (i + 2) * about.rows) }));
 const { outlook } = about;
 const [first, last] = about.motions.length ? [0, about.period] : [t[0], t[t.length - 1]];
 const state = { time: first, playing: false, body: '', column: columns[0]?.name ?? '', follow: outlook.follow };
+
+/** The text of an element, which is as it was written: its CRC-32 (ISO/IEC 13239) is beside it. */
+function held(id) {
+  const element = by(id), text = element?.textContent ?? '';
+  let crc = -1;
+  for (let i = 0; i < text.length; i++) crc = (crc >>> 8) ^ remainders[(crc ^ text.charCodeAt(i)) & 255];
+  if (!element || ~crc >>> 0 !== Number(element.dataset.crc)) throw new Error(`its file is damaged, in '${id}'`);
+  return text;
+}
 
 /** A column with as many decimals as five digits of its largest value have. */
 function measured(column) {
