@@ -16,6 +16,7 @@ from cutjoint.emit.classes import Parts, System, class_of_mechanism, class_of_sy
 from cutjoint.emit.source import Page, switches_of, system_class
 from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.locations import runtime_folder
 from cutjoint.methods import METHODS, Formulation
@@ -187,17 +188,22 @@ def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, o
         "end": repr(float(run_file["end"])), "output_step": repr(float(run_file["output_step"])),
         "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
-        "columns": equations.columns, "steered": _steered(equations),
+        "columns": equations.columns, "steered": _steered(equations), "guiding": "".join(f", {i}" for i in _guiding(equations)),
         "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
         "positions": _given(run_file["positions"], start.coordinate_names), "rates": _given(run_file["rates"], start.speed_names),
         **_roads(equations, run_file),
     }  # fmt: skip
 
 
+def _guiding(equations: RecursiveEquations | SystemEquations) -> list[int]:
+    """The inputs that move guides."""
+    return [i for i, given in enumerate(equations.inputs) if guided_by(equations.topology.model, given) is not None]
+
+
 def _steered(equations: RecursiveEquations | SystemEquations) -> int | None:
-    """The first input that a host can hold without moving a guide at once."""
-    read = {symbol for joint in equations.topology.model.joints for guide in joint.guide or () for symbol in guide.free_symbols}
-    return next((i for i, given in enumerate(equations.inputs) if given.symbol not in read), None)
+    """The first input that moves no guide."""
+    guiding = _guiding(equations)
+    return next((i for i in range(len(equations.inputs)) if i not in guiding), None)
 
 
 def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, object]]:
@@ -305,7 +311,7 @@ def simulation_size(parts: Parts, steps: Steps) -> int:
     masses = 3 * m * m + 6 * m + 3 * n
     n, m, q, state = _lengths(equations)
     others = 6 * max(state, _lengths(start)[-1])
-    others += 8 * (len(equations.parameters) + 2 * len(equations.inputs) + len(equations.columns) + len(start.closures))
+    others += 8 * (len(equations.parameters) + 6 * len(equations.inputs) + len(equations.columns) + len(start.closures))
     stored = _stored(parts.program)
     if parts.system is None:
         stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state

@@ -72,7 +72,7 @@ class Derivatives {
 
   /// Get ready at the present state.
   Fault begin(Simulation& simulation, Minimal& minimal) {
-    Starter<M>& starter = simulation.starter_at(simulation.state().t);
+    Starter<M>& starter = simulation.starter();
     state_ = &simulation.complete_state();
     if constexpr (inputs > 0) std::copy_n(simulation.mechanism().last_inputs(), u_.size(), u_.begin());
     std::copy(simulation.parameters().begin(), simulation.parameters().end(), parameters_.begin());

@@ -9,11 +9,13 @@ inline constexpr int numbers_per_input = 3;
 /// A source of inputs.  `fill` receives the array of a step, which has three numbers for each input in the order of the description and
 /// holds what the scene's laws say at time t; it writes those that the source gives and leaves the others.  It is called whenever a step or
 /// a part of one begins, with any t in the step, and must depend on nothing but t until the step ends.  `host` is handed on as it is.
-/// Without `fill` the scene's laws alone are the source.
+/// Without `fill` the scene's laws alone are the source.  With `begin` the source is told of each step, from t to another time, and says whether
+/// inputs jump there.
 template <class Real>
 struct InputSource {
   void (*fill)(void* host, Real t, Real* input) = nullptr;
   void* host = nullptr;
+  bool (*begin)(void* host, Real t, Real until) = nullptr;
 };
 
 /// The array of a step: `length` numbers, those of the inputs, then what the scene's laws are watched by.

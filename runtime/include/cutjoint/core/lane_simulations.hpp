@@ -19,6 +19,37 @@ struct LaneMechanism {
   M mechanism;
 };
 
+/// The inputs of a simulation in a lane, whose host gives no others from now on.
+template <class Followed>
+class LaneFollowed {
+ public:
+  void begin(const typename Followed::Inputs& given, const Followed& followed, double dt) {
+    given_ = given;
+    followed_ = followed;
+    dt_ = dt;
+  }
+
+  /// A source that gives these.
+  InputSource<double> source() {
+    InputSource<double> source = followed_.used().source();
+    if (Followed::any && source.fill) source = {&fill, this, &go_on};
+    return source;
+  }
+
+ private:
+  static void fill(void* host, double t, double* input) { Followed::Inputs::fill(&static_cast<LaneFollowed*>(host)->followed_.used(), t, input); }
+
+  static bool go_on(void* host, double t, double until) {
+    LaneFollowed& own = *static_cast<LaneFollowed*>(host);
+    const auto no_scene = [](std::size_t, double, double*) {};  // who follows the host already needs none
+    return own.followed_.go_on(own.given_, t, until, own.dt_, no_scene);
+  }
+
+  typename Followed::Inputs given_;
+  Followed followed_;
+  double dt_ = 0.0;
+};
+
 /// Simulations by the trapezoidal rule, side by side in M, their mechanism with reals that are numbers of several.  They start one by one, as `Sim`,
 /// and are taken over.
 template <class Sim, Sized M>
@@ -49,7 +80,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
     for (std::size_t k = 0; k < sims.size(); ++k) {
       if (!sims[k]) continue;
       const auto memory = sims[k]->memory();
-      inputs_[k] = memory.used;
+      inputs_[k].begin(memory.inputs, memory.followed, memory.settings.dt);
       this->put(static_cast<int>(k), LaneStart<decltype(memory.state)>{
                                          .state = memory.state, .parameters = memory.parameters.data(), .penalties = memory.penalties.data(),
                                          .roads = sims[k]->roads(), .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number});
@@ -60,7 +91,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
 
  private:
   Probes<M> probes_;
-  std::array<HostInputs<double, M::sizes.inputs>, width> inputs_;
+  std::array<LaneFollowed<typename Sim::Followed>, width> inputs_;
 };
 
 }  // namespace cutjoint

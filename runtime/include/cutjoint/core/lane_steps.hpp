@@ -74,7 +74,7 @@ class LaneSteps {
   explicit LaneSteps(M& mechanism)
       : mechanism_(mechanism), roads_(sizes_of(mechanism).roads), parameters_(sizes_of(mechanism).parameters), penalties_(sizes_of(mechanism).cuts),
         state_(blank(mechanism)), sources_(mechanism), steps_(mechanism, Real(1), FixedPoint{}), columns_(sizes_of(mechanism).columns),
-        margins_(sizes_of(mechanism).guards) {}
+        margins_(sizes_of(mechanism).guards), vdot_(sizes_of(mechanism).speeds), correction_(sizes_of(mechanism).equations) {}
 
   LaneSteps(const LaneSteps&) = delete;
   LaneSteps& operator=(const LaneSteps&) = delete;
@@ -186,7 +186,21 @@ class LaneSteps {
     return 0.0;
   }
 
+  /// Tell sources of a step; where inputs jump it begins with the accelerations that they give, as FixedPointSteps has it.
+  void begin_inputs(Real until) {
+    Mask jump = Instances::all_if(false);
+    for (int k = 0; k < width; ++k) {
+      const InputSource<double>& source = at(inputs_, k);
+      if (goes(k) && source.begin && source.begin(source.host, state_.t[k], until[k])) jump[k] = -1;
+    }
+    if (!Instances::any(jump)) return;
+    mechanism_.begin_step(state_.t, Real(1));
+    mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), vdot_.data(), correction_.data());
+    Instances::take_all(jump, vdot_, state_.vdot);
+  }
+
   void integrate(Real h, Real until) {
+    if constexpr (!Sized<M> || sizes.inputs > 0) begin_inputs(until);
     const Real begun = state_.t;
     steps_.set_step(h);
     const Mask failed = steps_.step_of(state_, going_);
@@ -214,6 +228,8 @@ class LaneSteps {
   Trapezoidal<M> steps_;
   Array<M, sizes.columns> columns_;
   Array<M, sizes.guards> margins_;
+  Speeds<M> vdot_;
+  Equations<M> correction_;
   Mask going_{};
   std::array<Fault, width> faults_{};
 };

@@ -9,6 +9,7 @@
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/host_inputs.hpp"
 #include "cutjoint/core/initialisation.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"
@@ -19,55 +20,6 @@
 #include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
-
-/// What a host gives of its inputs.  An input whose value is no number follows the scene.  A value that was `put` with its rate and acceleration at a
-/// time goes on like that; one that was written instead is held.
-template <class Real, std::size_t n>
-struct HostInputs {
-  Fixed<Real, n> values;
-
-  HostInputs() { values.fill(std::numeric_limits<Real>::quiet_NaN()); }
-
-  void put(std::size_t i, Real t, Real value, Real rate, Real acceleration) {
-    values[i] = put_[i] = value;
-    rates_[i] = rate;
-    accelerations_[i] = acceleration;
-    times_[i] = t;
-  }
-
-  static void fill(void* host, Real t, Real* input) {
-    const HostInputs& given = *static_cast<const HostInputs*>(host);
-    for (std::size_t i = 0; i < n; ++i, input += numbers_per_input) {
-      if (!(given.values[i] == given.values[i])) continue;
-      const bool is_put = given.values[i] == given.put_[i];
-      const Real since = t - given.times_[i], rate = is_put ? given.rates_[i] : Real(0), acceleration = is_put ? given.accelerations_[i] : Real(0);
-      input[0] = given.values[i] + since * (rate + since / 2 * acceleration);
-      input[1] = rate + since * acceleration;
-      input[2] = acceleration;
-    }
-  }
-
-  /// A source that gives these; none where all follow the scene.
-  InputSource<Real> source() {
-    for (const Real value : values)
-      if (value == value) return {&fill, this};
-    return {};
-  }
-
-  /// Whether others would give the same.
-  bool operator==(const HostInputs& other) const {
-    bool same = true;
-    for (std::size_t i = 0; i < n; ++i) {
-      const bool follow = !(values[i] == values[i]) && !(other.values[i] == other.values[i]);
-      same = same && (follow || (values[i] == other.values[i] && put_[i] == other.put_[i] && rates_[i] == other.rates_[i] &&
-                               accelerations_[i] == other.accelerations_[i] && times_[i] == other.times_[i]));
-    }
-    return same;
-  }
-
- private:
-  Fixed<Real, n> put_, rates_, accelerations_, times_;
-};
 
 /// A method with an integrator such as fixed_point_steps.hpp.  The mechanism finds where motions start; it is also what the integrator steps, its
 /// `Subject`, unless that is a system in coordinates of its own or with a tangent.
@@ -83,17 +35,20 @@ struct HostInputs {
 /// - `accelerate`, which finds accelerations and multipliers of a state and takes it over, `complete`, a state that has them, and `close`, which closes
 ///   the loops of a state and moves the masses least,
 /// - `memory` and `restore`, what it remembers from step to step.
-template <Sized M, class Integrator>
+///
+/// Inputs whose places are `guiding` move guides.
+template <Sized M, class Integrator, int... guiding>
 class Simulation {
  public:
   using Real = typename M::real_type;
   using Mechanism = M;
   using Subject = typename Integrator::Subject;
+  using Followed = FollowedInputs<Real, M::sizes.inputs, guiding...>;
 
   Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads)
       : settings_(settings), roads_(roads), start_(blank(mechanism_)), state_(blank(subject())), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
-    if constexpr (sizes.inputs > 0) drive_by(used_);
+    if constexpr (sizes.inputs > 0) drive_by(followed_.used());
   }
 
   Simulation(const Simulation&) = delete;
@@ -116,8 +71,7 @@ class Simulation {
 
   /// The value of an input at the present time, as the next step begins with it.
   Real present_input(std::size_t i) {
-    InputValues now;
-    read_inputs(inputs_, now);
+    const InputValues now = read_inputs(inputs_);
     mechanism_.begin_step(state_.t, Real(1));
     return now[numbers_per_input * i];
   }
@@ -137,7 +91,8 @@ class Simulation {
   /// Find a consistent state.
   Fault start() {
     is_started_ = false;
-    used_ = inputs_;
+    inputs_.begin(state_.t);
+    followed_.begin(inputs_);
     StateOf<M> begun = start_;
     Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     if (const Fault fault = how.place(begun, given_coordinates_)) return at_start(fault);
@@ -158,32 +113,19 @@ class Simulation {
   /// Heed what has changed since the last step, as the next one does.
   void settle() {
     heed_settings();
-    heed_changes();
+    follow(next_whole());
   }
 
   /// A step of the settings' length; the state stays where it fails.
   Fault step() {
     heed_settings();
-    const Real until = origin_ + Real(number_ + 1) * Real(settings_.dt);
-    if (const Fault fault = integrate(Real(settings_.dt), until)) return fault;
-    ++number_;
-    return {};
+    return call(next_whole(), [this] { return whole_step(); });
   }
 
   /// Steps to a time, the last one shorter where they do not end there.
   Fault advance(double until) {
     heed_settings();
-    const Real rounding = Real(1e-9) * Real(settings_.dt);
-    while (Real(until) - state_.t > rounding) {
-      const Real left = Real(until) - state_.t;
-      if (!Integrator::adaptive && left + rounding >= Real(settings_.dt)) {
-        if (const Fault fault = step()) return fault;
-        continue;
-      }
-      if (const Fault fault = integrate(left, Real(until))) return fault;
-      count_from_here();
-    }
-    return {};
+    return call(Real(until), [this, until] { return steps_to(Real(until)); });
   }
 
   /// The same, or to where a force changes its formula, if that is earlier: `event` is then its switch, else -1.
@@ -192,19 +134,7 @@ class Simulation {
   {
     event = -1;
     heed_settings();
-    heed_changes();
-    const long events = steps_->events();
-    const Real rounding = Real(1e-9) * Real(settings_.dt);  // no step of the integrator is as short
-    while (Real(until) - state_.t > rounding && event < 0) {
-      const Real whole = origin_ + Real(number_ + 1) * Real(settings_.dt), next = Integrator::adaptive ? Real(until) : std::min(whole, Real(until));
-      is_reported_ = false;
-      if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
-      if (const Fault fault = watch()) return fault;
-      if (steps_->events() > events) event = static_cast<int>(steps_->last_event());
-      if (state_.t == whole) ++number_;
-      else count_from_here();
-    }
-    return {};
+    return call(Real(until), [this, until, &event] { return steps_to_event(Real(until), event); });
   }
 
   /// Where the next of its steps ends unless an event or the time advanced to is before; nowhere where steps are as long as errors allow.
@@ -212,7 +142,7 @@ class Simulation {
     requires Integrator::finds_events
   {
     heed_settings();
-    return Integrator::adaptive ? std::numeric_limits<Real>::infinity() : origin_ + Real(number_ + 1) * Real(settings_.dt);
+    return Integrator::adaptive ? std::numeric_limits<Real>::infinity() : next_whole();
   }
 
   /// Whether a force that was left out would act in the present state.
@@ -228,8 +158,9 @@ class Simulation {
     return {};
   }
 
-  /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them.
+  /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them; guides are where the host has them.
   Fault go_to(Real t, const Real* q, const Real* v) {
+    jump_to(t);
     for (std::size_t i = 0; i < sizes.coordinates; ++i) state_.q[i] = q[i];
     for (std::size_t i = 0; i < sizes.speeds; ++i) state_.v[i] = v[i];
     state_.t = t;
@@ -266,13 +197,29 @@ class Simulation {
     }
   }
 
-  /// The mechanism, its roads and its starter at a time, for those who seek states to go to.
+  /// The mechanism, its roads and its starter at the present time.
   M& mechanism() { return mechanism_; }
   const Road<Real>* roads() const { return roads_; }
-  Starter<M>& starter_at(Real t) {
+  Starter<M>& starter() {
     heed_changes();
-    mechanism_.begin_step(t, Real(1));
+    mechanism_.begin_step(state_.t, Real(1));
     return initialisation_->starter();
+  }
+
+  /// Go to the state at a time that `find` finds from the present one.
+  template <class Find>
+  Fault seek(Real t, Find find) {
+    const auto before = followed_;
+    StateOf<Subject> found = state_;
+    heed_changes();
+    jump_to(t);
+    mechanism_.begin_step(found.t = t, Real(1));
+    if (const Fault fault = find(initialisation_->starter(), found)) {
+      followed_ = before;
+      mechanism_.begin_step(state_.t, Real(1));
+      return fault;
+    }
+    return go_to(t, found.q.data(), found.v.data());
   }
 
   /// How cut joints are held, and their penalties, as `load_mechanism` takes them.
@@ -301,7 +248,8 @@ class Simulation {
   struct Memory {
     SimulationSettings settings;
     Fixed<Real, M::sizes.parameters> parameters;
-    HostInputs<Real, M::sizes.inputs> inputs, used;
+    HostInputs<Real, M::sizes.inputs> inputs;
+    Followed followed;
     StateOf<Subject> state;
     Cuts<M> penalties;
     [[no_unique_address]] typename Integrator::Memory integrator;
@@ -311,7 +259,7 @@ class Simulation {
   };
 
   Memory memory() const {
-    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .used = used_, .state = state_, .penalties = penalties_,
+    return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .followed = followed_, .state = state_, .penalties = penalties_,
             .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_};
   }
 
@@ -320,7 +268,7 @@ class Simulation {
     settings_ = memory.settings;
     parameters_ = memory.parameters;
     inputs_ = memory.inputs;
-    used_ = memory.used;
+    followed_ = memory.followed;
     state_ = memory.state;
     penalties_ = memory.penalties;
     origin_ = memory.origin;
@@ -333,6 +281,8 @@ class Simulation {
   }
 
  private:
+  using InputValues = Fixed<Real, numbers_per_input * M::sizes.inputs>;
+
   static constexpr Sizes sizes = Subject::sizes;
   static constexpr bool has_system = !std::is_same_v<M, Subject>;
 
@@ -406,34 +356,52 @@ class Simulation {
     if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) load();
   }
 
-  /// So do inputs; what was reported before is of those of the last step.
+  /// So do inputs, but those that move guides, which calls follow; what was reported before is of those of the last step.
   void heed_changes() {
+    if (take_changes()) steps_->heed_inputs(state_);
+  }
+
+  /// Whether inputs that move no guide have another value, rate or acceleration now; steps begin with the accelerations that these give.
+  bool take_changes() {
     heed_parameters();
-    if (inputs_ == used_) return;
-    const bool jump = inputs_jump();
-    used_ = inputs_;
-    if (jump) steps_->heed_inputs(state_);
+    if (followed_.others_stay(inputs_)) return false;
+    const InputValues before = read_inputs(followed_.used());
+    followed_.take_others(inputs_);
+    return !(read_inputs(followed_.used()) == before);
   }
 
-  /// Whether inputs have another value, rate or acceleration now than those of the last step.
-  bool inputs_jump() {
+  /// A call from the present time to another begins: guides follow the host.
+  void follow(Real until) {
+    const bool others_jump = take_changes();
+    const auto scene = [this](std::size_t i, Real t, Real* numbers) { read_scene(i, t, numbers); };
+    if (followed_.go_on(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->heed_inputs(state_);
+  }
+
+  /// The host goes to a time itself: guides are where it has them.
+  void jump_to(Real t) {
+    if (t != state_.t || !followed_.hears_nothing(inputs_)) followed_.begin(inputs_);
+  }
+
+  /// Inputs at the present time, as a host gives them; afterwards they are those of the steps.
+  InputValues read_inputs(HostInputs<Real, M::sizes.inputs>& inputs) {
+    InputValues values;
     if constexpr (sizes.inputs > 0) {
-      InputValues now, before;
-      read_inputs(inputs_, now);
-      read_inputs(used_, before);
-      return !(now == before);
+      drive_by(inputs);
+      mechanism_.begin_step(state_.t, Real(1));
+      std::copy_n(mechanism_.last_inputs(), values.size(), values.begin());
+      drive_by(followed_.used());
     }
-    return false;
+    return values;
   }
 
-  using InputValues = Fixed<Real, numbers_per_input * M::sizes.inputs>;
-
-  /// Inputs at the present time, as a host gives them; afterwards they are those of the last step.
-  void read_inputs(HostInputs<Real, M::sizes.inputs>& inputs, InputValues& values) {
-    drive_by(inputs);
-    mechanism_.begin_step(state_.t, Real(1));
-    std::copy_n(mechanism_.last_inputs(), values.size(), values.begin());
-    drive_by(used_);
+  /// Value, rate and acceleration that the scene gives an input at a time.
+  void read_scene([[maybe_unused]] std::size_t i, [[maybe_unused]] Real t, [[maybe_unused]] Real* numbers) {
+    if constexpr (Followed::any) {
+      mechanism_.drive_by({});
+      mechanism_.begin_step(t, Real(1));
+      std::copy_n(mechanism_.last_inputs() + numbers_per_input * i, numbers_per_input, numbers);
+      drive_by(followed_.used());
+    }
   }
 
   /// Accelerations that belong to the state.
@@ -443,9 +411,93 @@ class Simulation {
     return steps_->accelerate(state_, initialisation_->starter());
   }
 
+  /// No step of the integrator is as short.
+  Real rounding() const { return Real(1e-9) * Real(settings_.dt); }
+
+  /// The end of the next step of the settings' length.
+  Real next_whole() const { return origin_ + Real(number_ + 1) * Real(settings_.dt); }
+
+  /// A call that goes on to a time.  One that gets nowhere leaves what guides follow as it was.
+  template <class Go>
+  Fault call(Real until, Go go_on) {
+    if (!Followed::any || !(until - state_.t > rounding()) || !followed_.is_due(inputs_, state_.t, rounding())) {
+      heed_changes();
+      return go_on();
+    }
+    const auto before = followed_;
+    const StateOf<Subject> from = state_;
+    follow(until);
+    const Fault fault = go_on();
+    if (fault && state_.t == from.t) go_back(from, before);
+    return fault;
+  }
+
+  /// Be at a state and on courses as before a step that failed.
+  void go_back(const StateOf<Subject>& state, const Followed& followed) {
+    state_ = state;
+    followed_ = followed;
+    subject().begin_step(state_.t, Real(1));
+    steps_->begin(state_);
+  }
+
+  Fault whole_step() {
+    if (const Fault fault = integrate(Real(settings_.dt), next_whole())) return fault;
+    ++number_;
+    return {};
+  }
+
+  Fault steps_to(Real until) {
+    while (until - state_.t > rounding()) {
+      const Real left = until - state_.t;
+      if (!Integrator::adaptive && left + rounding() >= Real(settings_.dt)) {
+        if (const Fault fault = whole_step()) return fault;
+        continue;
+      }
+      if (const Fault fault = integrate(left, until)) return fault;
+      count_from_here();
+    }
+    return {};
+  }
+
+  Fault steps_to_event(Real until, int& event) {
+    const long events = steps_->events();
+    while (until - state_.t > rounding() && event < 0) {
+      const Real whole = next_whole(), end = Integrator::adaptive ? until : std::min(whole, until), next = go_over_until(end);
+      is_reported_ = false;
+      if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
+      if (const Fault fault = watch()) return fault;
+      if (steps_->events() > events) event = static_cast<int>(steps_->last_event());
+      if (state_.t == whole) ++number_;
+      else count_from_here();
+    }
+    return {};
+  }
+
+  /// Guides go over to the next parts of their courses, of which none ends before the time that is returned, at most `until`.
+  Real go_over_until(Real until) {
+    if constexpr (Followed::any) {
+      if (followed_.go_over(state_.t, rounding())) steps_->heed_inputs(state_);
+      if (const Real next = followed_.next_end(); next < until - rounding()) return next;
+    }
+    return until;
+  }
+
+  /// A step to a time, in parts where the course of a guide has parts.
   Fault integrate(Real h, Real until) {
-    heed_changes();
     is_reported_ = false;
+    const Real next = go_over_until(until);
+    if (next < until) {
+      const StateOf<Subject> from = state_;
+      const auto before = followed_;
+      Fault fault = integrate_part(next - state_.t, next);
+      if (!fault) fault = integrate(until - next, until);
+      if (fault) go_back(from, before);
+      return fault;
+    }
+    return integrate_part(h, until);
+  }
+
+  Fault integrate_part(Real h, Real until) {
     if (const Fault fault = steps_->step(state_, settings_, h, until, number_ + 1)) return fault;
     state_.t = until;
     return watch();
@@ -456,7 +508,8 @@ class Simulation {
   SimulationSettings settings_;
   const Road<Real>* roads_;
   Fixed<Real, M::sizes.parameters> parameters_, loaded_;
-  HostInputs<Real, M::sizes.inputs> inputs_, used_;
+  HostInputs<Real, M::sizes.inputs> inputs_;
+  Followed followed_;
   StateOf<M> start_;
   StateOf<Subject> state_;
   Coordinates<M, unsigned char> given_coordinates_;

@@ -1,0 +1,280 @@
+// Inputs that a host gives a simulation, and how guides follow them.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/inputs.hpp"
+
+namespace cutjoint {
+
+/// What a host gives of its inputs.  An input whose value is no number follows the scene.  A value that was `put` with its rate and acceleration at a
+/// time goes on like that; one that was written instead is held.
+template <class Real, std::size_t n>
+struct HostInputs {
+  Fixed<Real, n> values;
+
+  HostInputs() { values.fill(std::numeric_limits<Real>::quiet_NaN()); }
+
+  void put(std::size_t i, Real t, Real value, Real rate, Real acceleration) {
+    values[i] = put_[i] = value;
+    rates_[i] = rate;
+    accelerations_[i] = acceleration;
+    times_[i] = t;
+  }
+
+  /// One input becomes that of others.
+  void take(std::size_t i, const HostInputs& other) {
+    put(i, other.times_[i], other.put_[i], other.rates_[i], other.accelerations_[i]);
+    values[i] = other.values[i];
+  }
+
+  bool is_given(std::size_t i) const { return values[i] == values[i]; }
+
+  /// Whether an input has a value without derivatives.
+  bool is_held(std::size_t i) const { return is_given(i) && !(is_put(i) && (rates_[i] != Real(0) || accelerations_[i] != Real(0))); }
+
+  /// Whether it has derivatives.
+  bool is_going(std::size_t i) const { return is_given(i) && !is_held(i); }
+
+  /// Value, rate and acceleration of an input that is given.
+  void at(std::size_t i, Real t, Real* numbers) const {
+    const bool goes_on = is_put(i);
+    const Real since = t - times_[i], rate = goes_on ? rates_[i] : Real(0), acceleration = goes_on ? accelerations_[i] : Real(0);
+    numbers[0] = values[i] + since * (rate + since / 2 * acceleration);
+    numbers[1] = rate + since * acceleration;
+    numbers[2] = acceleration;
+  }
+
+  static void fill(void* host, Real t, Real* input) {
+    const HostInputs& given = *static_cast<const HostInputs*>(host);
+    for (std::size_t i = 0; i < n; ++i)
+      if (given.is_given(i)) given.at(i, t, input + numbers_per_input * i);
+  }
+
+  /// Begin at time 0: derivatives that were given before the present time are forgotten, those given now hold from then on.
+  void begin(Real now) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const bool goes_on = is_put(i) && times_[i] == now;
+      put(i, Real(0), values[i], goes_on ? rates_[i] : Real(0), goes_on ? accelerations_[i] : Real(0));
+    }
+  }
+
+  /// A source that gives these; none where all follow the scene.
+  InputSource<Real> source() {
+    for (const Real value : values)
+      if (value == value) return {&fill, this};
+    return {};
+  }
+
+  /// Whether another would give the same of an input.
+  bool is_same(std::size_t i, const HostInputs& other) const {
+    const bool follow = !is_given(i) && !other.is_given(i);
+    return follow || (values[i] == other.values[i] && put_[i] == other.put_[i] && rates_[i] == other.rates_[i] &&
+                      accelerations_[i] == other.accelerations_[i] && times_[i] == other.times_[i]);
+  }
+
+  bool operator==(const HostInputs& other) const {
+    bool same = true;
+    for (std::size_t i = 0; i < n; ++i) same = same && is_same(i, other);
+    return same;
+  }
+
+ private:
+  bool is_put(std::size_t i) const { return values[i] == put_[i]; }
+
+  Fixed<Real, n> put_, rates_, accelerations_, times_;
+};
+
+/// Inputs as a simulation uses them: as the host gives them, but those that move guides, `guiding`, follow it without a jump of value or rate.
+///
+/// A guide whose value or rate jumped would leave loops open and lose the momentum of what it carries.  So it goes from where it is, and
+/// as fast as it moves, along two parabolas to the host's course.  They are what integrators integrate without error, so that loops stay as closed
+/// as behind a law.  Each is as long as a step.  Where the host gives derivatives, as it may with each step, the first one aims at its course half a step
+/// later, since they extrapolate worse the further they do, and two more follow where it gives no others.
+///
+/// An input that is held has a rate too: that of its last change over the time of the call, or over that of the call before if this is smaller;
+/// none where these have other signs, so that nothing goes beyond a value to which it jumps.  With such a rate it is at the held value at
+/// the end of the call, and without it at rest there after two steps.
+template <class Real, std::size_t n, int... guiding>
+class FollowedInputs {
+ public:
+  using Inputs = HostInputs<Real, n>;
+
+  /// Whether any input moves a guide.
+  static constexpr bool any = sizeof...(guiding) > 0;
+
+  /// The inputs that drive steps.
+  Inputs& used() { return used_; }
+
+  /// Be where the host is.
+  void begin(const Inputs& given) {
+    used_ = heard_ = given;
+    courses_.fill({});
+    planned_ = -std::numeric_limits<Real>::infinity();
+  }
+
+  /// Whether the host gives what it gave before.
+  bool hears_nothing(const Inputs& given) const {
+    return given == heard_;
+  }
+
+  /// Whether it gives inputs that move no guide as before.
+  bool others_stay(const Inputs& given) const {
+    bool stay = true;
+    for (std::size_t i = 0; i < n; ++i) stay = stay && (is_guiding(i) || given.is_same(i, used_));
+    return stay;
+  }
+
+  /// Those are as the host gives them.
+  void take_others(const Inputs& given) {
+    for (std::size_t i = 0; i < n; ++i) {
+      if (is_guiding(i)) continue;
+      used_.take(i, given);
+      heard_.take(i, given);
+    }
+  }
+
+  /// Whether a call from a time on begins another course, or another part of one.
+  bool is_due(const Inputs& given, Real t, Real rounding) const {
+    if (!hears_nothing(given)) return true;
+    bool due = false;
+    each([&](const Course& course, std::size_t) {
+      due = due || (course.part != 0 && !(t < course.end - rounding)) || ((course.slope != Real(0) || course.last != Real(0)) && t != planned_);
+    });
+    return due;
+  }
+
+  /// The end of the part of a course that ends first, infinity where none does.
+  Real next_end() const {
+    Real next = std::numeric_limits<Real>::infinity();
+    each([&](const Course& course, std::size_t) { next = course.part != 0 && course.end < next ? course.end : next; });
+    return next;
+  }
+
+  /// At a time, go over to the next parts of courses; whether there was any.
+  bool go_over(Real t, Real rounding) {
+    bool goes = false;
+    each([&](Course& course, std::size_t i) {
+      if (course.part == 0 || t < course.end - rounding) return;
+      goes = true;
+      if (course.part == 1 && course.again != Real(0)) {
+        Real now[numbers_per_input], wanted[numbers_per_input];
+        used_.at(i, course.end, now);
+        heard_.at(i, course.end + 2 * course.again, wanted);
+        go(course, i, course.end, now, course.again, course.again, wanted);
+        course.again = Real(0);
+      } else if (course.part == 1) {
+        used_.put(i, course.end, course.value, course.rate, course.acceleration);
+        course.end = course.last_end;
+        course.part = 2;
+      } else {
+        used_.take(i, heard_);
+        course.part = 0;
+      }
+    });
+    return goes;
+  }
+
+  /// At a time, the begin of a call up to `until` with steps of length dt, go on to where the host is now; whether an acceleration jumps.
+  /// `scene(i, t, numbers)` is what the scene's law gives an input.
+  template <class Scene>
+  bool go_on(const Inputs& given, Real t, Real until, Real dt, Scene scene) {
+    bool jumps = go_over(t, Real(1e-9) * dt);
+    if (t == planned_ && hears_nothing(given)) return jumps;
+    each([&](Course& course, std::size_t i) { jumps = plan(course, i, given, t, until - t, dt, scene) || jumps; });
+    planned_ = t;
+    return jumps;
+  }
+
+ private:
+  /// What comes after the present part: where and how the second one begins, and when both end; `again` is the length of the parts of another course that
+  /// comes instead.  `slope` is the rate at which the input is followed, `last` that of the last change of a held one.
+  struct Course {
+    Real end{0}, last_end{0}, value{0}, rate{0}, acceleration{0}, again{0}, slope{0}, last{0};
+    long part = 0;  ///< 1 or 2; 0: as the host or the scene has it
+  };
+
+  static constexpr std::size_t places[sizeof...(guiding) + 1] = {static_cast<std::size_t>(guiding)..., 0};
+
+  static constexpr bool is_guiding(std::size_t i) { return ((static_cast<std::size_t>(guiding) == i) || ...); }
+
+  template <class Do>
+  void each(Do visit) {
+    for (std::size_t k = 0; k < sizeof...(guiding); ++k) visit(courses_[k], places[k]);
+  }
+  template <class Do>
+  void each(Do visit) const {
+    for (std::size_t k = 0; k < sizeof...(guiding); ++k) visit(courses_[k], places[k]);
+  }
+
+  /// Value, rate and acceleration of an input.
+  template <class Scene>
+  static void read(const Inputs& inputs, std::size_t i, Real t, Scene scene, Real* numbers) {
+    if (inputs.is_given(i)) inputs.at(i, t, numbers);
+    else scene(i, t, numbers);
+  }
+
+  /// Plan the course of one input; whether its acceleration jumps.
+  template <class Scene>
+  bool plan(Course& course, std::size_t i, const Inputs& given, Real t, Real length, Real dt, Scene scene) {
+    const bool is_same = given.is_same(i, heard_), is_held = given.is_held(i);
+    if (is_same && course.slope == Real(0)) {
+      course.last = Real(0);
+      return false;
+    }
+    const Real last = is_held && heard_.is_held(i) ? (given.values[i] - heard_.values[i]) / length : Real(0);
+    course.slope = smaller(last, course.last);
+    course.last = last;
+    heard_.take(i, given);
+    Real now[numbers_per_input], wanted[numbers_per_input];
+    read(used_, i, t, scene, now);
+    const bool is_long = course.slope != Real(0) && length > Real(1.5) * dt;
+    const Real whole = std::floor(length / dt / 2 + Real(0.25)) * dt, one = length < dt ? length : dt;
+    const Real first = is_long ? whole : one, second = is_long ? length - whole : given.is_going(i) ? one / 2 : one;
+    course.again = given.is_going(i) ? one : Real(0);
+    if (!is_held) {
+      read(given, i, t, scene, wanted);
+      if (wanted[0] == now[0] && wanted[1] == now[1]) return stay(course, i), wanted[2] != now[2];
+      read(given, i, t + (first + second), scene, wanted);
+    } else {
+      if (given.values[i] == now[0] && now[1] == Real(0) && course.slope == Real(0)) return stay(course, i), now[2] != Real(0);
+      wanted[0] = given.values[i] + course.slope * (first + second - length);
+      wanted[1] = course.slope;
+    }
+    go(course, i, t, now, first, second, wanted);
+    return true;
+  }
+
+  /// Be as the host or the scene has it.
+  void stay(Course& course, std::size_t i) {
+    used_.take(i, heard_);
+    course.part = 0;
+  }
+
+  /// Go along two parabolas to another value and rate.
+  void go(Course& course, std::size_t i, Real t, const Real* now, Real first, Real second, const Real* wanted) {
+    const Real between = (2 * (wanted[0] - now[0]) - first * now[1] - second * wanted[1]) / (first + second);
+    used_.put(i, t, now[0], now[1], (between - now[1]) / first);
+    course.end = t + first;
+    course.last_end = t + (first + second);
+    course.value = now[0] + first * (now[1] + between) / 2;
+    course.rate = between;
+    course.acceleration = (wanted[1] - between) / second;
+    course.part = 1;
+  }
+
+  /// The one of two rates that is nearer to 0; 0 where they have other signs.
+  static Real smaller(Real a, Real b) {
+    if (!(a * b > Real(0))) return Real(0);
+    return std::abs(a) < std::abs(b) ? a : b;
+  }
+
+  Inputs used_, heard_;
+  Fixed<Course, sizeof...(guiding)> courses_;
+  Real planned_{0};  ///< when courses were planned last
+};
+
+}  // namespace cutjoint
