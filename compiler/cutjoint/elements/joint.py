@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from fractions import Fraction
 from functools import cached_property
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 from cutjoint.elements.kinds import JointKind
 
@@ -112,6 +112,7 @@ class SamePoint:
     """The joint's points of both bodies coincide: three equations."""
 
     names: tuple[str, ...] = ("x", "y", "z")
+    joins_points: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,7 @@ class SameDirection:
 
     direction: Direction
     names: tuple[str, ...] = ("axis_x", "axis_y", "axis_z")
+    joins_points: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,7 @@ class SameAttitude:
 
     frame: tuple[Direction, Direction, Direction]
     names: tuple[str, ...] = ("turn_x", "turn_y", "turn_z")
+    joins_points: ClassVar[bool] = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,6 +153,7 @@ class SameDistance:
     """The joint's points keep the distance that they have in the design position."""
 
     names: tuple[str, ...] = ("length",)
+    joins_points: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
@@ -157,6 +161,7 @@ class Advance:
     """The way along the axis is the pitch times the angle about it."""
 
     names: tuple[str, ...] = ("advance",)
+    joins_points: ClassVar[bool] = True
 
 
 Condition: TypeAlias = SamePoint | SameDirection | SameAttitude | Products | SameDistance | Advance

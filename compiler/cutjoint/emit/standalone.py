@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import chain
+from math import hypot, isfinite
 from typing import Any
 
 import sympy
 
+from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.classes import Parts, System, class_of_mechanism, class_of_system, sizes_of
 from cutjoint.emit.source import Page, switches_of, system_class
@@ -20,6 +22,7 @@ from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.locations import runtime_folder
 from cutjoint.methods import METHODS, Formulation
+from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Scene
 from cutjoint.model.steps import count_steps
 from cutjoint.program.records import Program
@@ -100,6 +103,9 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
 #: All integrators of the core.
 INTEGRATORS_OF_CORE = tuple(dict.fromkeys(name for steps in STEPS.values() for name in steps))
 
+
+#: The share of a mechanism's extent, or of a radian, by which a loop of a folder may stand open.
+TORN = 0.01
 
 _CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
@@ -185,7 +191,7 @@ def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, o
         "causes": _causes(), "mark": sha256(f"{digest} {integrator}".encode()).hexdigest()[:16],
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
         "settings": _settings(run_file), "by_step": _by_step(equations.scene), "tables": tables,
-        "end": repr(float(run_file["end"])), "output_step": repr(float(run_file["output_step"])),
+        "gap_limits": _gap_limits(equations, run_file["parameters"]), "end": repr(float(run_file["end"])), "output_step": repr(float(run_file["output_step"])),
         "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
         "columns": equations.columns, "steered": _steered(equations), "guiding": "".join(f", {i}" for i in _guiding(equations)),
@@ -204,6 +210,19 @@ def _steered(equations: RecursiveEquations | SystemEquations) -> int | None:
     """The first input that moves no guide."""
     guiding = _guiding(equations)
     return next((i for i in range(len(equations.inputs)) if i not in guiding), None)
+
+
+def _gap_limits(equations: RecursiveEquations | SystemEquations, given: Mapping[str, float]) -> list[str]:
+    """How far each equation of a loop may stand open: that share of a radian, or of the mechanism's extent in its design position."""
+    model = equations.topology.model
+    known = {p.symbol: float(given.get(p.name, p.value)) for p in model.parameters}
+    points = [body.centre_of_mass for body in model.bodies]
+    points += [point for joint in model.joints for point in (joint.at, joint.to) if point is not None]
+    places = [[evaluate(x, known) for x in point] for point in points]
+    extent = hypot(*(max(axis) - min(axis) for axis in zip(*places, strict=True)))
+    extent = extent if isfinite(extent) and extent > 0 else 1.0
+    angles = {name for element in JOINTS.values() for c in element.conditions if not c.joins_points for name in c.names}
+    return [repr(TORN * (1.0 if name.rpartition(".")[2] in angles else extent)) for name in equations.equation_names]
 
 
 def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, object]]:

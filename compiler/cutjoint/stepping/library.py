@@ -12,7 +12,7 @@ from cutjoint.emit.standalone import Steps
 from cutjoint.stepping.lanes import Lanes
 
 #: What has names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
-_NAMED = ("parameter", "coordinate", "speed", "start_coordinate", "start_speed", "output")
+_NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
 
 
 class Library:
@@ -42,6 +42,7 @@ class Library:
         self.play = self._function("play", index, sim, ctypes.c_long, ctypes.c_void_p)
         self.time = self._function("time", number, sim)
         self.outputs = self._function("outputs", pointer, sim)
+        self.gap = self._function("gap", number, sim, ctypes.POINTER(ctypes.c_int))
         self.set_step = self._function("set_step", index, sim, number)
         if steps.is_iterated:
             self.set_iterations = self._function("set_iterations", index, sim, index)

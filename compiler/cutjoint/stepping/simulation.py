@@ -179,6 +179,19 @@ class Simulation:
         """
         return self._state("accelerations", "speed")
 
+    @property
+    def gap(self) -> tuple[float, str | None]:
+        """The gap (m or rad) of the equation that stands open by the largest share of its limit, and the equation's name; 0 and None
+        where there are no equations.
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        self._require_start()
+        equation = ctypes.c_int(-1)
+        gap = float(self.library.gap(self.address, ctypes.byref(equation)))
+        return gap, None if equation.value < 0 else self.library.names["equation"][equation.value]
+
     def _state(self, array: str, kind: str) -> Values:
         self._require_start()
         view = self._view(array, kind)

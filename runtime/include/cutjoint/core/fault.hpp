@@ -34,6 +34,7 @@ enum class Cause : int {
   start_open = 26,                ///< the start does not satisfy the equations of the loops
   stages_not_found = 27,          ///< Newton's iteration converges with no step, however small
   stage_not_converged = 28,       ///< Newton's iteration does not end in a stage of a step of given length
+  loops_torn = 29,                ///< a loop stands open by more than a hundredth of the mechanism's size
 };
 
 /// The list in which what failed most has its place.
@@ -89,6 +90,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::start_open: return "the start does not satisfy an equation";
     case Cause::stages_not_found: return "Newton's iteration converges with no step, however small";
     case Cause::stage_not_converged: return "Newton's iteration did not converge in a stage";
+    case Cause::loops_torn: return "a loop is torn: its gap is beyond a hundredth of the mechanism's size, or of a radian";
   }
   return "unknown cause";
 }
@@ -138,6 +140,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::start_not_converged: return "look for a force without bound; not tried: a larger penalty";
     case Cause::start_open: return "coordinates and speeds have to close the loops";
     case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
+    case Cause::loops_torn: return "a guide may be where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
   }
   return "";
 }

@@ -147,6 +147,13 @@ class FollowedInputs {
     return due;
   }
 
+  /// Whether a guide catches up with a jump, which may leave loops open: they are straight for the integrator, but not for the joints.
+  bool is_catching_up() const {
+    bool catches = false;
+    each([&](const Course& course, std::size_t) { catches = catches || (course.part != 0 && course.slope == Real(0)); });
+    return catches;
+  }
+
   /// The end of the part of a course that ends first, infinity where none does.
   Real next_end() const {
     Real next = std::numeric_limits<Real>::infinity();

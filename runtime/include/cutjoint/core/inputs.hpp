@@ -6,16 +6,21 @@ namespace cutjoint {
 /// Of an input in turn: its value, its rate and its acceleration.  Laws read the value; guides need all three.
 inline constexpr int numbers_per_input = 3;
 
+/// What inputs do where a step begins: whether accelerations jump, and whether a guide that jumps may leave loops open.
+struct StepBegin {
+  bool jumps = false, opens = false;
+};
+
 /// A source of inputs.  `fill` receives the array of a step, which has three numbers for each input in the order of the description and
 /// holds what the scene's laws say at time t; it writes those that the source gives and leaves the others.  It is called whenever a step or
 /// a part of one begins, with any t in the step, and must depend on nothing but t until the step ends.  `host` is handed on as it is.
-/// Without `fill` the scene's laws alone are the source.  With `begin` the source is told of each step, from t to another time, and says whether
-/// inputs jump there.
+/// Without `fill` the scene's laws alone are the source.  With `begin` the source is told of each step, from t to another time, and says
+/// what that begins with.
 template <class Real>
 struct InputSource {
   void (*fill)(void* host, Real t, Real* input) = nullptr;
   void* host = nullptr;
-  bool (*begin)(void* host, Real t, Real until) = nullptr;
+  StepBegin (*begin)(void* host, Real t, Real until) = nullptr;
 };
 
 /// The array of a step: `length` numbers, those of the inputs, then what the scene's laws are watched by.

@@ -39,10 +39,11 @@ class LaneFollowed {
  private:
   static void fill(void* host, double t, double* input) { Followed::Inputs::fill(&static_cast<LaneFollowed*>(host)->followed_.used(), t, input); }
 
-  static bool go_on(void* host, double t, double until) {
+  static StepBegin go_on(void* host, double t, double until) {
     LaneFollowed& own = *static_cast<LaneFollowed*>(host);
     const auto no_scene = [](std::size_t, double, double*) {};  // who follows the host already needs none
-    return own.followed_.go_on(own.given_, t, until, own.dt_, no_scene);
+    const bool jumps = own.followed_.go_on(own.given_, t, until, own.dt_, no_scene);
+    return {jumps, own.followed_.is_catching_up()};
   }
 
   typename Followed::Inputs given_;
@@ -83,10 +84,11 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
       inputs_[k].begin(memory.inputs, memory.followed, memory.settings.dt);
       this->put(static_cast<int>(k), LaneStart<decltype(memory.state)>{
                                          .state = memory.state, .parameters = memory.parameters.data(), .penalties = memory.penalties.data(),
-                                         .roads = sims[k]->roads(), .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number});
+                                         .roads = sims[k]->roads(), .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number,
+                                         .unmeasured = memory.unmeasured});
       if (!first) first = sims[k];
     }
-    if (first) this->begin(first->memory().settings);
+    if (first) this->begin(first->memory().settings, first->watches_gaps() ? first->gap_limits() : nullptr);
   }
 
  private:

@@ -6,6 +6,7 @@
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/gap.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/instances.hpp"
 #include "cutjoint/core/lane_inputs.hpp"
@@ -57,6 +58,7 @@ struct LaneStart {
   InputSource<double> inputs{};
   double origin = 0.0;
   long number = 0;
+  long unmeasured = 1;  ///< how many steps there are until gaps are measured
 };
 
 /// Steps by the trapezoidal rule of instances side by side.
@@ -74,7 +76,8 @@ class LaneSteps {
   explicit LaneSteps(M& mechanism)
       : mechanism_(mechanism), roads_(sizes_of(mechanism).roads), parameters_(sizes_of(mechanism).parameters), penalties_(sizes_of(mechanism).cuts),
         state_(blank(mechanism)), sources_(mechanism), steps_(mechanism, Real(1), FixedPoint{}), columns_(sizes_of(mechanism).columns),
-        margins_(sizes_of(mechanism).guards), vdot_(sizes_of(mechanism).speeds), correction_(sizes_of(mechanism).equations) {}
+        margins_(sizes_of(mechanism).guards), vdot_(sizes_of(mechanism).speeds), correction_(sizes_of(mechanism).equations),
+        rate_(correction_.size()) {}
 
   LaneSteps(const LaneSteps&) = delete;
   LaneSteps& operator=(const LaneSteps&) = delete;
@@ -90,9 +93,10 @@ class LaneSteps {
     going_[k] = -1;
   }
 
-  /// Get ready for steps of those that were put, which have the same settings.
-  void begin(const SimulationSettings& settings) {
+  /// Get ready for steps of those that were put, which have the same settings; with `gap_limits` they stop where a loop is torn.
+  void begin(const SimulationSettings& settings, const double* gap_limits = nullptr) {
     settings_ = settings;
+    gap_limits_ = gap_limits;
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), settings_.stabilisation, penalties_);
     if constexpr (!Sized<M> || sizes.inputs > 0) sources_.drive(mechanism_, [this](int k) { return at(inputs_, k); });
     mechanism_.begin_step(state_.t, Real(1));
@@ -177,6 +181,7 @@ class LaneSteps {
     at(inputs_, k) = start.inputs;
     origin_.v[k] = start.origin;
     number_.v[k] = static_cast<double>(start.number);
+    at(unmeasured_, k) = start.unmeasured;
   }
 
   /// The time of those that go.
@@ -186,29 +191,69 @@ class LaneSteps {
     return 0.0;
   }
 
-  /// Tell sources of a step; where inputs jump it begins with the accelerations that they give, as FixedPointSteps has it.
-  void begin_inputs(Real until) {
-    Mask jump = Instances::all_if(false);
+  /// Tell sources of a step; where inputs jump it begins with the accelerations that they give, as FixedPointSteps has it.  Returns those whose
+  /// loops may be left open.
+  Mask begin_inputs(Real until) {
+    Mask jump = Instances::all_if(false), opens = jump;
     for (int k = 0; k < width; ++k) {
       const InputSource<double>& source = at(inputs_, k);
-      if (goes(k) && source.begin && source.begin(source.host, state_.t[k], until[k])) jump[k] = -1;
+      if (!goes(k) || !source.begin) continue;
+      const StepBegin begin = source.begin(source.host, state_.t[k], until[k]);
+      if (begin.jumps) jump[k] = -1;
+      if (begin.opens) opens[k] = -1;
     }
-    if (!Instances::any(jump)) return;
+    if (!Instances::any(jump)) return opens;
     mechanism_.begin_step(state_.t, Real(1));
     mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), vdot_.data(), correction_.data());
     Instances::take_all(jump, vdot_, state_.vdot);
+    return opens;
+  }
+
+  /// Close loops that a step has left open behind guides that jump, as a simulation alone does; returns those that stay open.
+  Mask close_behind_jumps(Mask opens) {
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), correction_.data(), rate_.data());
+    for (int k = 0; k < width; ++k) {
+      if (!Instances::has(opens, k)) continue;
+      const auto is_closed = [&](const Equations<M>& open, double per) {
+        return largest_gap(open.size(), gap_limits_, [&](std::size_t i) { return per * open[i][k]; }).is_closed();
+      };
+      if (is_closed(correction_, 1.0) && is_closed(rate_, settings_.dt)) opens[k] = 0;
+    }
+    return Instances::any(opens) ? steps_.projection().close(state_, opens) : opens;
   }
 
   void integrate(Real h, Real until) {
-    if constexpr (!Sized<M> || sizes.inputs > 0) begin_inputs(until);
+    Mask opens = Instances::all_if(false);
+    if constexpr (!Sized<M> || sizes.inputs > 0) opens = begin_inputs(until);
     const Real begun = state_.t;
     steps_.set_step(h);
-    const Mask failed = steps_.step_of(state_, going_);
+    Mask failed = steps_.step_of(state_, going_);
     for (int k = 0; k < width; ++k)
       if (Instances::has(failed, k)) stop(k, steps_.fault(k, static_cast<long>(number_[k]) + 1));
+    opens = Instances::without(opens, failed);
+    if (gap_limits_ && Instances::any(opens)) {
+      opens = close_behind_jumps(opens);
+      for (int k = 0; k < width; ++k)
+        if (Instances::has(opens, k)) stop(k, steps_.projection().fault(k, static_cast<long>(number_[k]) + 1));
+    }
     if (Instances::any(failed)) mechanism_.begin_step(where(failed, begun, begun + h), Real(1));
     state_.t = where(going_, until, state_.t);
+    if (gap_limits_) watch_gaps();
     watch(number_ + Real(1));
+  }
+
+  /// Stop those of which a loop is torn, as a simulation alone does.
+  void watch_gaps() {
+    bool due = false;
+    for (int k = 0; k < width; ++k) due |= goes(k) && --at(unmeasured_, k) <= 0;
+    if (!due) return;
+    mechanism_.constraint_residual(state_.q.data(), state_.v.data(), correction_.data(), rate_.data());
+    for (int k = 0; k < width; ++k) {
+      if (!goes(k) || at(unmeasured_, k) > 0) continue;
+      const Gap gap = largest_gap(sizes_of(mechanism_).equations, gap_limits_, [&](std::size_t i) { return correction_[i][k]; });
+      at(unmeasured_, k) = gap.next_measurement();
+      if (gap.is_torn()) stop(k, gap.fault(state_.t[k], static_cast<long>(number_[k]) + 1));
+    }
   }
 
   void stop(int k, const Fault& fault) {
@@ -229,7 +274,9 @@ class LaneSteps {
   Array<M, sizes.columns> columns_;
   Array<M, sizes.guards> margins_;
   Speeds<M> vdot_;
-  Equations<M> correction_;
+  Equations<M> correction_, rate_;
+  const double* gap_limits_ = nullptr;
+  std::array<long, width> unmeasured_{};
   Mask going_{};
   std::array<Fault, width> faults_{};
 };

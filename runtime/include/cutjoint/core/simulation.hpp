@@ -9,6 +9,7 @@
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/gap.hpp"
 #include "cutjoint/core/host_inputs.hpp"
 #include "cutjoint/core/initialisation.hpp"
 #include "cutjoint/core/inputs.hpp"
@@ -45,8 +46,9 @@ class Simulation {
   using Subject = typename Integrator::Subject;
   using Followed = FollowedInputs<Real, M::sizes.inputs, guiding...>;
 
-  Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads)
-      : settings_(settings), roads_(roads), start_(blank(mechanism_)), state_(blank(subject())), columns_(sizes.columns) {
+  /// `gap_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
+  Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads, const double* gap_limits)
+      : settings_(settings), roads_(roads), gap_limits_(gap_limits), start_(blank(mechanism_)), state_(blank(subject())), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
     if constexpr (sizes.inputs > 0) drive_by(followed_.used());
   }
@@ -91,6 +93,7 @@ class Simulation {
   /// Find a consistent state.
   Fault start() {
     is_started_ = false;
+    unmeasured_ = 1;
     inputs_.begin(state_.t);
     followed_.begin(inputs_);
     StateOf<M> begun = start_;
@@ -158,9 +161,24 @@ class Simulation {
     return {};
   }
 
+  /// Whether a step may leave a loop torn, so that gaps are measured.
+  bool watches_gaps() const {
+    if constexpr (requires { Integrator::leaves_gaps(settings_); } && sizes.equations > 0) return Integrator::leaves_gaps(settings_);
+    else return false;
+  }
+
+  const double* gap_limits() const { return gap_limits_; }
+
+  /// How far loops stand open in the present state.
+  Gap gap() {
+    subject().begin_step(state_.t, Real(1));
+    return find_gap();
+  }
+
   /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them; guides are where the host has them.
   Fault go_to(Real t, const Real* q, const Real* v) {
     jump_to(t);
+    unmeasured_ = 1;
     for (std::size_t i = 0; i < sizes.coordinates; ++i) state_.q[i] = q[i];
     for (std::size_t i = 0; i < sizes.speeds; ++i) state_.v[i] = v[i];
     state_.t = t;
@@ -256,11 +274,12 @@ class Simulation {
     Real origin;
     long number;
     double counted;
+    long unmeasured;
   };
 
   Memory memory() const {
     return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .followed = followed_, .state = state_, .penalties = penalties_,
-            .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_};
+            .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_, .unmeasured = unmeasured_};
   }
 
   /// Go on from what another moment, or another simulation, remembers.
@@ -274,6 +293,7 @@ class Simulation {
     origin_ = memory.origin;
     number_ = memory.number;
     counted_ = memory.counted;
+    unmeasured_ = memory.unmeasured;
     initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     load();
     steps_->restore(state_, memory.integrator);
@@ -427,7 +447,17 @@ class Simulation {
     const auto before = followed_;
     const StateOf<Subject> from = state_;
     follow(until);
-    const Fault fault = go_on();
+    Fault fault = go_on();
+    if (!fault || state_.t != from.t) return fault;
+    const bool jumps = followed_.is_catching_up();
+    go_back(from, before);
+    if (!jumps) return fault;
+    followed_.begin(inputs_);  // a jump that is too large for steps: the loops are closed where the host has the guide
+    fault = steps_->close(state_);
+    if (!fault) {
+      steps_->heed_inputs(state_);
+      fault = go_on();
+    }
     if (fault && state_.t == from.t) go_back(from, before);
     return fault;
   }
@@ -482,6 +512,18 @@ class Simulation {
     return until;
   }
 
+  /// The same where what is stepped is at the present time.
+  Gap find_gap() {
+    Equations<Subject> residual, rate;
+    if constexpr (has_system) {
+      Equations<Subject> curvature;
+      system_.constraint_residual(state_.q.data(), state_.v.data(), state_.vdot.data(), residual.data(), rate.data(), curvature.data());
+    } else if constexpr (sizes.equations > 0) {
+      mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
+    }
+    return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return residual[i]; });
+  }
+
   /// A step to a time, in parts where the course of a guide has parts.
   Fault integrate(Real h, Real until) {
     is_reported_ = false;
@@ -498,15 +540,45 @@ class Simulation {
   }
 
   Fault integrate_part(Real h, Real until) {
-    if (const Fault fault = steps_->step(state_, settings_, h, until, number_ + 1)) return fault;
+    if (Followed::any && watches_gaps() && followed_.is_catching_up()) {
+      const StateOf<Subject> from = state_;
+      Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
+      if (!fault) fault = close_behind_jump(until);
+      if (fault) {
+        state_ = from;
+        return fault;
+      }
+    } else if (const Fault fault = steps_->step(state_, settings_, h, until, number_ + 1)) {
+      return fault;
+    }
     state_.t = until;
+    if (const Fault fault = watch_gaps()) return fault;
     return watch();
+  }
+
+  /// Close loops that a step has left open behind a guide that jumps; the next one begins with accelerations of its own.
+  Fault close_behind_jump(Real t) {
+    state_.t = t;
+    Equations<Subject> residual, rate;
+    if constexpr (!has_system) mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
+    const auto gap = [&](const Equations<Subject>& open, Real per) { return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return per * open[i]; }); };
+    if (gap(residual, Real(1)).is_closed() && gap(rate, Real(settings_.dt)).is_closed()) return {};
+    return steps_->close(state_);
+  }
+
+  /// Whether a loop is torn at the end of a step.
+  Fault watch_gaps() {
+    if (!watches_gaps() || --unmeasured_ > 0) return {};
+    const Gap gap = find_gap();
+    unmeasured_ = gap.next_measurement();
+    return gap.is_torn() ? gap.fault(static_cast<double>(state_.t), number_ + 1) : Fault{};
   }
 
   M mechanism_;
   [[no_unique_address]] std::conditional_t<has_system, Subject, None> system_;
   SimulationSettings settings_;
   const Road<Real>* roads_;
+  const double* gap_limits_;
   Fixed<Real, M::sizes.parameters> parameters_, loaded_;
   HostInputs<Real, M::sizes.inputs> inputs_;
   Followed followed_;
@@ -521,6 +593,7 @@ class Simulation {
   Real origin_{0};
   long number_ = 0;       ///< of steps since then
   double counted_ = 0.0;  ///< their length
+  long unmeasured_ = 1;   ///< how many steps there are until gaps are measured
   bool is_started_ = false, is_reported_ = false;
 };
 

@@ -1,0 +1,40 @@
+// How far loops stand open, beside what is allowed.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+
+#include "cutjoint/core/fault.hpp"
+
+namespace cutjoint {
+
+/// The gap (m or rad) of the equation that stands open by the largest share of its limit; of none where there are no equations.
+struct Gap {
+  int equation = -1;
+  double size = 0.0, limit = 0.0;
+
+  bool is_torn() const { return !(size <= limit); }
+
+  /// Whether loops are closed behind a guide that jumps.
+  bool is_closed() const { return size <= 1e-3 * limit; }
+
+  /// How many steps later gaps are measured again.  That costs a seventh of an evaluation, and gaps grow slowly where they are small.
+  long next_measurement() const { return size < 0.1 * limit ? 8 : 1; }
+
+  Fault fault(double t, long step) const {
+    return {.cause = Cause::loops_torn, .list = FaultList::equations, .index = equation, .t = t, .step = step, .value = size, .size = limit};
+  }
+};
+
+/// The largest gap of equations; `residual_of(i)` is that of one.
+template <class ResidualOf>
+Gap largest_gap(std::size_t equations, const double* limits, ResidualOf residual_of) {
+  Gap largest;
+  for (std::size_t i = 0; i < equations; ++i) {
+    const double size = std::abs(static_cast<double>(residual_of(i)));
+    if (largest.equation < 0 || size * largest.limit > largest.size * limits[i]) largest = {static_cast<int>(i), size, limits[i]};
+  }
+  return largest;
+}
+
+}  // namespace cutjoint
