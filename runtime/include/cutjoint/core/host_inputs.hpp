@@ -178,7 +178,7 @@ class FollowedInputs {
         course.end = course.last_end;
         course.part = 2;
       } else {
-        used_.take(i, heard_);
+        if (course.slope == Real(0)) used_.take(i, heard_);  // else the guide still moves where the next call begins
         course.part = 0;
       }
     });
