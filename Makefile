@@ -23,7 +23,7 @@ sanitize: setup
 	$(BIN)/python scripts/sanitize
 
 fuzz: setup
-	$(BIN)/python -m tests.fuzz 300
+	$(BIN)/python -m tests.fuzz $(or $(SECONDS),300) $(SEED)
 
 bench: setup
 	$(BIN)/python -m cutjoint_bench.studies.iltis

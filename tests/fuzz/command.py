@@ -1,17 +1,16 @@
-"""Fuzzes expressions, files, mechanisms, calls, disks, caches, parts and signals: `make fuzz`, or `python -m tests.fuzz SECONDS [SEED]`.
+"""Fuzzes all kinds of inputs, each for its share of the time: `make fuzz SECONDS=600 SEED=1`, or `python -m tests.fuzz SECONDS [SEED]`.
 
-Prints what was tried, accepted and refused, and the slowest inputs; every input that fails is kept in tests/fuzz/corpus with its seed.
+Prints what was tried in how many seconds, accepted and refused, and the slowest inputs; every input that fails is kept in
+tests/fuzz/corpus with its seed.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass, field
-from itertools import islice
 from multiprocessing import get_context
+from typing import TypeAlias
 
 import click
 
@@ -19,81 +18,63 @@ from cutjoint_bench.prebuild import end_with_parent
 
 from .kinds import KINDS
 from .tally import Tally
+from .turns import Turns
 
-#: Model files that a process tries at once; of other kinds by their `Kind.share` more or less.
-CHUNK = 10
-#: Chunks for each process, before fresh ones take their place, since SymPy's caches grow.
-CHUNKS = 500
+#: Seconds after which fresh processes take their place, since SymPy's caches grow.
+LIFE = 600.0
 #: Seconds between reports.
 REPORT = 600.0
 
-
-@dataclass
-class Progress:
-    """How far the fuzzing of some kinds is, each from the same ``first`` seed to its ``count``, if it has one."""
-
-    first: int
-    counts: Mapping[str, float]
-    begun: dict[str, int] = field(default_factory=dict)
-    tallies: dict[str, Tally] = field(default_factory=dict)
-
-    def chunks(self) -> Iterator[tuple[str, range]]:
-        """Which seeds of which kind come next: always of the kind that is the farthest behind its share."""
-        while behind := [name for name, count in self.counts.items() if self.begun.get(name, 0) < count]:
-            name = min(behind, key=lambda n: self.begun.get(n, 0) / KINDS[n].share)
-            begin = self.begun.get(name, 0)
-            end = int(min(begin + max(1, CHUNK * KINDS[name].share), self.counts[name]))
-            self.begun[name] = end
-            yield name, range(self.first + begin, self.first + end)
-
-    def add(self, name: str, tally: Tally) -> None:
-        """Count what a chunk gave."""
-        self.tallies.setdefault(name, Tally()).add(tally)
-
-    def print(self) -> None:
-        """The figures of all kinds so far."""
-        for name in self.counts:
-            print(self.tallies.get(name, Tally()).summary(name), flush=True)
+_Running: TypeAlias = dict[Future[Tally], tuple[str, range]]
 
 
-def try_chunk(name: str, seeds: range) -> tuple[str, Tally]:
+def try_turn(name: str, seeds: range) -> Tally:
     """What happens to the inputs of some seeds."""
     tally = Tally()
     for seed in seeds:
         tally.run(KINDS[name], seed)
-    return name, tally
+    return tally
 
 
-def fuzz(progress: Progress, *, seconds: float, jobs: int) -> None:
-    """Try inputs until the time is over or all counts are reached.
+def fuzz(turns: Turns, tallies: dict[str, Tally], *, seconds: float, jobs: int) -> None:
+    """Try inputs until the time is over or all counts are reached; ``tallies`` by kind get what was found.
 
     Raises:
         click.ClickException: a process died, which no input may bring about.
     """
     end, report = time.monotonic() + seconds, time.monotonic() + REPORT
-    chunks = progress.chunks()
-    while time.monotonic() < end and (first := list(islice(chunks, jobs * CHUNKS))):
+    while turn := turns.next(end - time.monotonic()):
+        fresh = time.monotonic() + LIFE
         with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
-            waiting, running = iter(first), dict[Future[tuple[str, Tally]], tuple[str, range]]()
-            while True:
-                while time.monotonic() < end and len(running) < 2 * jobs and (chunk := next(waiting, None)):
-                    running[pool.submit(try_chunk, *chunk)] = chunk
-                if not running:
-                    break
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    _take(progress, future, running)
+            running: _Running = {}
+            while turn or running:
+                if turn:
+                    running[pool.submit(try_turn, *turn)] = turn
+                if len(running) == jobs or not turn:
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        _take(turns, tallies, future, running)
+                turn = turns.next(end - time.monotonic()) if time.monotonic() < fresh else None
                 if time.monotonic() > report:
                     report += REPORT
-                    progress.print()
+                    print_all(tallies)
 
 
-def _take(progress: Progress, future: Future[tuple[str, Tally]], running: dict[Future[tuple[str, Tally]], tuple[str, range]]) -> None:
+def _take(turns: Turns, tallies: dict[str, Tally], future: Future[Tally], running: _Running) -> None:
+    name, seeds = running[future]
     try:
-        progress.add(*future.result())
+        tally = future.result()
     except BrokenExecutor:
         tried = ", ".join(f"{name} {seeds.start}..{seeds.stop - 1}" for name, seeds in running.values())
         raise click.ClickException(f"a process died with one of these seeds: {tried}") from None
     del running[future]
+    turns.end(name, len(seeds), seconds=tally.seconds, checked=tally.checked)
+    tallies.setdefault(name, Tally()).add(tally)
+
+
+def print_all(tallies: dict[str, Tally]) -> None:
+    """The figures of all kinds so far."""
+    for name, tally in tallies.items():
+        print(tally.summary(name), flush=True)
 
 
 def _counts(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> dict[str, float]:
@@ -114,10 +95,11 @@ def _counts(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> di
 @click.option("--count", "counts", callback=_counts, multiple=True, metavar="KIND=NUMBER", help="Inputs of a kind after which it ends.")
 def main(seconds: float, seed: int, jobs: int, kinds: tuple[str, ...], counts: dict[str, float]) -> None:
     """Fuzz for so many SECONDS, from the first SEED on (the clock's otherwise); status 1 when something failed."""
-    progress = Progress(first=seed, counts={name: counts.get(name, float("inf")) for name in kinds or KINDS})
+    names = kinds or tuple(KINDS)
+    tallies = {name: Tally() for name in names}
     print(f"seeds from {seed} on", flush=True)
     try:
-        fuzz(progress, seconds=seconds, jobs=jobs)
+        fuzz(Turns.of(seed, {name: KINDS[name].share for name in names}, counts), tallies, seconds=seconds, jobs=jobs)
     finally:
-        progress.print()
-    sys.exit(1 if any(tally.failed for tally in progress.tallies.values()) else 0)
+        print_all(tallies)
+    sys.exit(1 if any(tally.failed for tally in tallies.values()) else 0)

@@ -20,16 +20,16 @@ def _check_text(text: str) -> tuple[str, ...]:
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
-        Kind(name="expressions", suffix=".txt", make=any_text, check=_check_text, share=10, limit=30, waits=False),
-        Kind(name="models", suffix=".yaml", make=any_model, check=lambda text: compile_text(text).problems, share=1, waits=False),
-        Kind(name="mechanisms", suffix=".mechanism.json", make=mechanisms.make, check=mechanisms.check, share=0.02, limit=600),
-        Kind(name="lanes", suffix=".lanes.json", make=lanes.make, check=lanes.check, share=0.05, waits=False),
-        Kind(name="run_files", suffix=".run.json", make=run_files.make, check=run_files.check, share=0.2),
-        Kind(name="meshes", suffix=".mesh.json", make=meshes.make, check=meshes.check, share=0.2),
-        Kind(name="calls", suffix=".call.json", make=calls.make, check=calls.check, share=0.03),
-        Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, share=0.002, limit=240),
-        Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, share=0.0005, limit=1200),
-        Kind(name="parts", suffix=".parts.json", make=parts.make, check=parts.check, share=0.3),
-        Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, share=0.001, limit=240),
+        Kind(name="expressions", suffix=".txt", make=any_text, check=_check_text, limit=30, waits=False),
+        Kind(name="models", suffix=".yaml", make=any_model, check=lambda text: compile_text(text).problems, waits=False),
+        Kind(name="mechanisms", suffix=".mechanism.json", make=mechanisms.make, check=mechanisms.check, limit=600),
+        Kind(name="lanes", suffix=".lanes.json", make=lanes.make, check=lanes.check, waits=False),
+        Kind(name="run_files", suffix=".run.json", make=run_files.make, check=run_files.check),
+        Kind(name="meshes", suffix=".mesh.json", make=meshes.make, check=meshes.check),
+        Kind(name="calls", suffix=".call.json", make=calls.make, check=calls.check),
+        Kind(name="disks", suffix=".disk.json", make=disks.make, check=disks.check, limit=240),
+        Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, limit=1200),
+        Kind(name="parts", suffix=".parts.json", make=parts.make, check=parts.check),
+        Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, limit=240),
     )
 }

@@ -24,15 +24,15 @@ class Kind:
 
     ``make`` has one from a random number generator, as text, and compiles what the check needs.  ``check`` has why it was refused, nothing
     where it was not, and raises where it was neither accepted nor refused as it should be.
-    ``suffix`` is that of a kept input.  ``share`` is how many are tried for each model file, ``limit`` the seconds after which one hangs,
-    of the process's work unless it waits for others.
+    ``suffix`` is that of a kept input.  ``share`` is of the fuzzing's time, beside those of the other kinds, ``limit`` the seconds after
+    which one hangs, of the process's work unless it waits for others.
     """
 
     name: str
     suffix: str
     make: Callable[[random.Random], str]
     check: Callable[[str], tuple[str, ...]]
-    share: float
+    share: float = 1.0
     limit: float = 60.0
     waits: bool = True
 
@@ -50,7 +50,8 @@ class Kind:
 class Tally:
     """What has happened to inputs; ``messages`` and ``reasons`` count refusals and failures by their text without names and numbers.
 
-    ``failed`` has the seeds of all failures; inputs are kept of the first with each reason.
+    ``failed`` has the seeds of all failures; inputs are kept of the first with each reason.  ``seconds`` are all on the clock, ``checked``
+    those of the checks.
     """
 
     tried: int = 0
@@ -60,6 +61,7 @@ class Tally:
     reasons: Counter[str] = field(default_factory=Counter)
     slowest: list[tuple[float, int]] = field(default_factory=list)
     seconds: float = 0.0
+    checked: float = 0.0
 
     def add(self, other: Tally) -> None:
         """Count what another tally has."""
@@ -69,12 +71,14 @@ class Tally:
         self.messages += other.messages
         self.reasons += other.reasons
         self.seconds += other.seconds
+        self.checked += other.checked
         self.slowest = sorted([*self.slowest, *other.slowest], reverse=True)[:SHOWN]
 
     def run(self, kind: Kind, seed: int) -> None:
         """One input."""
+        start = time.monotonic()
         text = kind.make(random.Random(seed))
-        begin = time.process_time()
+        begin = time.monotonic()
         problems: tuple[str, ...] = ()
         try:
             problems = kind.try_one(text)
@@ -83,8 +87,9 @@ class Tally:
             self._fail(kind, seed, text, error)
         self.tried += 1
         self.messages.update({_plain(problem.split(": ", 2)[-1]) for problem in problems})
-        seconds = time.process_time() - begin
-        self.seconds += seconds
+        seconds = time.monotonic() - begin
+        self.checked += seconds
+        self.seconds += begin + seconds - start
         self.slowest = sorted([*self.slowest, (seconds, seed)], reverse=True)[:SHOWN]
 
     def _fail(self, kind: Kind, seed: int, text: str, error: BaseException) -> None:
@@ -100,8 +105,8 @@ class Tally:
         slow = ", ".join(f"{seconds:.2f} s (seed {seed})" for seconds, seed in self.slowest)
         refused = self.tried - self.accepted - len(self.failed)
         lines = [
-            f"{name}: {self.tried} tried, {self.accepted} accepted, {refused} refused with {len(self.messages)} different messages, "
-            f"{len(self.failed)} failed; {1000 * self.seconds / max(1, self.tried):.1f} ms of a processor each, slowest {slow}"
+            f"{name}: {self.tried} tried in {self.seconds:.0f} s, {self.accepted} accepted, {refused} refused with {len(self.messages)} "
+            f"different messages, {len(self.failed)} failed; {1000 * self.checked / max(1, self.tried):.1f} ms each, slowest {slow}"
         ]
         return "\n".join([*lines, *(f"    {count} times {reason}" for reason, count in self.reasons.most_common())])
 
