@@ -20,6 +20,7 @@ from cutjoint.model.records import ShapeKind
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model, read_model_text
 from tests.conftest import MODELS, needs_cpp
+from tests.view.browser import Page
 from tests.view.conftest import call
 from tests.view.files import Array, Gltf, read_csv
 
@@ -57,6 +58,41 @@ def crane(tmp_path: Path) -> Path:
     file = tmp_path / "crane.yaml"
     file.write_text(CRANE, encoding="utf-8")
     return file
+
+
+#: A body that a spring pushes away, ten times as far in each 10 us.
+AWAY = """
+cutjoint: 1
+name: away
+gravity: [0, 0, 0]
+bodies: {ball: {mass: 1, centre_of_mass: [0, 0, 0]}}
+joints: {rail: {kind: prismatic, bodies: [ground, ball], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces: {push: {kind: point_spring, bodies: [ground, ball], from: [-1, 0, 0], to: [0, 0, 0], law: 1e9*(0.5-length)}}
+outputs: [ball.x]
+scenes: {run: {end: 0.0035, output_step: 0.0001}}
+"""
+
+
+@needs_cpp
+def test_a_run_is_drawn_as_far_as_a_picture_goes(browser: Page, tmp_path: Path) -> None:
+    (tmp_path / "away.yaml").write_text(AWAY, encoding="utf-8")
+    files = ("--out", tmp_path / "run.csv", "--view", tmp_path / "run.html")
+    call("simulate", tmp_path / "away.yaml", "--scene", "run", "--no-error", *files)
+    table = read_csv(tmp_path / "run.csv")
+    assert table["ball.x"][-1] > 1e40
+    browser.open(tmp_path / "run.html")
+    subtitle = browser.run("document.getElementById('subtitle').textContent")
+    told = re.search("drawn up to ([0-9.]+) s, where a body is 1e[+]18 m away", subtitle)
+    assert told
+    assert float(told[1]) == table["t"][np.argmax(table["ball.x"] > 1e18)]
+    assert browser.complaints == []
+
+
+@needs_cpp
+def test_what_starts_too_far_away_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "away.yaml").write_text(AWAY.replace("axis: [1, 0, 0]}", "axis: [1, 0, 0], guide: 1e20*(1+t)}"), encoding="utf-8")
+    message = call("view", tmp_path / "away.yaml", "--out", tmp_path / "pose.html", status=1)
+    assert "pose.html: a body starts further than 1e+18 m away, and no picture shows that; mind units" in message
 
 
 @needs_cpp

@@ -95,7 +95,9 @@ def _encoded(content: bytes) -> str:
 
 
 def _table(t: Array, columns: Sequence[Array]) -> str:
-    return _encoded(np.concatenate([t, *columns]).astype("<f4").tobytes())
+    """Numbers of 32 bits; larger ones are none."""
+    numbers = np.concatenate([t, *columns])
+    return _encoded(np.where(np.abs(numbers) <= np.finfo("<f4").max, numbers, np.nan).astype("<f4").tobytes())
 
 
 def _environment() -> jinja2.Environment:

@@ -44,6 +44,9 @@ PAGE, GLTF = ".html", ".glb"
 #: How many rows of a run are shown at most, and how many bytes they take: a page opens at once, and nobody sees more.
 _ROWS, _BYTES = 2000, 1_800_000
 
+#: m; pictures have numbers of 32 bits, and squares of larger ones are none.
+_FAR = 1e18
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
@@ -146,9 +149,10 @@ def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Pat
     """Write what is shown as a page, ``over`` an earlier run if there is one, or as a .glb file.
 
     Raises:
-        OutputError: the file cannot be written, or its ending names no kind.
+        OutputError: the file cannot be written, its ending names no kind, or a body starts too far away for any picture.
     """
     require_view(path, "")
+    shown = _in_reach(path, shown)
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
     columns = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
@@ -166,6 +170,21 @@ def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Pat
         over=over, graph=shown.graph, sliders=shown.sliders,
     )  # fmt: skip
     return write_whole(path, page)
+
+
+def _in_reach(path: Path, shown: Shown) -> Shown:
+    """What is shown, up to the first time at which a body is too far away to be drawn, which the note says then."""
+    near = np.array([np.abs(pose.shift).max(axis=1) < _FAR for pose in shown.poses.values()]).reshape(-1, shown.t.size).all(axis=0)
+    rows = int(np.append(near, False).argmin())
+    if not rows:
+        raise OutputError(f"{path}: a body starts further than {_FAR:g} m away, and no picture shows that; mind units")
+    if rows == shown.t.size:
+        return shown
+    return replace(
+        shown, t=shown.t[:rows], note=f"{shown.note}, drawn up to {shown.t[rows]:.4g} s, where a body is {_FAR:g} m away",
+        poses={name: BodyPose(rotation=pose.rotation[:rows], shift=pose.shift[:rows]) for name, pose in shown.poses.items()},
+        columns=tuple(replace(column, values=column.values[:rows]) for column in shown.columns),
+    )  # fmt: skip
 
 
 def _placed(shown: Shown, poses: Mapping[str, BodyPose], t: Array) -> Placed:
