@@ -16,6 +16,7 @@ from typing import Any
 
 from cutjoint.run.errors import RunError
 from cutjoint.sweeps.kernel import require_loadable
+from cutjoint.sweeps.scheduler import dask
 from cutjoint.sweeps.work import Chunk, Rows, Work
 from cutjoint.version import __version__
 
@@ -34,19 +35,6 @@ _TIMERS = "profile", "tick"
 
 #: In each worker: what it performs, by digest.
 _works: dict[str, Work] = {}
-
-
-def dask() -> Any:
-    """Dask's `distributed`.
-
-    Raises:
-        RunError: it is not installed.
-    """
-    try:
-        import distributed
-    except ImportError:
-        raise RunError("--scheduler needs Dask: pip install 'cutjoint[dask]'") from None
-    return distributed
 
 
 class Bringer:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -30,6 +29,7 @@ from cutjoint.sweeps.masses import Masses
 from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
+from cutjoint.sweeps.scheduler import require_address, require_scheduler
 from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
 from cutjoint.sweeps.work import Chunk, Work, in_lanes
 
@@ -44,9 +44,6 @@ _ENOUGH = 0.02
 
 #: Bytes of rows that a chunk sends at most, unless one run has more.
 _MOST_BYTES = 32_000_000
-
-#: The addresses that schedulers of Dask have.
-_ADDRESS = re.compile(r"(?:tcp|tls|ucx|ws|wss)://(?:[\w.-]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}", re.ASCII)
 
 #: Called with how many of how many runs are done.
 Progress = Callable[[int, int], None]
@@ -126,9 +123,12 @@ def perform_study(
     """The same of a study that was read."""
     say, begin = note or (lambda text: None), perf_counter()
     arrow()
-    require_address(scheduler)
+    if scheduler is not None:
+        require_address(scheduler)
     require_file(out)
     require_room(Layout(study=study, manifest={}), out)
+    if scheduler is not None:
+        require_scheduler(scheduler)
     kernels = build_kernels(study)
     layout = Layout(study=study, manifest=make_manifest(study, kernels))
     if is_whole(out, layout):
@@ -156,16 +156,6 @@ def perform_study(
             if lost := parts.finish():
                 raise parts.incomplete(lost)
     return Sweep(path=out, performed=driver.performed, seconds=driver.seconds, elapsed=perf_counter() - begin)
-
-
-def require_address(scheduler: str | None) -> None:
-    """Check the form of a scheduler's address.
-
-    Raises:
-        RunError: it is none.
-    """
-    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
-        raise RunError(f"--scheduler {scheduler[:60]!a}: not an address; write for example tcp://10.0.0.1:8786")
 
 
 def _workers(work: Work, scheduler: str | None, threads: int | None, say: Callable[[str], None]) -> Workers:

@@ -28,13 +28,13 @@ from rich.table import Table
 
 from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.sweeps.build import build_kernels
-from cutjoint.sweeps.cluster import dask
 from cutjoint.sweeps.local import processors
 from cutjoint.sweeps.manifest import make_manifest
 from cutjoint.sweeps.parts import Parts
 from cutjoint.sweeps.reading import read_study_text
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Sweep, perform_study
+from cutjoint.sweeps.scheduler import dask
 from cutjoint.sweeps.table import Layout
 from cutjoint.sweeps.work import Chunk, Work
 from cutjoint_bench.studies.checkout import MODELS
@@ -45,6 +45,7 @@ from cutjoint_bench.studies.provenance import provenance
 PENDULUM = """
 cutjoint_study: 1
 model: {models}/pendulum.yaml
+integrator: trapezoidal
 end: 10 ms
 output_step: 10 ms
 rates: {{pin.angle_rate: {{from: -5, to: 5}}}}
@@ -56,6 +57,7 @@ objectives: {{last: {{end: bob.x}}, speed: {{rms: bob.vx}}}}
 PRESS = """
 cutjoint_study: 1
 model: {models}/press.yaml
+integrator: trapezoidal
 parameters: {{stiffness: {{from: 1 kN/m, to: 4 kN/m}}}}
 rates: {{pin.angle_rate: {{from: 5, to: 10}}}}
 design: {{sobol: {runs}}}
