@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from . import caches, calls, disks, lanes, mechanisms, meshes, parts, run_files, signals
+from . import caches, calls, disks, impacts, lanes, mechanisms, meshes, parts, run_files, signals
 from .chain import run_chain
 from .expressions import any_text
 from .models import any_model
@@ -31,5 +31,6 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, limit=1200),
         Kind(name="parts", suffix=".parts.json", make=parts.make, check=parts.check),
         Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, limit=240),
+        Kind(name="impacts", suffix=".impact.json", make=impacts.make, check=impacts.check, share=0.02, limit=600),
     )
 }

@@ -36,7 +36,7 @@ def make(rng: random.Random) -> str:
         "cutjoint": 1, "name": "fuzzed", "gravity": [0, 0, -9.81], "points": {}, "bodies": {}, "joints": {}, "forces": {}, "outputs": [],
         "scenes": {"run": {"end": 1, "output_step": 0.02}},
     }  # fmt: skip
-    rng.choice((_ring, _spatial_four_bar, _six_bar, _platform, _tree))(model, rng)
+    rng.choice((ring, spatial_four_bar, six_bar, platform, tree))(model, rng)
     return json.dumps({name: part for name, part in model.items() if part or name == "outputs"}, indent=1)
 
 
@@ -92,7 +92,7 @@ def _revolute(base: str, follower: str, at: str, axis: Any = (0, 1, 0)) -> Node:
     return {"kind": "revolute", "bodies": [base, follower], "at": at, "axis": list(axis)}
 
 
-def _ring(model: Node, rng: random.Random) -> None:
+def ring(model: Node, rng: random.Random) -> None:
     """Four to seven links in a plane, the ground one of them."""
     count, base = rng.randint(4, 7), "ground"
     for k in range(count):
@@ -107,7 +107,7 @@ def _ring(model: Node, rng: random.Random) -> None:
     model["outputs"] = ["link0.x", "link0.z", f"{base}.x"]
 
 
-def _spatial_four_bar(model: Node, rng: random.Random) -> None:
+def spatial_four_bar(model: Node, rng: random.Random) -> None:
     """Crank and rocker with a rod between them: a body between two balls or a ball and a cross, or a distance."""
     model["points"] = {
         "O": [0, 0, 0], "A": [0, 0.02, round(rng.uniform(0.05, 0.15), 3)], "C": [0.55, round(rng.uniform(0.2, 0.4), 3), 0],
@@ -128,7 +128,7 @@ def _spatial_four_bar(model: Node, rng: random.Random) -> None:
     model["outputs"] = ["crank.z", "rocker.x", "rocker.z"]
 
 
-def _six_bar(model: Node, rng: random.Random) -> None:
+def six_bar(model: Node, rng: random.Random) -> None:
     """Stephenson's third kind with a motor."""
     model["points"] = {
         "A": [0, 0, 0], "B": [0.1, 0, round(rng.uniform(0.1, 0.2), 3)], "C": [round(rng.uniform(0.4, 0.5), 3), 0, 0.35], "D": [0.5, 0, 0],
@@ -147,7 +147,7 @@ def _six_bar(model: Node, rng: random.Random) -> None:
     model["outputs"] = ["crank.x", "last.x", "link.z"]
 
 
-def _platform(model: Node, rng: random.Random) -> None:
+def platform(model: Node, rng: random.Random) -> None:
     """A plate on three legs that each move in a plane, or on six that stand on crosses."""
     legs = rng.choice((3, 6))
     model["points"]["T"] = [0, 0, 0.5]
@@ -174,7 +174,7 @@ def _platform(model: Node, rng: random.Random) -> None:
     model["outputs"] = ["plate.x", "plate.z", "stroke0.displacement"]
 
 
-def _tree(model: Node, rng: random.Random) -> None:
+def tree(model: Node, rng: random.Random) -> None:
     """Two to four bodies with joints of all kinds, some on springs."""
     model["points"]["ground_end"] = [0, 0, 0]
     bodies = ["ground"]

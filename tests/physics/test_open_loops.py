@@ -15,10 +15,11 @@ from tests.physics.simulation import compile_text, simulate
 
 pytestmark = needs_cpp
 
-#: A four-bar whose crank is guided, and begins to turn at once at 0.25 s, or from rest.
+#: A four-bar whose crank is guided, and begins to turn at once at 0.25 s by a table, whose times steps do not know, or from rest.
 FOUR_BAR = """\
 cutjoint: 1
 name: crank_and_rocker
+parameters: {turn: {value: 0, binding: input}}
 gravity: [0, 0, -9.81]
 bodies:
   crank: {mass: 1, centre_of_mass: [0, 0, 0.25], inertia: [0.1, 0.1, 0.1]}
@@ -33,7 +34,8 @@ outputs: [rod.x, rod.z, post.angle]
 scenes:
   turn: {end: 0.5, output_step: 0.01, numerics: {penalty: 1.0e+7}}
 """
-JUMP, SMOOTH = "where(t < 0.25, 0, 2*(t - 0.25))", "where(t < 0.25, 0, 4*(t - 0.25)**2)"
+JUMP = {"turn": {"t": [0, 0.25, 0.5], "value": [0, 0, 0.5], "interpolation": "linear"}}
+SMOOTH = "where(t < 0.25, 0, 4*(t - 0.25)**2)"
 
 
 @cache
@@ -44,8 +46,8 @@ def turning(guide: str) -> Artifact:
 
 def test_a_gap_behind_a_guide_that_jumps_is_told_and_counted() -> None:
     """Two steps agree on what neither has right, a run that closes its loops shows it: estimates are near the true errors."""
-    run, finer = (simulate(turning(JUMP), integrator="trapezoidal", dt=dt) for dt in (5e-4, 2.5e-4))
-    exact = simulate(turning(JUMP), integrator="dormand-prince", tolerance=1e-9, error=False)
+    run, finer = (simulate(turning("turn"), inputs=JUMP, integrator="trapezoidal", dt=dt) for dt in (5e-4, 2.5e-4))
+    exact = simulate(turning("turn"), inputs=JUMP, integrator="dormand-prince", tolerance=1e-9, error=False)
     true = float(np.max(np.abs(run["post.angle"] - exact["post.angle"])))
     assert true > 10 * float(np.max(np.abs(run["post.angle"] - finer["post.angle"])))
     for name in run.columns:
@@ -56,14 +58,14 @@ def test_a_gap_behind_a_guide_that_jumps_is_told_and_counted() -> None:
 
 def test_a_gap_counts_against_the_tolerance() -> None:
     """Steps that follow from a tolerance come no nearer to closed loops, and the run says so."""
-    error = simulate(turning(JUMP), integrator="trapezoidal").error
+    error = simulate(turning("turn"), inputs=JUMP, integrator="trapezoidal").error
     assert not error.converged
     assert error["post.angle"] > 1e-4
 
 
 @pytest.mark.parametrize("how", [{"integrator": "rk4", "dt": 5e-4}, {"integrator": "dormand-prince", "tolerance": 1e-6}])
 def test_loops_that_are_closed_are_not(how: dict[str, float | str]) -> None:
-    run = simulate(turning(JUMP), **how)  # type: ignore[arg-type]
+    run = simulate(turning("turn"), inputs=JUMP, **how)  # type: ignore[arg-type]
     assert run.error.converged
     assert not any("loops stand open" in warning for warning in run.error.warnings)
 

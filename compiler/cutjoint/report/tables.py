@@ -249,6 +249,8 @@ def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:
     if effort.events:
         by_element = ", ".join(f"{name} {count}" for name, count in effort.events_by_element.items())
         facts.append(("events", f"{effort.events}: {by_element}"))
+    if effort.impacts:
+        facts.append(("impacts", "; ".join(f"'{x.element}' at {x.time:.6g} s, {x.work:.3g} J" for x in effort.impacts)))
     if effort.stiff_steps > STIFF * effort.iterations:
         advice = "an implicit integrator takes longer ones, as the method recursive-newton has by default"
         facts.append(("stiff", f"stability, not accuracy, limited {effort.stiff_steps} steps: {advice}"))

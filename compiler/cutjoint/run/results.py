@@ -95,6 +95,15 @@ class EnergyBalance:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Impact:
+    """An instant (s) at which guides' rates jump: the ``element`` whose law does, and the ``work`` (J) of the guides' impulses."""
+
+    time: float
+    element: str
+    work: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Effort:
     """What the steps of a run took besides evaluations.
 
@@ -103,7 +112,7 @@ class Effort:
     pivoting, ``substeps`` the parts that steps of recursive-newton were taken in where the iteration did not reach their end at once.
     ``rejected`` are attempts of steps that were taken again shorter, ``stiff_steps`` those whose length stability limited: numbers
     of explicit integrators and of ``sdirk4``.  ``events`` are the changes of formula at which steps ended, by element in
-    ``events_by_element``.
+    ``events_by_element``.  ``impacts`` are those of guides whose rates jump, in the order of time.
     """
 
     solver: str = ""
@@ -117,6 +126,7 @@ class Effort:
     stiff_steps: int = 0
     events: int = 0
     events_by_element: Mapping[str, int] = field(default_factory=dict)
+    impacts: tuple[Impact, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,8 +260,13 @@ def read_effort(summary: Mapping[str, Any]) -> Effort:
         pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), substeps=summary.get("substeps", 0),
         residuals=Residuals(**residuals), rejected=summary.get("rejected", 0),
         stiff_steps=summary.get("stiff_steps", 0), events=summary.get("events", 0),
-        events_by_element=summary.get("events_by_element", {}),
+        events_by_element=summary.get("events_by_element", {}), impacts=tuple(_impact(each) for each in summary.get("impacts", ())),
     )  # fmt: skip
+
+
+def _impact(summary: Mapping[str, Any]) -> Impact:
+    work = summary["work"]
+    return Impact(time=summary["time"], element=summary["element"], work=nan if work is None else work)
 
 
 def read_energy(summary: Mapping[str, Any]) -> EnergyBalance | None:

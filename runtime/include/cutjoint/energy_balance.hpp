@@ -45,11 +45,18 @@ class EnergyBalance {
         speeds_(start.v), book_(start.t, measure(start)[0]) {}
 
   /// A step has ended; `between` makes a state that of a time within the step.  Accelerations and multipliers, which matter to guides, are on the
-  /// line between those of the ends unless it makes them too.  Leaves the subject at the end's time.  Throws Failure where the motion runs away.
+  /// line between those of the ends unless it makes them too.  A step without length, as behind an impact, does no work.  Leaves the subject at the
+  /// end's time.  Throws Failure where the motion runs away.
   template <class Between>
   void add(const State<Real>& end, Between between) {
     using std::abs, std::sqrt;
-    const Real h = end.t - last_.t, aside = sqrt(Real(15)) / 10;
+    const Real h = end.t - last_.t;
+    if (!(h > Real(0))) {
+      last_ = end;
+      subject_.begin_step(end.t, Real(1));
+      return;
+    }
+    const Real aside = sqrt(Real(15)) / 10;
     const std::array<Real, 3> places{Real(0.5) - aside, Real(0.5), Real(0.5) + aside}, weights{Real(5) / 18, Real(8) / 18, Real(5) / 18};
     Real work(0), exchanged(0);
     for (std::size_t i = 0; i < places.size(); ++i) {
@@ -67,8 +74,14 @@ class EnergyBalance {
 
   /// The same of a step between whose ends the coordinates are cubic.
   void add(const State<Real>& end) {
-    join(end);
+    if (end.t > last_.t) join(end);
     add(end, [&](Real t, State<Real>& state) { follow(end, (t - last_.t) / (end.t - last_.t), state); });
+  }
+
+  /// Guides have struck: the motion goes on from a state, their impulses having done `work` (J).
+  void strike(const State<Real>& after, Real work) {
+    book_.strike(work);
+    last_ = after;
   }
 
   /// To live while steps are checked, whose time is none of the steps.

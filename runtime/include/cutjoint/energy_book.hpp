@@ -37,6 +37,13 @@ class EnergyBook {
     entry(count_++) = {t, largest_ + exchanged_, defect_};
   }
 
+  /// Impulses have done `work`.
+  void strike(Real work) {
+    using std::abs;
+    work_ += work;
+    exchanged_ += abs(work);
+  }
+
   bool runs_away() const { return levels_ >= most; }
 
   /// The time before the first level, if the motion gains them now.

@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "cutjoint/core/relative.hpp"
+#include "cutjoint/crossed_impacts.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
@@ -32,7 +34,7 @@ class Recursive {
 
   Recursive(M& mechanism, const RunSettings& settings, const Json& file)
       : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), data_(d_, file), state_(d_), guards_(mechanism),
-        dt_(settings.dt), residual_(d_.equations.size()), rate_(d_.equations.size()) {
+        relative_(mechanism, Real(1e-12)), impacts_(mechanism, settings.end), dt_(settings.dt), residual_(d_.equations.size()), rate_(d_.equations.size()) {
     load_penalties(std::vector<double>(d_.cuts.size(), settings.stabilisation.penalty.value_or(1.0)));
   }
 
@@ -59,6 +61,7 @@ class Recursive {
   }
 
   void step(long number) {
+    impacts_.meet(state_, dt_, [this](State<Real>& state) { accelerate(state); }, energy_);
     require_none(integrator_->step(state_, number), d_);
     if (energy_) {
       const auto time = energy_->time();
@@ -92,10 +95,11 @@ class Recursive {
 
   /// What the run took; an iteration is an evaluation, and residuals are known where steps were measured, or energy was balanced.
   void summarise(Json& summary) const {
-    const long evaluations = integrator_ ? integrator_->evaluations() : 0;
+    const long evaluations = integrator_ ? integrator_->evaluations() + relative_.evaluations() : 0;
     summary["evaluations"] = evaluations;
     summary["iterations"] = evaluations;
     if (energy_) energy_->summarise(summary);
+    impacts_.summarise(summary);
     if (!measured_.empty() || energy_) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
   }
 
@@ -160,6 +164,13 @@ class Recursive {
   }
 
  private:
+  void accelerate(State<Real>& state) {
+    std::vector<Real> y(state.q);
+    y.insert(y.end(), state.v.begin(), state.v.end());
+    relative_.guess(state.lambda);
+    state = relative_.solve(state.t, y);
+  }
+
   std::pair<double, double> find_residuals() {
     mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
     const auto position = static_cast<double>(largest(residual_)), velocity = static_cast<double>(largest(rate_));
@@ -175,6 +186,8 @@ class Recursive {
   ModelData<Real> data_;
   State<Real> state_;
   Guards<M> guards_;
+  Relative<M> relative_;
+  CrossedImpacts<M> impacts_;
   Real origin_{0}, dt_;
   std::optional<Trapezoidal<M>> integrator_;
   std::optional<EnergyBalance<M>> energy_;

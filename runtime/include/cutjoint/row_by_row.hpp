@@ -1,7 +1,9 @@
 // Methods that go from one row of the table to the next by steps of their own, as the driver sees them.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -10,6 +12,7 @@
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
+#include "cutjoint/impacts.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/settings.hpp"
@@ -25,7 +28,7 @@ class RowByRow {
   using Real = typename Dynamics::Real;
 
   RowByRow(Subject& subject, Dynamics& dynamics, const RunSettings& settings)
-      : subject_(subject), dynamics_(dynamics), settings_(settings), guards_(subject), dt_(settings.dt) {}
+      : subject_(subject), dynamics_(dynamics), settings_(settings), guards_(subject), impacts_(subject, settings.end), dt_(settings.dt) {}
 
   const std::vector<Named>& columns() const { return subject_.description().columns; }
   const std::vector<std::string_view>& coordinates() const { return subject_.description().coordinates; }
@@ -42,8 +45,10 @@ class RowByRow {
   template <class... How>
   void prepare(How&&... how) {
     stepper_.emplace(dynamics_, std::forward<How>(how)...);
-    if constexpr (requires { typename Stepper::Watch; })
+    if constexpr (requires { typename Stepper::Watch; }) {
       if (settings_.energy) balance_energy();
+      if (impacts_.possible()) stepper_->strike_by({.call = [](void* who, auto& scheme, std::size_t which) { static_cast<RowByRow*>(who)->strike(scheme, which); }, .who = this});
+    }
   }
 
   void step(long number) {
@@ -83,6 +88,7 @@ class RowByRow {
     summary["evaluations"] = dynamics_.evaluations();
     summary["iterations"] = stepper_ ? stepper_->steps() : 0;
     if (energy_) energy_->summarise(summary);
+    impacts_.summarise(summary);
   }
 
  protected:
@@ -119,6 +125,28 @@ class RowByRow {
     energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
   }
 
+  /// Where a step has ended at an event: impulses, if guides' rates jump there.
+  template <class Scheme>
+  void strike(Scheme& scheme, std::size_t which) {
+    const Real after = scheme.time(), before = std::max(after - impacts_.width(), struck_);
+    struck_ = after;
+    if (!state_) state_.emplace(blank(subject_));
+    scheme.read_struck(before, *state_);
+    if (!impacts_.jumps(state_->q, before, after)) return;
+    if (energy_) {
+      const auto time = energy_->time();
+      energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
+    }
+    const Real work = impacts_.strike(*state_, after, element_of(which));
+    if (energy_) energy_->strike(*state_, work);
+    scheme.take_speeds(state_->v);
+  }
+
+  std::string_view element_of(std::size_t which) const {
+    const auto& switches = subject_.description().switches;
+    return which < switches.size() ? switches[which].element : std::string_view();
+  }
+
   void check(long number) {
     if (!guards_.empty()) guards_.check(dynamics_.complete(t_, y_), number);
   }
@@ -127,11 +155,12 @@ class RowByRow {
   Dynamics& dynamics_;
   const RunSettings& settings_;
   Guards<Subject> guards_;
+  Impacts<Subject> impacts_;
   std::optional<Stepper> stepper_;
   std::optional<EnergyBalance<Subject>> energy_;
   std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
   std::vector<Real> y_, position_;
-  Real origin_{0}, t_{0}, dt_;
+  Real origin_{0}, t_{0}, dt_, struck_{0};  ///< the last: when a step last ended at an event
 };
 
 }  // namespace cutjoint

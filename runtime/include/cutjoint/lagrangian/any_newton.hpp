@@ -47,6 +47,8 @@ class AnyNewton {
 
   virtual void begin(State<Real>& state, Real motion) = 0;  ///< as of Newton; throws Failure
   virtual void step(State<Real>& state, long number) = 0;   ///< the same
+  virtual void go_on(State<Real>& state) = 0;               ///< the same
+  virtual void take_over(const State<Real>& state) = 0;     ///< a state with accelerations and multipliers, from which the next step goes on
   virtual Weights<Real> step_weights() const = 0;
   virtual const Residuals& residuals() const = 0;
   virtual long iterations() const = 0;
@@ -65,6 +67,11 @@ class NewtonOf final : public AnyNewton<S> {
 
   void begin(State<Real>& state, Real motion) override { require(core_.begin(state, motion)); }
   void step(State<Real>& state, long number) override { require(core_.step(state, number)); }
+  void go_on(State<Real>& state) override { require(core_.go_on(state)); }
+  void take_over(const State<Real>& state) override {
+    core_.stay(state);
+    core_.take_means(state.vdot);
+  }
   Weights<Real> step_weights() const override { return core_.step_weights(); }
   const Residuals& residuals() const override { return core_.residuals(); }
   long iterations() const override { return core_.iterations(); }

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/crossed_impacts.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
@@ -29,7 +30,7 @@ class LagrangianMethod {
   LagrangianMethod(S& system, const RunSettings& settings, const Json& file)
       : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
         guards_(system), data_(d_, file), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
-        newton_(make_newton(system, *solver_, newton_settings(settings))), dt_(settings.dt), balances_(settings.energy) {
+        newton_(make_newton(system, *solver_, newton_settings(settings))), impacts_(system, settings.end), dt_(settings.dt), balances_(settings.energy) {
     data_.load_system(system_);
   }
 
@@ -48,8 +49,7 @@ class LagrangianMethod {
   }
 
   void prepare() {
-    if (!balances_) return;
-    energy_.emplace(system_, state_);
+    if (balances_) energy_.emplace(system_, state_);
     if (!d_.driven) return;
     single_solver_ = choose_solver(system_, solver_name_);
     single_ = make_newton(system_, *single_solver_, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4});
@@ -58,6 +58,7 @@ class LagrangianMethod {
 
   void step(long number) {
     const long before = newton_->iterations();
+    if (impacts_.meet(state_, dt_, [this](State<Real>& state) { accelerate(state); }, energy_)) newton_->take_over(state_);
     newton_->step(state_, number);
     if (energy_) {
       const auto time = energy_->time();
@@ -99,6 +100,7 @@ class LagrangianMethod {
     summary["substeps"] = newton_->substeps();
     summary["pivoting_fallbacks"] = solver_->fallbacks();
     if (energy_) energy_->summarise(summary);
+    impacts_.summarise(summary);
     summary["residuals"] = Json{{"position", number_or_null(worst_.position)},
                                 {"velocity", number_or_null(worst_.velocity)},
                                 {"acceleration", number_or_null(worst_.acceleration)}};
@@ -122,6 +124,16 @@ class LagrangianMethod {
   }
 
  private:
+  /// Accelerations and multipliers of a state; in a singular pose it keeps those that it has.
+  void accelerate(State<Real>& state) {
+    *completed_ = state;
+    try {
+      single_->go_on(*completed_);
+      state = *completed_;
+    } catch (const Failure&) {
+    }
+  }
+
   /// The state, where guides need them with accelerations and multipliers that those of a step only come near to.
   const State<Real>& with_reactions() {
     if (!single_) return state_;
@@ -150,9 +162,10 @@ class LagrangianMethod {
   std::string solver_name_;
   std::unique_ptr<LinearSolver<Real>> solver_;
   std::unique_ptr<AnyNewton<S>> newton_;
+  CrossedImpacts<S> impacts_;
   Real dt_, origin_{0};
   std::optional<EnergyBalance<S>> energy_;
-  std::unique_ptr<LinearSolver<Real>> single_solver_;  ///< of single states, of a driven system whose energy is balanced
+  std::unique_ptr<LinearSolver<Real>> single_solver_;  ///< of single states of a driven system
   std::unique_ptr<AnyNewton<S>> single_;
   std::optional<State<Real>> completed_;
   bool balances_;

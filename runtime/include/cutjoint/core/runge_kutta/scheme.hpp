@@ -25,7 +25,7 @@ class Scheme {
   static constexpr int order = Table::order;
 
   Scheme(Dynamics& dynamics, const stepping::Tolerances<Real>& tolerances)
-      : dynamics_(dynamics), formula_(dynamics), tolerances_(tolerances), y_(dynamics.size()), end_(y_), error_(y_), trial_(y_) {}
+      : dynamics_(dynamics), formula_(dynamics), tolerances_(tolerances), y_(dynamics.size()), end_(y_), error_(y_), trial_(y_), unsettled_(y_) {}
 
   static constexpr bool adaptive() { return Table::adaptive; }
   Real time() const { return t_; }
@@ -79,6 +79,7 @@ class Scheme {
 
   Fault finish() {
     t_ = trial_time_;
+    unsettled_ = trial_;
     const Fault fault = dynamics_.project(t_, trial_);
     y_ = trial_;
     return fault;
@@ -93,6 +94,13 @@ class Scheme {
     dynamics_.adopt(t_, y_);
     return restart();
   }
+
+  void read_struck(Real t, StateOf<Subject>& state) {
+    std::copy(y_.begin(), y_.begin() + middle(), unsettled_.begin());
+    dynamics_.inspect(t, unsettled_, state);
+  }
+
+  void take_speeds(const Speeds<Subject>& v) { std::copy(v.begin(), v.end(), y_.begin() + middle()); }
 
   void read_end(StateOf<Subject>& state) { dynamics_.inspect(t_, y_, state); }
 
@@ -176,11 +184,13 @@ class Scheme {
     return std::min(Real(100) * probe, by_bend);
   }
 
+  std::ptrdiff_t middle() const { return static_cast<std::ptrdiff_t>(sizes_of(dynamics_.subject()).coordinates); }
+
   Dynamics& dynamics_;
   Formula<Dynamics, Table> formula_;
   stepping::Tolerances<Real> tolerances_;
   Real t_{0}, before_{0}, h_last_{1}, trial_time_{0};
-  Vector y_, end_, error_, trial_;
+  Vector y_, end_, error_, trial_, unsettled_;  ///< the last: before the loops of a trial state were closed
   std::size_t worst_ = 0;
   long stiff_ = 0;
 };

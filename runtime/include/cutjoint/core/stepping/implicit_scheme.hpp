@@ -83,6 +83,7 @@ class ImplicitScheme {
   std::size_t found() { return stages_.found(trial_); }
 
   Fault finish() {
+    unsettled_ = trial_.v;
     const Fault fault = stages_.project(trial_);
     stages_.go_to(trial_);
     return fault;
@@ -93,6 +94,19 @@ class ImplicitScheme {
   Fault adopt() {
     stages_.adopt();
     return stages_.restart();
+  }
+
+  void read_struck(Real t, State& state) {
+    state = present();
+    state.t = t;
+    state.v = unsettled_;
+    stages_.accelerate(state);
+  }
+
+  void take_speeds(const Speeds<Subject>& v) {
+    trial_ = present();
+    trial_.v = v;
+    stages_.go_to(trial_);
   }
 
   void read_end(State& state) {
@@ -176,6 +190,7 @@ class ImplicitScheme {
   Stages& stages_;
   Interpolant<Subject> interpolant_;
   State before_, trial_;
+  Speeds<Subject> unsettled_;  ///< before the loops of a trial state were closed
   Vector between_;
   Tolerances<Real> tolerances_;
   Residuals residuals_;

@@ -56,6 +56,7 @@ struct Progress {
 /// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
 ///   no accelerations,
+/// - `read_struck` is the present state with the speeds that it had before its loops were closed, and `take_speeds` gives it others,
 /// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
 /// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
 /// - `length` is that of the next step: the one that the error allows, or that of the last one.
@@ -76,7 +77,7 @@ class Stepper {
   /// There is a fault where no step is small enough.
   Fault advance(Real t, Real until, Vector& y, long number) {
     if (const Fault fault = step_to(t, until, y, number, false)) return fault;
-    return scheme_.read(until, time() - until > least(until), y);
+    return scheme_.read(until, time() - until > shortest(), y);
   }
 
   /// Go on from y at t, to `until` or to the end of a step at which an event lies; `time` says where.
@@ -109,6 +110,14 @@ class Stepper {
   };
 
   void watch(const Watch& watch) { watch_ = watch; }
+
+  /// What is called where a step has ended at an event of a switch, before the new regime begins: it may change the speeds.
+  struct Strike {
+    void (*call)(void* who, Scheme& scheme, std::size_t which) = nullptr;
+    void* who = nullptr;
+  };
+
+  void strike_by(const Strike& strike) { strike_ = strike; }
 
   long steps() const { return counts_.steps; }
   const Counts<typename Scheme::Subject>& counts() const { return counts_; }
@@ -267,6 +276,7 @@ class Stepper {
 
   /// The regime of the state begins.
   Fault change(std::size_t which) {
+    if (strike_.call) strike_.call(strike_.who, scheme_, which);
     if (const Fault fault = scheme_.adopt()) return fault;
     control_.restart();
     ++counts_.events;
@@ -305,6 +315,7 @@ class Stepper {
   long most_ = std::numeric_limits<long>::max();
   Progress<Real> now_;
   Watch watch_;
+  Strike strike_;
   Counts<typename Scheme::Subject> counts_;
 };
 

@@ -1,0 +1,120 @@
+"""Mechanisms whose guide begins to move, or turns, at once: by every method they move as behind guides that take ever less time for it.
+
+They are interpreted, so that nothing is compiled for them.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from cutjoint.analysis.inertia import NoInertiaError
+from cutjoint.interpreted import compile_interpreted
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model_text
+from cutjoint.run.errors import RunError
+from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
+
+from . import mechanisms
+
+Node = dict[str, Any]
+
+#: How long the smooth guides take (s); what they differ by from a jump falls with the square.
+LONG = 2e-3
+#: By how much a run with steps of 1 ms, or a tolerance of 1e-8, may differ from the smooth guides' limit, m.
+ALLOWED = 1e-4
+#: The most that is believed of the limit, m, and the least work of an impact that is looked for, J.
+UNCERTAIN, LEAST = 2e-5, 1e-6
+
+_EXACT = {"tolerance": 1e-8}
+_CROSSED, _LOCATED = ({"integrator": "trapezoidal", "events": events} for events in ("crossed", "located"))
+_DAMPED = {"integrator": "generalised-alpha", "events": "crossed"}
+_INTEGRATORS: Node = {
+    "recursive": ({"integrator": "dormand-prince", **_EXACT}, {"integrator": "rk4"}, _CROSSED, _LOCATED),
+    "recursive-newton": ({"integrator": "sdirk4", **_EXACT}, {"integrator": "sdirk4-fixed"}, _CROSSED, _LOCATED, _DAMPED),
+    "augmented": ({},),
+    "classical": ({},),
+}
+
+
+def make(rng: random.Random) -> str:
+    """A model, the joint that is guided, and when (s) its rate jumps from one to another (1/s or m/s)."""
+    model: Node = {
+        "cutjoint": 1, "name": "fuzzed", "gravity": [0, 0, -9.81], "points": {}, "bodies": {}, "joints": {}, "forces": {}, "outputs": [],
+        "scenes": {"run": {"end": 0.3, "output_step": 0.02, "numerics": {"dt": 0.001}}},
+    }  # fmt: skip
+    rng.choice((mechanisms.ring, mechanisms.spatial_four_bar, mechanisms.six_bar, mechanisms.tree))(model, rng)
+    guidable = [name for name, joint in model["joints"].items() if joint["kind"] in ("revolute", "prismatic", "screw")]
+    guided = rng.choice(guidable) if guidable else ""
+    model["forces"] = {name: force for name, force in model["forces"].items() if force.get("joint") != guided}
+    model["scenes"]["run"].pop("rates", None)
+    model = {name: part for name, part in model.items() if part or name == "outputs"}
+    at, before = rng.choice((0.1, round(rng.uniform(0.05, 0.15), 5))), rng.choice((0, round(rng.uniform(-1, 1), 3)))
+    case = {"model": model, "guided": guided, "at": at, "before": before, "after": round(rng.uniform(-2, 2), 3)}
+    return json.dumps(case, indent=1)
+
+
+def check(text: str) -> tuple[str, ...]:
+    """What could not be compared; fails where a run is far from the limit of the smooth guides."""
+    case = json.loads(text)
+    if not case["guided"]:
+        return ("nothing can be guided",)
+    try:
+        smooth = [_run(case, length, integrator="dormand-prince", tolerance=1e-10, error=False) for length in (LONG, LONG / 2)]
+    except (ModelError, NoInertiaError, RunError) as error:
+        return (str(error).splitlines()[0],)
+    if failed := [run.failure for run in smooth if run.failure is not None]:
+        return (f"no limit: {failed[0].message}",)
+    late = smooth[0].t > case["at"] + LONG
+    early = smooth[0].t < case["at"] - LONG
+    limit = {name: (4 * smooth[1][name] - smooth[0][name]) / 3 for name in smooth[0].columns}
+    doubt = max(float(np.abs(limit[name] - smooth[1][name])[early | late].max()) for name in limit)
+    if doubt > UNCERTAIN:
+        return (f"no limit: smooth guides differ by {doubt:.1e} m",)
+    return tuple(_compare(case, limit, early | late))
+
+
+def _compare(case: Node, limit: dict[str, Any], rows: Any) -> Iterator[str]:
+    """What failed; all runs that did not are near the limit, and agree on the work."""
+    works = {}
+    for method, ways in _INTEGRATORS.items():
+        for how in ways:
+            words = f"{method} {' '.join(str(x) for x in how.values())}"
+            try:
+                run = _run(case, 0.0, method=method, **how)
+            except RunError as error:
+                yield f"{words}: {str(error).splitlines()[0]}"
+                continue
+            if run.failure is not None:
+                yield f"{words}: {run.failure.message}"
+                continue
+            apart = max(float(np.abs(run[name] - limit[name])[rows].max()) for name in limit)
+            told = max(run.error.largest.values())
+            assert apart <= max(ALLOWED, 3 * told), f"{words} is {apart:.1e} m off and says {told:.1e}"
+            works[words] = sum(impact.work for impact in run.effort.impacts)
+            assert run.energy is not None
+            assert run.energy.share < 0.02, f"{words}: work and energy differ by {run.energy.defect:.1e} J"
+    if works and max(works.values()) - min(works.values()) > max(1e-2 * max(abs(x) for x in works.values()), LEAST):
+        raise AssertionError(f"works differ: {works}")
+
+
+def _run(case: Node, length: float, *, method: str = "recursive", **how: Any) -> Trajectory:
+    model = json.loads(json.dumps(case["model"]))
+    model["joints"][case["guided"]]["guide"] = law_of(case["at"], case["before"], case["after"], length)
+    read = read_model_text(json.dumps(model), "fuzzed.yaml")
+    return simulate(compile_interpreted(read, read.scenes["run"], method=method), check=False, **how)
+
+
+def law_of(at: float, before: float, after: float, length: float) -> str:
+    """A guide whose rate goes over from one to another within a length of time around an instant, or at once."""
+    sooner, later = f"{before!r}*(t - {at!r})", f"{after!r}*(t - {at!r})"
+    if length == 0:
+        return f"where(t < {at!r}, {sooner}, {later})"
+    begin, end, half = at - length / 2, at + length / 2, length / 2
+    middle = f"{before!r}*(t - {at!r}) + ({after!r} - {before!r})*(t - {at!r} + {half!r})**2/{2 * length!r}"
+    return f"where(t < {begin!r}, {sooner}, where(t < {end!r}, {middle}, {later}))"

@@ -1,0 +1,212 @@
+"""Guides whose rates jump: momentum carries over, by every method and integrator, and the balance of work and energy has the impulses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+from cutjoint.interpreted import compile_interpreted
+from cutjoint.model.records import Model, Output
+from cutjoint.pipeline import compile_model
+from cutjoint.run.artifact import Artifact
+from cutjoint.topology.build import build_topology
+from tests.conftest import needs_cpp
+from tests.mechanisms.random_models import NOWHERE, TIME, random_loops, random_tree, scene
+from tests.oracles.dense import DenseMechanism, Instant, Motion
+from tests.physics.simulation import completed, simulate
+
+pytestmark = needs_cpp
+
+#: When guides begin to move (s), not at a row, and at the end of a row's step.
+BETWEEN, AT_A_ROW = 0.2037, 0.2
+
+#: Integrators of each method, with what makes them exact.
+RUNS: dict[str, tuple[dict[str, Any], ...]] = {
+    "recursive": (
+        {"integrator": "dormand-prince", "tolerance": 1e-10}, {"integrator": "rk4"}, {"integrator": "trapezoidal", "events": "crossed"},
+        {"integrator": "trapezoidal", "events": "located"}, {"integrator": "trapezoidal", "events": "crossed", "iterations": 8},
+    ),
+    "recursive-newton": (
+        {"integrator": "sdirk4", "tolerance": 1e-10}, {"integrator": "sdirk4-fixed"}, {"integrator": "trapezoidal", "events": "crossed"},
+        {"integrator": "trapezoidal", "events": "located"}, {"integrator": "generalised-alpha", "events": "crossed"},
+        {"integrator": "generalised-alpha", "events": "located"},
+    ),
+    "augmented": ({},), "classical": ({},),
+}  # fmt: skip
+CASES = [pytest.param(method, how, id="-".join([method, *map(str, how.values())])) for method, ways in RUNS.items() for how in ways]
+
+#: A cart on a rail that a guide moves, and a rod on it that turns freely.
+CART = """\
+cutjoint: 1
+name: cart
+gravity: [0, 0, 0]
+bodies:
+  cart: {mass: 3, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+  rod: {mass: 2, centre_of_mass: [0, 0, -0.5], inertia: [0.2, 0.3, 0.1]}
+joints:
+  rail: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0], axis: [1, 0, 0], guide: "where(t < BEGIN, 0, 2*(t - BEGIN))"}
+  pin: {kind: revolute, bodies: [cart, rod], at: [0, 0, 0], axis: [0, 1, 0]}
+outputs: [cart.x, cart.vx, pin.angle, pin.angle_rate]
+scenes:
+  run: {end: 0.4, output_step: 0.02, numerics: {dt: 0.002}}
+"""
+
+#: What hangs on a winch's rope, which a gear moves twice as fast as the guided drum's slide, and starts at once.
+HOIST = """\
+cutjoint: 1
+name: hoist
+gravity: [0, 0, -9.81]
+bodies:
+  slide: {mass: 4, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+  load: {mass: 10, centre_of_mass: [1, 0, 0], inertia: [1, 1, 1]}
+joints:
+  drum: {kind: prismatic, bodies: [ground, slide], at: [0, 0, 0], axis: [0, 0, 1], guide: "where(t < BEGIN, 0, 1.5*(t - BEGIN))"}
+  rope: {kind: prismatic, bodies: [ground, load], at: [1, 0, 0], axis: [0, 0, 1]}
+gears:
+  block: {joints: [rope, drum], ratio: 2}
+outputs: [slide.vz, load.z, load.vz]
+scenes:
+  run: {end: 0.4, output_step: 0.02, numerics: {dt: 0.002}}
+"""
+
+
+@cache
+def _compiled(text: str, begin: float, method: str) -> Artifact:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "model.yaml"
+        path.write_text(text.replace("BEGIN", repr(begin)), encoding="utf-8")
+        return compile_model(path, method=method)
+
+
+@pytest.mark.parametrize("begin", [BETWEEN, AT_A_ROW])
+@pytest.mark.parametrize(("method", "how"), CASES)
+def test_a_cart_takes_its_rod_along(method: str, how: dict[str, Any], begin: float) -> None:
+    """The rod's momentum about its pin stays that of rest, I w = m l u; its kinetic energy and the cart's are the guide's work."""
+    m, length, u, own, cart = 2.0, 0.5, 2.0, 0.3, 3.0
+    w = m * length * u / (own + m * length**2)
+    energy = (cart + m) * u**2 / 2 - m * length * u * w + (own + m * length**2) * w**2 / 2
+    run = completed(simulate(_compiled(CART, begin, method), **how))
+    assert [impact.element for impact in run.effort.impacts] == ["rail"]
+    assert run.effort.impacts[0].time == pytest.approx(begin, abs=1e-9)
+    assert run.effort.impacts[0].work == pytest.approx(energy, rel=1e-9)
+    later = run.t > begin - 1e-9
+    np.testing.assert_allclose(run["pin.angle_rate"][~later], 0, atol=1e-12)
+    assert run["pin.angle_rate"][later][0] == pytest.approx(w, rel=2e-3)
+    np.testing.assert_allclose(run["cart.vx"][later], u, rtol=1e-9)
+    first = float(run.t[later][1])
+    assert run["pin.angle"][later][1] == pytest.approx(w * (first - begin), abs=3e-4)
+
+
+@pytest.mark.parametrize(("method", "how"), CASES)
+def test_the_balance_has_the_work_of_the_impulse(method: str, how: dict[str, Any]) -> None:
+    run = completed(simulate(_compiled(CART, BETWEEN, method), **how))
+    assert run.energy is not None
+    assert run.energy.share < 1e-4
+
+
+@pytest.mark.parametrize(("method", "how"), CASES)
+def test_a_rate_jumps_through_a_gear(method: str, how: dict[str, Any]) -> None:
+    """Both masses get their speeds at once, and the guide's impulse does the work of both."""
+    run = completed(simulate(_compiled(HOIST, AT_A_ROW, method), **how))
+    later = run.t > AT_A_ROW - 1e-9
+    np.testing.assert_allclose(run["load.vz"][later], 3.0, rtol=1e-6)
+    np.testing.assert_allclose(run["load.z"][later], 3.0 * (run.t[later] - AT_A_ROW), atol=1e-6)
+    assert [impact.work for impact in run.effort.impacts] == [pytest.approx((4 * 1.5**2 + 10 * 3.0**2) / 2, rel=1e-6)]
+    assert run.energy is not None
+    assert run.energy.share < 1e-6
+
+
+@pytest.mark.parametrize(("method", "how"), CASES)
+def test_a_place_that_jumps_is_no_impact(method: str, how: dict[str, Any]) -> None:
+    text = HOIST.replace("where(t < BEGIN, 0, 1.5*(t - BEGIN))", "where(t < BEGIN, 0, 0.1)")
+    run = simulate(_compiled(text, BETWEEN, method), check=False, error=False, **how)
+    assert run.effort.impacts == ()
+
+
+# Beside the dense twin
+
+BEGIN, STEP = 0.1, 0.02
+
+
+def jumping(model: Model) -> Model:
+    """The model without forces, with guides that begin to move at once at BEGIN."""
+    rng = np.random.default_rng(len(model.bodies))
+
+    def law() -> Any:
+        rate = sympy.Float(rng.uniform(0.5, 1.5))
+        return sympy.Piecewise((sympy.Integer(0), TIME < BEGIN), (rate * (TIME - BEGIN), True))
+
+    joints = tuple(j if j.guide is None else replace(j, guide=tuple(law() for _ in j.guide)) for j in model.joints)
+    return replace(model, joints=joints, forces=(), reactions=(), markers=())
+
+
+def struck_at_rest(mechanism: DenseMechanism) -> tuple[dict[str, np.ndarray], float]:
+    """The bodies' velocities and angular velocities after guides have struck it at rest in the design position, and the work (J).
+
+    By dense algebra alone: M v + p + J^T mu = 0, J v + Phi_t = 0 with the momentum p that guides give to the free coordinates.
+    """
+    q = np.zeros(mechanism.nq)
+    for x in mechanism.layout.values():
+        if x.ball:
+            q[x.q + x.scalars] = 1.0
+    still = Instant(q=q, v=np.zeros(mechanism.nv), t=BEGIN)
+    motion, closures = mechanism.motion(still), mechanism.closures(still)
+    M, J, n = mechanism.inertia(motion)[0], closures.jacobian, mechanism.nv
+    matrix = np.block([[M, J.T], [J, np.zeros((mechanism.m, mechanism.m))]])
+    right = -np.concatenate([_momentum(mechanism, motion), closures.rate])
+    solution = np.linalg.lstsq(matrix, right, rcond=1e-10)[0]
+    assert np.abs(matrix @ solution - right).max() < 1e-9, "guides ask for what loops do not allow"
+    after = mechanism.motion(replace(still, v=solution[:n]))
+    found, energy = {}, 0.0
+    for body in mechanism.model.bodies:
+        mass, centre, own = mechanism.inertia_of(body)
+        velocity, (_, w, _) = after.point(body.name, centre)[2], after.spin(body.name)
+        found[body.name] = np.concatenate([velocity, w])
+        energy += mass * velocity @ velocity / 2 + w @ after.R[body.name] @ own @ after.R[body.name].T @ w / 2
+    return found, energy
+
+
+def _momentum(mechanism: DenseMechanism, motion: Motion) -> np.ndarray:
+    p = np.zeros(mechanism.nv)
+    for body in mechanism.model.bodies:
+        mass, centre, own = mechanism.inertia_of(body)
+        _, columns, velocity, _ = motion.point(body.name, centre)
+        turning, w, _ = motion.spin(body.name)
+        p += mass * columns.T @ velocity + turning.T @ motion.R[body.name] @ own @ motion.R[body.name].T @ w
+    return p
+
+
+@cache
+def _interpreted(make: Callable[..., Model], seed: int, method: str) -> Artifact:
+    model = jumping(make(seed, gravity=False))
+    outputs = tuple(Output(element=body.name, quantity=q, span=NOWHERE) for body in model.bodies for q in SPEEDS)
+    still = replace(scene(), end=BEGIN + STEP, output_step=STEP, numerics=replace(scene().numerics, dt=STEP / 4))
+    return compile_interpreted(model, still, method=method, outputs=outputs)
+
+
+_CONVERGING = [(method, how) for method in ("recursive", "recursive-newton") for how in RUNS[method] if "iterations" not in how]
+SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
+TREES = [pytest.param(random_tree, seed, id=f"tree{seed}") for seed in (0, 3, 6, 9)]
+LOOPS = [pytest.param(random_loops, seed, id=f"loops{seed}") for seed in (4, 6, 8, 10, 12, 18)]
+
+
+@pytest.mark.parametrize(("make", "seed"), [*TREES, *LOOPS])
+def test_random_mechanisms_are_struck_as_by_dense_algebra(make: Callable[..., Model], seed: int) -> None:
+    """All speeds of all bodies, and the work, where trees and loops with massless links stand at rest."""
+    model = jumping(make(seed, gravity=False))
+    exact, work = struck_at_rest(DenseMechanism(build_topology(model), scene()))
+    for method, how in _CONVERGING:
+        run = completed(simulate(_interpreted(make, seed, method), error=False, **how))
+        row = int(np.argmin(np.abs(run.t - BEGIN)))
+        for body, speeds in exact.items():
+            found = np.array([run[f"{body}.{q}"][row] for q in SPEEDS])
+            np.testing.assert_allclose(found, speeds, rtol=1e-6, atol=1e-7, err_msg=f"{method} {how} {body}")
+        assert sum(impact.work for impact in run.effort.impacts) == pytest.approx(work, rel=1e-6)
