@@ -31,6 +31,6 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="caches", suffix=".cache.json", make=caches.make, check=caches.check, limit=1200),
         Kind(name="parts", suffix=".parts.json", make=parts.make, check=parts.check),
         Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, limit=240),
-        Kind(name="impacts", suffix=".impact.json", make=impacts.make, check=impacts.check, share=0.02, limit=600),
+        Kind(name="impacts", suffix=".impact.json", make=impacts.make, check=impacts.check, limit=600),
     )
 }

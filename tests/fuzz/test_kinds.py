@@ -18,7 +18,9 @@ from .tally import Kind
 pytestmark = needs_cpp
 
 #: Seeds that the tests try.
-SEEDS = {"mechanisms": 8, "run_files": 60, "calls": 6, "disks": 2, "signals": 2, "caches": 1, "parts": 40, "lanes": 15, "meshes": 60, "impacts": 6}
+SEEDS = {
+    "mechanisms": 8, "run_files": 60, "calls": 6, "disks": 2, "signals": 2, "caches": 1, "parts": 40, "lanes": 15, "meshes": 60, "impacts": 6,
+}
 
 
 def _require_means(kind: Kind) -> None:
