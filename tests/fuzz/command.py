@@ -6,8 +6,10 @@ tests/fuzz/corpus with its seed.
 
 from __future__ import annotations
 
+import random
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from multiprocessing import get_context
 from typing import TypeAlias
@@ -28,6 +30,21 @@ REPORT = 600.0
 _Running: TypeAlias = dict[Future[Tally], tuple[str, range]]
 
 
+def prepare(names: Sequence[str]) -> None:
+    """Compile what inputs of kinds need, as far as it is not in the cache, so that this takes no kind's time."""
+    with _processes(1) as pool:
+        for made in [pool.submit(_make_one, name) for name in names]:
+            made.result()
+
+
+def _make_one(name: str) -> None:
+    KINDS[name].make(random.Random(0))
+
+
+def _processes(jobs: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent)
+
+
 def try_turn(name: str, seeds: range) -> Tally:
     """What happens to the inputs of some seeds."""
     tally = Tally()
@@ -45,7 +62,7 @@ def fuzz(turns: Turns, tallies: dict[str, Tally], *, seconds: float, jobs: int) 
     end, report = time.monotonic() + seconds, time.monotonic() + REPORT
     while turn := turns.next(end - time.monotonic()):
         fresh = time.monotonic() + LIFE
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
+        with _processes(jobs) as pool:
             running: _Running = {}
             while turn or running:
                 if turn:
@@ -54,7 +71,7 @@ def fuzz(turns: Turns, tallies: dict[str, Tally], *, seconds: float, jobs: int) 
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
                         _take(turns, tallies, future, running)
                 turn = turns.next(end - time.monotonic()) if time.monotonic() < fresh else None
-                if time.monotonic() > report:
+                if running and time.monotonic() > report:
                     report += REPORT
                     print_all(tallies)
 
@@ -94,10 +111,11 @@ def _counts(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> di
 @click.option("--kind", "kinds", type=click.Choice(list(KINDS)), multiple=True, help="Only these kinds; all otherwise.")
 @click.option("--count", "counts", callback=_counts, multiple=True, metavar="KIND=NUMBER", help="Inputs of a kind after which it ends.")
 def main(seconds: float, seed: int, jobs: int, kinds: tuple[str, ...], counts: dict[str, float]) -> None:
-    """Fuzz for so many SECONDS, from the first SEED on (the clock's otherwise); status 1 when something failed."""
+    """Fuzz for so many SECONDS after what all inputs need is compiled, from the first SEED on (the clock's otherwise); status 1 when something failed."""
     names = kinds or tuple(KINDS)
     tallies = {name: Tally() for name in names}
     print(f"seeds from {seed} on", flush=True)
+    prepare(names)
     try:
         fuzz(Turns.of(seed, {name: KINDS[name].share for name in names}, counts), tallies, seconds=seconds, jobs=jobs)
     finally:

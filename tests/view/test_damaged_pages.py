@@ -81,6 +81,12 @@ def test_a_sound_page_has_no_notice(browser: Page, tmp_path: Path) -> None:
     assert browser.run("getComputedStyle(document.getElementById('notice')).display") == "none"
 
 
+def test_an_event_that_is_no_scripts_error_is_none(browser: Page, tmp_path: Path) -> None:
+    browser.open(hostile_page(tmp_path / "page.html"))
+    browser.run("window.dispatchEvent(new ErrorEvent('error', { message: 'ResizeObserver loop completed' }))")
+    assert browser.run("document.body.dataset.ready") == "yes"
+
+
 def test_an_error_later_is_said_too(browser: Page, tmp_path: Path) -> None:
     browser.open(hostile_page(tmp_path / "page.html"))
     browser.run("requestAnimationFrame(() => { throw new Error('much later.'); })")

@@ -3,7 +3,6 @@ const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLi
   LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Quaternion, Raycaster,
   Scene, Vector2, Vector3, WebGLRenderer,
 } = Libraries;
-const by = (id) => document.getElementById(id);
 const bytes = (id) => Uint8Array.from(atob(held(id)), (c) => c.charCodeAt(0)).buffer;
 const remainders = Uint32Array.from({ length: 256 }, (_, byte) => {
   for (let bit = 0; bit < 8; bit++) byte = (byte >>> 1) ^ (byte & 1 && 0xedb88320);

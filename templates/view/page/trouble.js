@@ -1,15 +1,19 @@
 // What a page says where it cannot show what it holds: the notice that stands there until all is ready.
-function tellTrouble(reason) {
-  const notice = document.getElementById('notice') ?? document.body.appendChild(document.createElement('p'));
+const by = (id) => document.getElementById(id);
+
+function tellTrouble(error) {
+  const notice = by('notice') ?? document.body.appendChild(document.createElement('p'));
   document.body.dataset.ready = 'no';
   notice.id = 'notice';
   notice.setAttribute('role', 'alert');
-  notice.textContent = `This page cannot be shown: ${reason}. Write it anew.`;
+  notice.textContent = `This page cannot be shown: ${String(error).replace(/\.$/, '')}. Write it anew.`;
 }
 
-for (const [event, reasonOf] of [['error', (e) => e.error ?? e.message], ['unhandledrejection', (e) => e.reason]]) {
-  addEventListener(event, (e) => {
+// Events without an error are no script's, such as a notice that sizes will be observed in the next frame.
+for (const [name, thrown] of [['error', (e) => e.error], ['unhandledrejection', (e) => e.reason]]) {
+  addEventListener(name, (e) => {
+    if (!thrown(e)) return;
     e.preventDefault();
-    tellTrouble(String(reasonOf(e)).replace(/\.$/, ''));
+    tellTrouble(thrown(e));
   });
 }
