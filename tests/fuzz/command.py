@@ -111,7 +111,10 @@ def _counts(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> di
 @click.option("--kind", "kinds", type=click.Choice(list(KINDS)), multiple=True, help="Only these kinds; all otherwise.")
 @click.option("--count", "counts", callback=_counts, multiple=True, metavar="KIND=NUMBER", help="Inputs of a kind after which it ends.")
 def main(seconds: float, seed: int, jobs: int, kinds: tuple[str, ...], counts: dict[str, float]) -> None:
-    """Fuzz for so many SECONDS after what all inputs need is compiled, from the first SEED on (the clock's otherwise); status 1 when something failed."""
+    """Fuzz for so many SECONDS, from the first SEED on (the clock's otherwise); status 1 when something failed.
+
+    What all inputs need is compiled before, where it is not in the cache.
+    """
     names = kinds or tuple(KINDS)
     tallies = {name: Tally() for name in names}
     print(f"seeds from {seed} on", flush=True)
