@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+from math import sin
+
 #: The law of the scene "lawful", which begins at rest.
 LAW = "0.02*sin(3*t)**2"
+
+
+def law(t: float) -> float:
+    """The same for a host."""
+    return 0.02 * sin(3 * t) ** 2
+
 
 #: The stabilisation is as slow as that of the scenes of the Iltis: a gap closes in a tenth of a second.
 _NUMERICS = "numerics: {{penalty: 1.0e+7, dt: 0.001{more}}}"

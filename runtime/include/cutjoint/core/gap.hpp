@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/simulation_settings.hpp"
 
 namespace cutjoint {
 
@@ -25,6 +26,11 @@ struct Gap {
     return {.cause = Cause::loops_torn, .list = FaultList::equations, .index = equation, .t = t, .step = step, .value = size, .size = limit};
   }
 };
+
+/// The time (s) in which a gap closes by itself, over which its rate counts.
+inline double closing_time(const SimulationSettings& settings) {
+  return settings.stabilisation.frequency > 0.0 ? 1.0 / settings.stabilisation.frequency : settings.dt;
+}
 
 /// The largest gap of equations; `residual_of(i)` is that of one.
 template <class ResidualOf>

@@ -150,7 +150,7 @@ class FollowedInputs {
   /// Whether a guide catches up with a jump, which may leave loops open: they are straight for the integrator, but not for the joints.
   bool is_catching_up() const {
     bool catches = false;
-    each([&](const Course& course, std::size_t) { catches = catches || (course.part != 0 && course.slope == Real(0)); });
+    each([&](const Course& course, std::size_t) { catches = catches || (course.part != 0 && course.jumps != 0); });
     return catches;
   }
 
@@ -201,7 +201,8 @@ class FollowedInputs {
   /// comes instead.  `slope` is the rate at which the input is followed, `last` that of the last change of a held one.
   struct Course {
     Real end{0}, last_end{0}, value{0}, rate{0}, acceleration{0}, again{0}, slope{0}, last{0};
-    long part = 0;  ///< 1 or 2; 0: as the host or the scene has it
+    long part = 0;   ///< 1 or 2; 0: as the host or the scene has it
+    long jumps = 0;  ///< whether the host is farther away than it goes in a step
   };
 
   static constexpr std::size_t places[sizeof...(guiding) + 1] = {static_cast<std::size_t>(guiding)..., 0};
@@ -245,11 +246,14 @@ class FollowedInputs {
     if (!is_held) {
       read(given, i, t, scene, wanted);
       if (wanted[0] == now[0] && wanted[1] == now[1]) return stay(course, i), wanted[2] != now[2];
+      const Real near = Real(0.1) * one * std::abs(now[1]);
+      course.jumps = !(std::abs(wanted[0] - now[0]) < near && one * std::abs(wanted[1] - now[1]) < near);
       read(given, i, t + (first + second), scene, wanted);
     } else {
       if (given.values[i] == now[0] && now[1] == Real(0) && course.slope == Real(0)) return stay(course, i), now[2] != Real(0);
       wanted[0] = given.values[i] + course.slope * (first + second - length);
       wanted[1] = course.slope;
+      course.jumps = course.slope == Real(0);
     }
     go(course, i, t, now, first, second, wanted);
     return true;

@@ -217,7 +217,7 @@ class LaneSteps {
       const auto is_closed = [&](const Equations<M>& open, double per) {
         return largest_gap(open.size(), gap_limits_, [&](std::size_t i) { return per * open[i][k]; }).is_closed();
       };
-      if (is_closed(correction_, 1.0) && is_closed(rate_, settings_.dt)) opens[k] = 0;
+      if (is_closed(correction_, 1.0) && is_closed(rate_, closing_time(settings_))) opens[k] = 0;
     }
     return Instances::any(opens) ? steps_.projection().close(state_, opens) : opens;
   }

@@ -562,7 +562,7 @@ class Simulation {
     Equations<Subject> residual, rate;
     if constexpr (!has_system) mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
     const auto gap = [&](const Equations<Subject>& open, Real per) { return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return per * open[i]; }); };
-    if (gap(residual, Real(1)).is_closed() && gap(rate, Real(settings_.dt)).is_closed()) return {};
+    if (gap(residual, Real(1)).is_closed() && gap(rate, Real(closing_time(settings_))).is_closed()) return {};
     return steps_->close(state_);
   }
 
