@@ -246,17 +246,22 @@ class FollowedInputs {
     if (!is_held) {
       read(given, i, t, scene, wanted);
       if (wanted[0] == now[0] && wanted[1] == now[1]) return stay(course, i), wanted[2] != now[2];
-      const Real near = Real(0.1) * one * std::abs(now[1]);
-      course.jumps = !(std::abs(wanted[0] - now[0]) < near && one * std::abs(wanted[1] - now[1]) < near);
+      course.jumps = is_jump(now, wanted[0], wanted[1], one);
       read(given, i, t + (first + second), scene, wanted);
     } else {
       if (given.values[i] == now[0] && now[1] == Real(0) && course.slope == Real(0)) return stay(course, i), now[2] != Real(0);
       wanted[0] = given.values[i] + course.slope * (first + second - length);
       wanted[1] = course.slope;
-      course.jumps = course.slope == Real(0);
+      course.jumps = is_jump(now, given.values[i] - course.slope * length, course.slope, one);
     }
     go(course, i, t, now, first, second, wanted);
     return true;
+  }
+
+  /// Whether an input is farther from where it should be by now, or from its rate, than a tenth of its way in a step.
+  static bool is_jump(const Real* now, Real value, Real rate, Real step) {
+    const Real near = Real(0.1) * step * std::abs(now[1]);
+    return !(std::abs(value - now[0]) < near && step * std::abs(rate - now[1]) < near);
   }
 
   /// Be as the host or the scene has it.
