@@ -125,6 +125,21 @@ def test_a_rate_jumps_through_a_gear(method: str, how: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(("method", "how"), CASES)
+def test_steps_leave_no_jump_out_between_them(method: str, how: dict[str, Any]) -> None:
+    """Rates that jump where steps end, but for rounding: the cart goes to and fro, and the rod, which turns by little, with it."""
+    length, count = 0.0075, 40
+    whens = [round(length * 3 * k, 4) for k in range(1, count + 1)]
+    laws = [f"where(t < {when!r}, 0, {2 - 4 * (k % 2) if k else 1}*(t - {when!r}))" for k, when in enumerate(whens)]
+    text = CART.replace("where(t < BEGIN, 0, 2*(t - BEGIN))", " + ".join(laws)).replace("dt: 0.002", f"dt: {length}")
+    text = text.replace("end: 0.4, output_step: 0.02", "end: 0.945, output_step: 0.045")
+    run = completed(simulate(_compiled(text, BETWEEN, method), error=False, **how))
+    np.testing.assert_allclose([impact.time for impact in run.effort.impacts], whens, atol=1e-9)
+    assert abs(run["cart.vx"][-1]) == pytest.approx(1.0)
+    m, arm, own = 2.0, 0.5, 0.3
+    assert abs(run["pin.angle_rate"][-1]) == pytest.approx(m * arm / (own + m * arm**2), rel=0.05)
+
+
+@pytest.mark.parametrize(("method", "how"), CASES)
 def test_a_place_that_jumps_is_no_impact(method: str, how: dict[str, Any]) -> None:
     text = HOIST.replace("where(t < BEGIN, 0, 1.5*(t - BEGIN))", "where(t < BEGIN, 0, 0.1)")
     run = simulate(_compiled(text, BETWEEN, method), check=False, error=False, **how)

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -42,7 +43,8 @@ class CrossedImpacts {
     if (!impacts_.possible()) return false;
     const Real begin = state.t, end = begin + h;
     bool met = false;
-    Real after = begin;
+    Real after = searched_ > begin - h / 2 ? searched_ : begin;  // rounding leaves nothing out between steps, nor has it twice
+    searched_ = end;
     while (const std::optional<Jump> jump = find(state, after, end)) {
       move(state, jump->before - begin);
       state.t = jump->before;
@@ -169,6 +171,7 @@ class CrossedImpacts {
   Subject& subject_;
   Impacts<Subject> impacts_;
   std::vector<Real> still_, way_, pose_, from_, now_, phi_;
+  Real searched_{-std::numeric_limits<Real>::infinity()};  ///< up to when
   std::array<Course, 5> courses_;  ///< at quarters of what a jump is sought in
 };
 

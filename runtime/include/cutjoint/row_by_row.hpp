@@ -47,7 +47,7 @@ class RowByRow {
     stepper_.emplace(dynamics_, std::forward<How>(how)...);
     if constexpr (requires { typename Stepper::Watch; }) {
       if (settings_.energy) balance_energy();
-      if (impacts_.possible()) stepper_->strike_by({.call = [](void* who, auto& scheme, std::size_t which) { static_cast<RowByRow*>(who)->strike(scheme, which); }, .who = this});
+      if (impacts_.possible()) meet_impacts();
     }
   }
 
@@ -118,6 +118,11 @@ class RowByRow {
     stepper_->watch({.call = [](void* who, auto& scheme) { static_cast<RowByRow*>(who)->add_energy(scheme); }, .who = this});
   }
 
+  void meet_impacts() {
+    const auto call = [](void* who, auto& scheme, std::size_t which) { static_cast<RowByRow*>(who)->strike(scheme, which); };
+    stepper_->strike_by({.call = call, .who = this});
+  }
+
   template <class Scheme>
   void add_energy(Scheme& scheme) {
     const auto time = energy_->time();
@@ -131,8 +136,9 @@ class RowByRow {
     const Real after = scheme.time(), before = std::max(after - impacts_.width(), struck_);
     struck_ = after;
     if (!state_) state_.emplace(blank(subject_));
-    scheme.read_struck(before, *state_);
+    state_->q.assign(scheme.pose(), scheme.pose() + state_->q.size());
     if (!impacts_.jumps(state_->q, before, after)) return;
+    scheme.read_struck(before, *state_);
     if (energy_) {
       const auto time = energy_->time();
       energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });

@@ -95,6 +95,8 @@ class Scheme {
     return restart();
   }
 
+  const Real* pose() const { return y_.data(); }
+
   void read_struck(Real t, StateOf<Subject>& state) {
     std::copy(y_.begin(), y_.begin() + middle(), unsettled_.begin());
     dynamics_.inspect(t, unsettled_, state);

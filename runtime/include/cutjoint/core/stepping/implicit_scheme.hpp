@@ -66,6 +66,7 @@ class ImplicitScheme {
     interpolant_.join(h, before_, present(), stages_.moved());
     h_last_ = h;
     trial_ = present();
+    unsettled_ = trial_.v;
     return {};
   }
 
@@ -95,6 +96,8 @@ class ImplicitScheme {
     stages_.adopt();
     return stages_.restart();
   }
+
+  const Real* pose() const { return present().q.data(); }
 
   void read_struck(Real t, State& state) {
     state = present();

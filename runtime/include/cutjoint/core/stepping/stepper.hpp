@@ -56,7 +56,8 @@ struct Progress {
 /// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
 ///   no accelerations,
-/// - `read_struck` is the present state with the speeds that it had before its loops were closed, and `take_speeds` gives it others,
+/// - `pose` has the coordinates of the present state; `read_struck` is that state with the speeds that it had before its loops were closed, and
+///   `take_speeds` gives it others,
 /// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
 /// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
 /// - `length` is that of the next step: the one that the error allows, or that of the last one.
