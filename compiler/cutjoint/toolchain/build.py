@@ -144,7 +144,8 @@ def build_files(
     def make(folder: Path) -> Path:
         for file, text in files.items():
             write_text(folder / "source" / file, text)
-        build_project(folder / "source", folder / "out", compiler, flags, f"-D{name}_FLAGS={' '.join(flags)}", *settings, *there)
+        definitions = (f"-D{name}_FLAGS={' '.join(flags)}", *settings, *there)
+        build_project(folder / "source", folder / "out", compiler, flags, *definitions, runs=platform is None)
         return folder / "out" / made
 
     find_or_make(cached, make)

@@ -17,13 +17,15 @@ _at_work: set[subprocess.Popen[str]] = set()
 
 
 @contextmanager
-def tool(command: Sequence[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
-    """A tool at work; its standard output has its errors too.  It, and all that it has started, ends at the latest with this block.
+def tool(command: Sequence[str], environment: Mapping[str, str], folder: Path | None = None) -> Iterator[subprocess.Popen[str]]:
+    """A tool at work, in a folder if one is given; its standard output has its errors too.
+
+    It, and all that it has started, ends at the latest with this block.
 
     Raises:
         ToolchainError: the system starts no process.
     """
-    process = _start(command, environment)
+    process = _start(command, environment, folder)
     _at_work.add(process)
     try:
         yield process
@@ -32,12 +34,12 @@ def tool(command: Sequence[str], environment: Mapping[str, str]) -> Iterator[sub
         _at_work.discard(process)
 
 
-def _start(command: Sequence[str], environment: Mapping[str, str]) -> subprocess.Popen[str]:
+def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path | None) -> subprocess.Popen[str]:
     kept = [sys.executable, "-I", "-S", str(Path(keeper.__file__).absolute()), *command]
     try:
         return subprocess.Popen(
             kept, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment, encoding="utf-8",
-            errors="replace", start_new_session=True,
+            errors="replace", cwd=folder, start_new_session=True,
         )  # fmt: skip
     except OSError as error:
         raise ToolchainError(f"{command[0]} cannot be started: {error.strerror or error}") from error

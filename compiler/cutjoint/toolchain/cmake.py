@@ -12,6 +12,7 @@ from cutjoint.locations import runtime_folder
 from cutjoint.toolchain.children import tool
 from cutjoint.toolchain.compiler import PACKAGES, Compiler
 from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.toolchain.flags import are_known, require_flags
 from cutjoint.toolchain.temporary import is_plain
 from cutjoint.toolchain.waits import STATUS, Watch, listened, made_file
 
@@ -29,21 +30,22 @@ def plain_runtime(folder: Path) -> Path:
     return Path(shutil.copytree(runtime_folder(), folder / "runtime"))
 
 
-def build_project(source: Path, out: Path, compiler: Compiler, flags: Sequence[str], *definitions: str) -> None:
-    """Configure and build a CMake project, in folders with plain paths.
+def build_project(source: Path, out: Path, compiler: Compiler, flags: Sequence[str], *definitions: str, runs: bool = True) -> None:
+    """Configure and build a CMake project, in folders with plain paths; what it makes ``runs`` on this machine or is for others.
 
     Raises:
-        ToolchainError: CMake or the compiler refused it.
+        ToolchainError: CMake or the compiler refused it, or no program comes of the flags.
     """
     scratch = out / "tmp"  # compilers that are killed leave files where $TMPDIR says
     scratch.mkdir(parents=True)
     environment = {**os.environ, "CXX": _one_word(compiler, scratch), "TMPDIR": str(scratch)}
+    require_flags(compiler, flags, scratch, environment, runs=runs)
     command = [
         "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG",
         f"-DCUTJOINT_FLAGS={' '.join(flags)}", *_STRICT, *definitions,
     ]  # fmt: skip
-    if _UNKNOWN in _call(command, environment, compiler):
-        raise ToolchainError(f"cmake does not know this compiler ({_advice(_UNKNOWN, compiler)})")
+    if _UNKNOWN in _call(command, environment, compiler, flags):
+        raise ToolchainError(f"cmake does not know this compiler ({_advice(_UNKNOWN, compiler, flags)})")
     _compile(source, out, environment, compiler, flags)
 
 
@@ -65,16 +67,18 @@ def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: 
     """
     command, environment = ["cmake", "--build", str(out)], {**environment, "NINJA_STATUS": STATUS}
     if not listened():
-        _call(command, environment, compiler)
+        _call(command, environment, compiler, flags)
         return
-    planned = [made_file(line) for line in _call([*command, "--", "-n"], environment, compiler).splitlines()]
+    planned = [made_file(line) for line in _call([*command, "--", "-n"], environment, compiler, flags).splitlines()]
     watch = Watch(source, [*compiler.key, *flags], [name for name in planned if name])
     watch.tell()
-    _call(command, environment, compiler, watch)
+    _call(command, environment, compiler, flags, watch)
     watch.keep(out / ".ninja_log")
 
 
-def _call(command: Sequence[str], environment: Mapping[str, str], compiler: Compiler, watch: Watch | None = None) -> str:
+def _call(
+    command: Sequence[str], environment: Mapping[str, str], compiler: Compiler, flags: Sequence[str], watch: Watch | None = None
+) -> str:  # fmt: skip
     """What a command prints; ``watch`` is told of the files that it makes.
 
     Raises:
@@ -89,20 +93,18 @@ def _call(command: Sequence[str], environment: Mapping[str, str], compiler: Comp
                 watch.finish(name)
         status = process.wait()
     text = "".join(lines)
-    _require_done(command, status, text, compiler)
+    if status != 0:
+        found = [x.strip() for x in text.splitlines() if "error" in x.lower() or "not find" in x]
+        raise ToolchainError(f"{command[0]} failed: {'; '.join(found[:5]) or text[-800:]} ({_advice(text, compiler, flags)})")
     return text
 
 
-def _require_done(command: Sequence[str], status: int, text: str, compiler: Compiler) -> None:
-    if status != 0:
-        lines = [x.strip() for x in text.splitlines() if "error" in x.lower() or "not find" in x]
-        raise ToolchainError(f"{command[0]} failed: {'; '.join(lines[:5]) or text[-800:]} ({_advice(text, compiler)})")
-
-
-def _advice(text: str, compiler: Compiler) -> str:
+def _advice(text: str, compiler: Compiler, flags: Sequence[str]) -> str:
     """What to do about what CMake and the compiler say."""
     if "No space left on device" in text:
         return "make room on the disk, or set $CUTJOINT_CACHE to a folder on another one"
     if "CMakeTestCXXCompiler" in text or _UNKNOWN in text:
         return f"{shlex.join(compiler.command)} does not compile C++: set $CXX to a C++20 compiler, or unset it"
-    return f"install the C++ side: apt-get install {PACKAGES}" if "CMakeLists" in text else "please report this"
+    if "CMakeLists" in text:
+        return f"install the C++ side: apt-get install {PACKAGES}"
+    return "please report this" if are_known(flags) else f"please report this, if it is so without the flags {shlex.join(flags)} too"

@@ -15,6 +15,9 @@ from time import sleep
 #: Python ignores these signals, and what it starts would.
 _IGNORED = (signal.SIGPIPE, signal.SIGXFSZ)
 
+#: The status where the tool cannot be started, as shells have it.
+_NOT_STARTED = 126
+
 #: Held while the session is ended, since the tool may end before the others.
 _ending = allocate_lock()
 
@@ -50,7 +53,11 @@ def _watch() -> None:
 def main() -> None:
     """Run a tool, whose status is that of this program, 128 and the signal where one ended it."""
     nothing = (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0)
-    tool = os.posix_spawnp(sys.argv[1], sys.argv[1:], os.environ, file_actions=[nothing], setsigdef=_IGNORED)
+    try:
+        tool = os.posix_spawnp(sys.argv[1], sys.argv[1:], os.environ, file_actions=[nothing], setsigdef=_IGNORED)
+    except OSError as error:
+        print(f"{sys.argv[1]}: error: {error.strerror}")
+        sys.exit(_NOT_STARTED)
     start_new_thread(_watch, ())
     status = os.waitstatus_to_exitcode(os.waitpid(tool, 0)[1])
     with _ending:

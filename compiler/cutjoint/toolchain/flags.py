@@ -1,0 +1,98 @@
+"""Flags of a compiler: one small program shows whether they make programs, before CMake fails with them in words of its own."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from cutjoint.toolchain.cache import cache_folder, read_record, write_record
+from cutjoint.toolchain.children import tool
+from cutjoint.toolchain.compiler import Compiler, resolve
+from cutjoint.toolchain.digests import digest_of
+from cutjoint.toolchain.errors import ToolchainError
+
+#: Flags that every compiler takes; those that are used by default are among them.
+_KNOWN = re.compile(r"-O[0-3]|-march=native")
+
+#: What generated code needs of the language, and what it prints.
+_PROGRAM = """
+#include <cmath>
+#include <concepts>
+#include <cstdio>
+#include <stdexcept>
+#include <vector>
+
+template <std::floating_point T>
+T root(const std::vector<T>& x) {
+  if (x.empty()) throw std::runtime_error("empty");
+  return std::sqrt(x.front());
+}
+
+int main(int words, char**) {
+  try {
+    std::printf("%g\\n", root(std::vector<double>(words, 4.0 * words)));
+  } catch (const std::exception& error) {
+    std::puts(error.what());
+  }
+}
+"""
+_PRINTED = "2\n"
+
+#: The status of a program that the system does not start, as where programs on a disk must not be run.
+_NOT_STARTED = 126
+
+
+def are_known(flags: Sequence[str]) -> bool:
+    """Whether flags need no check."""
+    return all(map(_KNOWN.fullmatch, flags))
+
+
+def require_flags(compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], *, runs: bool) -> None:
+    """Check that a compiler makes programs with flags, which run if code for this machine is asked for; what passed is in the cache.
+
+    Raises:
+        ToolchainError: it does not, though it does without them.
+    """
+    place = cache_folder() / "flags" / f"{digest_of([*compiler.command, *compiler.key, *resolve(flags), _PROGRAM, str(runs)])}.json"
+    if are_known(flags) or read_record(place) is not None:
+        return
+    (folder / "program.cpp").write_text(_PROGRAM, encoding="utf-8")
+    if (fault := _find_fault(compiler, flags, folder, environment, runs)) and not _find_fault(compiler, (), folder, environment, runs):
+        raise ToolchainError(f"flags {shlex.join(flags)}: {fault}; write others, or unset $CUTJOINT_FLAGS")
+    if not fault:
+        write_record(place, True)
+
+
+def _find_fault(compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], runs: bool) -> str:
+    """What is wrong with flags; "" if nothing is."""
+    try:
+        words = shlex.split(" ".join(flags))  # as CMake splits them
+    except ValueError as error:
+        return str(error)
+    made, program = folder / "program.o", folder / "program"
+    status, said = _call([*compiler.command, "-std=c++20", *words, "-c", "program.cpp", "-o", str(made)], folder, environment)
+    if status:
+        return f"the compiler refuses them{_first_error(said)}"
+    if not made.is_file():
+        return "the compiler makes no object file with them"
+    status, said = _call([*compiler.command, str(made), "-o", str(program)], folder, environment)
+    made.unlink()
+    if status:
+        return f"what the compiler makes with them makes no program{_first_error(said)}"
+    status, said = _call([str(program)], folder, environment) if runs else (0, _PRINTED)
+    return "" if status == _NOT_STARTED or (status, said) == (0, _PRINTED) else f"a program made with them ends with status {status}"
+
+
+def _call(command: Sequence[str], folder: Path, environment: Mapping[str, str]) -> tuple[int, str]:
+    with tool(command, environment, folder) as process:
+        assert process.stdout is not None
+        said = process.stdout.read()
+        return process.wait(), said
+
+
+def _first_error(said: str) -> str:
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    found = next((line for line in lines if "error" in line.lower() or "undefined" in line), lines[0] if lines else "")
+    return f": {found}" if found else ""
