@@ -197,7 +197,7 @@ def test_a_file_that_is_no_archive(tmp_path: Path) -> None:
 def test_options_of_an_fmu_need_one(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["simulate", str(POLE), "--connect", "a=b", "--out", str(tmp_path / "out.csv")])
     assert result.exit_code == 1
-    assert "--connect and --communication-step go with --with" in words_of(result)
+    assert "--connect, --communication-step and --call-limit go with --with" in words_of(result)
 
 
 def test_inputs_are_driven_once_and_none_that_moves_a_guide(controller: Path, tmp_path: Path) -> None:

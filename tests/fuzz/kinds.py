@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from . import caches, calls, disks, hosts, impacts, lanes, mechanisms, meshes, parts, run_files, signals
+from . import caches, calls, controllers, disks, hosts, impacts, lanes, mechanisms, meshes, parts, run_files, signals
 from .chain import run_chain
 from .expressions import any_text
 from .models import any_model
@@ -32,6 +32,7 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="parts", suffix=".parts.json", make=parts.make, check=parts.check),
         Kind(name="signals", suffix=".signal.json", make=signals.make, check=signals.check, limit=240),
         Kind(name="impacts", suffix=".impact.json", make=impacts.make, check=impacts.check, limit=600),
-        Kind(name="hosts", suffix=".host.json", make=hosts.make, check=hosts.check, share=2),
+        Kind(name="hosts", suffix=".host.json", make=hosts.make, check=hosts.check),
+        Kind(name="controllers", suffix=".controller.json", make=controllers.make, check=controllers.check, limit=240),
     )
 }

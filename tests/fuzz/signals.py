@@ -81,7 +81,7 @@ def check(text: str) -> tuple[str, ...]:
         (folder / "run.csv").write_text(_EARLIER, encoding="utf-8")
         more = _private(folder) if case.get("private") else {"TMPDIR": str(folder / "tmp")}
         status, said = _stop(case, folder, more)
-        _require_none_left(folder)
+        require_none_left(folder)
         _require_tables(folder)
         _require_ended(status, said, case, folder)
         assert (folder / MODEL).read_text(encoding="utf-8") == press(), "the model has changed"
@@ -157,7 +157,7 @@ def _stop(case: Mapping[str, Any], folder: Path, more: Mapping[str, str]) -> tup
             process.kill()
 
 
-def _require_none_left(folder: Path) -> None:
+def require_none_left(folder: Path) -> None:
     """No process that works in the folder is left after a while."""
     end = time.monotonic() + _GRACE
     while left := [pid for pid in os.listdir("/proc") if pid.isdigit() and _works_in(pid, folder)]:

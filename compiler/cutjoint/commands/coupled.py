@@ -9,7 +9,7 @@ from pathlib import Path
 from cutjoint.commands import options
 from cutjoint.commands.preparing import read_request, require_own
 from cutjoint.coupling.connections import Connections, connect
-from cutjoint.coupling.controller import ControllerFmu, open_controller
+from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
 from cutjoint.coupling.run import Plan, co_simulate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
@@ -30,11 +30,13 @@ from cutjoint.stepping.simulation import SimulationError
 
 @dataclass(frozen=True, kw_only=True)
 class Coupled:
-    """What the options say of a controller: its file, PORT=NAME of each connection that is named, the step of communication (s)."""
+    """What the options say of a controller: its file, PORT=NAME of each connection that is named, the step of communication (s), and how
+    long a call may take (s)."""
 
     path: Path | None
     connections: tuple[str, ...]
     step: float | None
+    limit: float | None
 
 
 def run_coupled(
@@ -48,10 +50,10 @@ def run_coupled(
         SystemExit: the motion of the model cannot go on; a message says so.
     """
     if coupled.path is None:
-        raise RunError("--connect and --communication-step go with --with: a run without an FMU exchanges nothing")
+        raise RunError("--connect, --communication-step and --call-limit go with --with: a run without an FMU exchanges nothing")
     model, scene, method = read_request(request)
     _require_steps(request, method, beside)
-    with open_controller(coupled.path) as fmu:
+    with open_controller(coupled.path, coupled.limit or CALL_LIMIT) as fmu:
         plan = _plan(request, model, scene, method, parameters, fmu, coupled)
         try:
             with options.progress_bar(f"running {scene.name}") as progress:

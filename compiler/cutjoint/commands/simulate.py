@@ -74,6 +74,8 @@ if TYPE_CHECKING:
               help="Of --with: an input or output of the FMU, and the output or input of the model that it belongs to, where names differ.")
 @click.option("--communication-step", "communication", type=options.Setting("dt"),
               help="Of --with: time in s between exchanges of values; that of the FMU's default experiment otherwise.")
+@click.option("--call-limit", "limit", type=options.Setting("dt"),
+              help="Of --with: time in s that a call of the FMU may take; 60 s otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
 @click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is; without, steps have one tolerance.")
@@ -86,8 +88,8 @@ def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
     integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
     iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], batch: Path | None, threads: int | None,
-    controller: Path | None, connections: tuple[str, ...], communication: float | None, out: Path, steps: Path | None, error: bool,
-    plots: Path | None, view: Path | None, over: Path | None,
+    controller: Path | None, connections: tuple[str, ...], communication: float | None, limit: float | None, out: Path, steps: Path | None,
+    error: bool, plots: Path | None, view: Path | None, over: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
@@ -102,10 +104,10 @@ def command(
         model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,
         options=asked,
     )  # fmt: skip
-    if controller is not None or connections or communication is not None:
+    if controller is not None or connections or communication is not None or limit is not None:
         from cutjoint.commands.coupled import Coupled, run_coupled
 
-        coupled = Coupled(path=controller, connections=connections, step=communication)
+        coupled = Coupled(path=controller, connections=connections, step=communication, limit=limit)
         beside = {"batch": batch, "threads": threads, "steps": steps, "view": view, "over": over}
         run_coupled(request, parameters, coupled, beside, out=out, error=error, plots=plots)
         return

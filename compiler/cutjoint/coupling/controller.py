@@ -1,4 +1,4 @@
-"""A co-simulation FMU and its instances, by FMPy."""
+"""A co-simulation FMU, read by FMPy, and its instances."""
 
 from __future__ import annotations
 
@@ -7,20 +7,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import Any
 
+from cutjoint.coupling.process import ControllerError, SlaveProcess
 from cutjoint.run.errors import RunError
+from cutjoint.toolchain.temporary import temporary_folder
 
 #: The types that are real numbers, in FMI 2 and 3.
 _REAL = ("Real", "Float64")
 _BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")
-_DISCARD = 2
 
-
-class ControllerError(RunError):
-    """A call that an FMU refused, or a step that it could not take."""
+#: How long, in s, a call of an FMU may take.
+CALL_LIMIT = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +55,8 @@ class Port:
 class ControllerFmu:
     """An FMU that has been opened: its ``ports`` by name, ``step`` of its default experiment (s, None without one)."""
 
-    def __init__(self, path: Path, folder: Path, description: Any) -> None:
-        self.path, self._folder, self._description = path, folder, description
+    def __init__(self, path: Path, description: Any, process: SlaveProcess) -> None:
+        self.path, self._description, self._process = path, description, process
         units = {unit.name: unit for unit in description.unitDefinitions}
         variables = [v for v in description.modelVariables if v.causality in ("input", "output")]
         self.ports = {v.name: _port(v, units) for v in variables}
@@ -70,17 +69,17 @@ class ControllerFmu:
         return str(self._description.fmiVersion)[0]
 
     def instantiate(self) -> Controller:
-        """A new instance.
+        """A new instance, once the one before is closed.
 
         Raises:
             ControllerError: the binary cannot be loaded, or makes no instance.
         """
-        return Controller(self.path, self._folder, self._description)
+        return Controller(self.path, self._process)
 
 
 @contextmanager
-def open_controller(path: Path) -> Iterator[ControllerFmu]:
-    """Open a co-simulation FMU of FMI 2 or 3; its files lie in a temporary folder meanwhile.
+def open_controller(path: Path, seconds: float = CALL_LIMIT) -> Iterator[ControllerFmu]:
+    """Open a co-simulation FMU of FMI 2 or 3, whose calls may take so many ``seconds``; its files lie in a temporary folder meanwhile.
 
     Raises:
         RunError: FMPy is not installed, the file is no FMU, or the FMU has no co-simulation or no binary for this machine.
@@ -88,16 +87,20 @@ def open_controller(path: Path) -> Iterator[ControllerFmu]:
     fmpy = _fmpy()
     if not path.is_file():
         raise RunError(f"{path}: this is no file; an FMU is a ZIP archive")
-    with TemporaryDirectory(prefix="cutjoint-fmu-") as folder:
+    with temporary_folder() as folder:
         try:
-            fmpy.extract(str(path), unzipdir=folder)
-            description = fmpy.read_model_description(folder)
+            fmpy.extract(str(path), unzipdir=str(folder))
+            description = fmpy.read_model_description(str(folder))
         except zipfile.BadZipFile:
             raise RunError(f"{path}: this is no FMU, which is a ZIP archive") from None
         except Exception as error:  # of FMPy, which has no class for them
             raise RunError(f"{path}: this is no FMU that can be read: {error}") from None
-        _require_co_simulation(path, Path(folder), description, fmpy)
-        yield ControllerFmu(path, Path(folder), description)
+        _require_co_simulation(path, folder, description, fmpy)
+        process = SlaveProcess(path, folder, seconds)
+        try:
+            yield ControllerFmu(path, description, process)
+        finally:
+            process.kill()
 
 
 def _fmpy() -> ModuleType:
@@ -146,69 +149,32 @@ class Controller:
     """An instance of an FMU: `begin`, `set` and `get`, `start`, then `step` after `step`.  Values are those of the FMU, in its units.
 
     Raises:
-        ControllerError: the binary cannot be loaded, or makes no instance.  So do all methods where the FMU refuses a call.
+        ControllerError: the binary cannot be loaded, or makes no instance.  So do all methods where the FMU refuses a call, or does not
+            come back from it.
     """
 
-    def __init__(self, path: Path, folder: Path, description: Any) -> None:
-        self._path, self._is_2 = path, str(description.fmiVersion)[0] == "2"
-        self._messages: list[str] = []
-        from fmpy.simulation import instantiate_fmu
-
-        with self._calls("it cannot be instantiated"):
-            self._instance = instantiate_fmu(str(folder), description, "CoSimulation", logger=self._note, debug_logging=True)
-
-    def _note(self, *message: Any) -> None:
-        """What the FMU logs; the last three are status, category and text in both versions."""
-        status, _, text = message[-3:]
-        if status >= _DISCARD:
-            self._messages.append(text.decode(errors="replace") if isinstance(text, bytes) else str(text))
-
-    @contextmanager
-    def _calls(self, what: str) -> Iterator[None]:
-        """Errors of calls become those of this FMU, with what it logged last."""
-        try:
-            yield
-        except Exception as error:  # of FMPy, and of the loader
-            said = self._messages[-1] if self._messages else str(error)
-            raise ControllerError(f"{self._path}: {what}: {said}") from None
+    def __init__(self, path: Path, process: SlaveProcess) -> None:
+        self._path, self._call, self.close = path, process.call, process.close
+        self._call("it cannot be instantiated", "instantiate")
 
     def begin(self, end: float) -> None:
         """Initialise for a run from time 0 to ``end`` (s)."""
-        with self._calls("it cannot begin"):
-            if self._is_2:
-                self._instance.setupExperiment(startTime=0.0, stopTime=end)
-                self._instance.enterInitializationMode()
-            else:
-                self._instance.enterInitializationMode(startTime=0.0, stopTime=end)
+        self._call("it cannot begin", "begin", end)
 
     def start(self) -> None:
         """Initialisation is over."""
-        with self._calls("it cannot begin"):
-            self._instance.exitInitializationMode()
+        self._call("it cannot begin", "start")
 
     def set(self, ports: Sequence[Port], values: Sequence[float]) -> None:
         """Give inputs."""
-        function = self._instance.setReal if self._is_2 else self._instance.setFloat64
-        with self._calls(f"inputs {', '.join(p.name for p in ports)} cannot be given"):
-            function([port.reference for port in ports], list(values))
+        self._call(f"inputs {', '.join(p.name for p in ports)} cannot be given", "set", [p.reference for p in ports], list(values))
 
     def get(self, ports: Sequence[Port]) -> list[float]:
         """The values of outputs."""
-        function = self._instance.getReal if self._is_2 else self._instance.getFloat64
-        with self._calls(f"outputs {', '.join(p.name for p in ports)} cannot be read"):
-            return list(function([port.reference for port in ports]))
+        found = self._call(f"outputs {', '.join(p.name for p in ports)} cannot be read", "get", [p.reference for p in ports])
+        return [float(value) for value in found]
 
     def step(self, time: float, size: float) -> None:
         """A communication step (s) from a time (s)."""
-        with self._calls(f"the step from {time:.6g} s failed"):
-            ended = self._instance.doStep(currentCommunicationPoint=time, communicationStepSize=size)
-        if not self._is_2 and ended[1]:
+        if self._call(f"the step from {time:.6g} s failed", "step", time, size):
             raise ControllerError(f"{self._path}: it ends the simulation at {time + size:.6g} s")
-
-    def close(self) -> None:
-        """End the instance, also after a call that failed."""
-        for end in (self._instance.terminate, self._instance.freeInstance):
-            try:
-                end()
-            except Exception:  # one that has failed may refuse
-                continue

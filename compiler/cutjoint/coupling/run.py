@@ -14,7 +14,8 @@ from time import perf_counter
 import numpy as np
 
 from cutjoint.coupling.connections import Connections
-from cutjoint.coupling.controller import Controller, ControllerError, ControllerFmu
+from cutjoint.coupling.controller import Controller, ControllerFmu
+from cutjoint.coupling.process import ControllerError
 from cutjoint.run.accuracy import SHORTER, STRICTER, compare
 from cutjoint.run.errors import RunError
 from cutjoint.run.result_files import Stream, TableFile, open_table, write_all

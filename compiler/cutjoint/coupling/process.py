@@ -1,0 +1,134 @@
+"""Calls of an FMU in a process of its own (`slave`), which may end, hang or print as it likes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from cutjoint.model.printing import printable
+from cutjoint.run.errors import RunError
+from cutjoint.toolchain.keeper import end_session
+
+_START = "from cutjoint.coupling.slave import main; main()"
+
+#: Seconds for what nobody needs any longer, and for Python to begin on a busy machine.
+_LEAVE, _BEGIN = 2.0, 120.0
+#: Bytes that are kept of what an FMU prints.
+_KEPT = 300
+#: Characters of an answer at most.
+_MOST = 1_000_000
+
+
+class ControllerError(RunError):
+    """A call that an FMU refused or did not come back from, or a step that it could not take."""
+
+
+class SlaveProcess:
+    """The process of the FMU in a folder, in which a call may take so many seconds.
+
+    It begins with the first call, and anew after one that did not come back.
+    """
+
+    def __init__(self, path: Path, folder: Path, seconds: float) -> None:
+        self._path, self._folder, self._seconds = path, folder, seconds
+        self._process: subprocess.Popen[bytes] | None = None
+        self._printed = b""
+
+    def call(self, what: str, name: str, *arguments: Any) -> Any:
+        """The value of a method of `Slave`; ``what`` did not work says the error.
+
+        Raises:
+            ControllerError: the FMU refused it, ended or crashed its process, or took too long.
+        """
+        try:
+            if self._process is None:
+                self._begin()
+            found = self._ask(name, arguments)
+        except BaseException as error:
+            reason = self._reason(error)
+            if not isinstance(error, OSError | ValueError):
+                raise
+            raise ControllerError(f"{self._path}: {what}: {reason}") from None
+        if "error" in found:
+            raise ControllerError(f"{self._path}: {what}: {printable(str(found['error']))}")
+        return found.get("value")
+
+    def close(self) -> None:
+        """End the instance as the standard says, also after a call that failed; what it does then matters to nobody."""
+        if self._process is not None:
+            self._connection.settimeout(min(self._seconds, _LEAVE))
+            try:
+                self._ask("close", ())
+            except (OSError, ValueError):
+                self.kill()
+            else:
+                self._connection.settimeout(self._seconds)
+
+    def kill(self) -> int:
+        """End the process and what it has started; its status."""
+        process, self._process = self._process, None
+        if process is None:
+            return 0
+        self._connection.close()
+        self._lines.close()
+        with suppress(subprocess.TimeoutExpired):  # one that has just ended itself has its own status
+            process.wait(0.2)
+        end_session(process.pid)
+        status = process.wait()
+        assert process.stdin is not None
+        process.stdin.close()
+        self._listener.join(_LEAVE)
+        return status
+
+    def _begin(self) -> None:
+        self._connection, theirs = socket.socketpair()
+        self._connection.settimeout(_BEGIN)
+        self._lines, self._printed = self._connection.makefile("r", encoding="utf-8"), b""
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+        with theirs:
+            command = [sys.executable, "-P", "-c", _START, str(theirs.fileno()), str(self._folder)]
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment,
+                pass_fds=[theirs.fileno()], start_new_session=True,
+            )  # fmt: skip
+        self._listener = Thread(target=self._listen, args=(self._process.stderr,), daemon=True)
+        self._listener.start()
+        self._receive()
+        self._connection.settimeout(self._seconds)
+
+    def _listen(self, printed: Any) -> None:
+        """Keep the last of what the FMU prints, however much that is."""
+        with printed:
+            while some := printed.read1():
+                self._printed = (self._printed + some)[-_KEPT:]
+
+    def _ask(self, name: str, arguments: tuple[Any, ...]) -> dict[str, Any]:
+        """The answer of the process; an OSError or a ValueError where there is none."""
+        self._connection.sendall((json.dumps([name, *arguments]) + "\n").encode())
+        return self._receive()
+
+    def _receive(self) -> dict[str, Any]:
+        line = self._lines.readline(_MOST)
+        if not line:
+            raise ConnectionResetError
+        found = json.loads(line)
+        if not isinstance(found, dict):
+            raise ValueError
+        return found
+
+    def _reason(self, error: BaseException) -> str:
+        """Why there is no answer; the process is ended."""
+        status = self.kill()
+        if isinstance(error, TimeoutError):
+            return f"no answer in {self._seconds:g} s; --call-limit gives it longer"
+        ended = f"it crashed with {signal.Signals(-status).name}" if status < 0 else f"it ended its process with status {status}"
+        last = printable(self._printed.decode(errors="replace").strip().rpartition("\n")[2])
+        return f"{ended}{f'; it printed last: {last}' if last else ''}"
