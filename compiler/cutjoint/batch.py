@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -16,21 +17,22 @@ from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import AnyPath
-from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, either, names_of
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, either, names_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import derive
-from cutjoint.run.artifact import start_of
+from cutjoint.pipeline import compile_scene, derive
+from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
 from cutjoint.run.inputs import input_entries
 from cutjoint.run.options import Options
-from cutjoint.run.results import Array, Batch, Columns
+from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
 from cutjoint.run.scenes import find_scene, with_closure
-from cutjoint.run.settings import require_settings
-from cutjoint.run.simulator import Progress, call_simulator, failure_of
-from cutjoint.run.simulator_run import Start
+from cutjoint.run.settings import StepSettings, find_integrator, find_tolerance, require_settings
+from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
+from cutjoint.run.simulator_run import SimulatorRun, Start, start
+from cutjoint.run.stopping import stop_requests
 from cutjoint.toolchain.build import FLAGS, Binary, build
 from cutjoint.topology.reading import read_model
 
@@ -40,7 +42,7 @@ METHOD, = names_of(METHODS, lambda m: m.batch)
 
 @dataclass(frozen=True, kw_only=True)
 class BatchArtifact:
-    """A model compiled for batches of one scene."""
+    """A model compiled for batches of one scene; ``alone`` is what makes its runs one by one, None where they go side by side."""
 
     model: Model
     scene: Scene
@@ -48,6 +50,7 @@ class BatchArtifact:
     binary: Binary
     generate_seconds: float
     compile_seconds: float
+    alone: Artifact | None = None
 
     @property
     def start(self) -> Start:
@@ -65,7 +68,10 @@ def compile_batch(path: AnyPath, *, scene: str | None = None, opened: Sequence[s
 
 
 def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
-    """Compile a model for batches of a scene, with the recursive method; cut joints are held by penalties where the scene names no closure.
+    """Compile a model for batches of a scene, with the recursive method.
+
+    Runs go side by side by the trapezoidal rule, whose cut joints are held by penalties where the scene names no closure; where `simulate`
+    would take another integrator, since the scene says neither integrator nor step, they go one by one by that.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
@@ -73,6 +79,8 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
         ToolchainError: the C++ side failed.
     """
     _require_batch(scene)
+    if not find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options()).batch:
+        return _compile_alone(model, scene, flags)
     closure = scene.numerics.closure or PLAIN_CLOSURE
     scene = with_closure(scene, closure)
     begin = perf_counter()
@@ -84,6 +92,16 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
     return BatchArtifact(
         model=model, scene=scene, equations=equations, binary=binary, generate_seconds=generated - begin,
         compile_seconds=perf_counter() - generated,
+    )  # fmt: skip
+
+
+def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArtifact:
+    """The same for runs one by one."""
+    alone = compile_scene(model, scene, method=METHOD, flags=flags)
+    assert isinstance(alone.equations, RecursiveEquations)
+    return BatchArtifact(
+        model=model, scene=scene, equations=alone.equations, binary=alone.binary, generate_seconds=alone.generate_seconds,
+        compile_seconds=alone.compile_seconds, alone=alone,
     )  # fmt: skip
 
 
@@ -122,11 +140,12 @@ def simulate_batch(
     require_settings(threads=threads)
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
-    options = Options(dt=dt, end=end, tolerance=tolerance, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
-    begin = perf_counter()
-    file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
-    file["cases"] = _own_parts(artifact.model, artifact.scene, cases)
-    file["threads"] = len(os.sched_getaffinity(0)) if threads is None else threads
+    begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance)
+    threads = len(os.sched_getaffinity(0)) if threads is None else threads
+    if artifact.alone is None:
+        settings, play = _plan_side_by_side(artifact, cases, asked, threads)
+    else:
+        settings, play = _plan_one_by_one(artifact.alone, cases, asked, threads)
     units = Columns({c.name: c.unit for c in artifact.equations.columns})
     results: list[dict[str, Any]] = [{}] * len(cases)
     with ExitStack() as stack:
@@ -138,7 +157,7 @@ def simulate_batch(
             if table is not None:
                 table.take(first, new)
 
-        summary = call_simulator(artifact.binary.path, file, progress, receive)
+        seconds = play(progress, receive)
         if table is not None:
             table.finish()
     elapsed = perf_counter() - begin
@@ -147,11 +166,83 @@ def simulate_batch(
         cases=tuple(dict(case) for case in cases), **tables, units=units,
         evaluations=tuple(r.get("evaluations", 0) for r in results),
         failures=tuple(failure_of(r) for r in results), undetermined=tuple(results[0].get("undetermined", ())) if results else (),
-        seconds=summary["seconds"], elapsed=elapsed,
+        seconds=seconds, elapsed=elapsed, settings=settings, side_by_side=artifact.alone is None,
     )  # fmt: skip
     if check and (failed := count_failures(batch)):
         raise FailedBatchError("\n".join([*describe_failures(batch), f"{failed}; the error's batch has all of them"]), batch)
     return batch
+
+
+#: Makes the runs of a batch, tells of their progress and their results, and returns the seconds of their steps.
+_Play = Callable[[Progress | None, Receive], float]
+
+
+def _plan_side_by_side(
+    artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
+) -> tuple[StepSettings, _Play]:  # fmt: skip
+    """How the runs of a batch step, all by one simulator, and what makes them."""
+    options = replace(asked, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
+    file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
+    file.update(cases=_own_parts(artifact.model, artifact.scene, cases), threads=threads)
+
+    def play(progress: Progress | None, receive: Receive) -> float:
+        return float(call_simulator(artifact.binary.path, file, progress, receive)["seconds"])
+
+    return StepSettings.of(file), play
+
+
+def _plan_one_by_one(
+    alone: Artifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
+) -> tuple[StepSettings, _Play]:  # fmt: skip
+    """The same by a simulator for each run."""
+    options = _as_simulated(alone.scene, asked)
+    plans = [make_simulator_run(alone, options, case) for case in cases]
+
+    def play(progress: Progress | None, receive: Receive) -> float:
+        seconds = 0.0
+        for number, run in enumerate(_in_order(plans, threads)):
+            receive({"first": number, "results": [_record(run)]})
+            seconds += run.seconds
+            if progress is not None:
+                progress((number + 1) / len(plans))
+        return seconds
+
+    return StepSettings.of(make_simulator_run(alone, options).run_file), play
+
+
+def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajectory]:
+    """The runs of plans, some at a time.
+
+    Raises:
+        Interrupted, Terminated: a signal has come; those that were begun have ended.
+    """
+    with stop_requests() as request, ThreadPoolExecutor(threads) as pool:
+        runs = [pool.submit(start, plan) for plan in plans]
+        try:
+            for run in runs:
+                while request.number is None and not wait([run], timeout=0.5).done:
+                    pass
+                if request.number is not None:
+                    raise request.error("interrupted")
+                yield run.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _as_simulated(scene: Scene, asked: Options) -> Options:
+    """Options with the tolerance of steps that are taken once."""
+    if asked.dt is not None or asked.tolerance is not None:
+        return asked
+    integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, asked)
+    return replace(asked, tolerance=find_tolerance(scene, METHOD, integrator.name))
+
+
+def _record(run: Trajectory) -> dict[str, Any]:
+    """The results of a run as a simulator of batches writes them."""
+    failure = {"status": "done"} if run.failure is None else {"status": "failed", **asdict(run.failure)}
+    columns = [run[name] for name in run.columns] if run.t.size else []
+    values = {"end": [c[-1] for c in columns], "smallest": [c.min() for c in columns], "largest": [c.max() for c in columns]}
+    return {**failure, **(values if columns else {}), "evaluations": run.evaluations, "undetermined": run.undetermined}
 
 
 def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:

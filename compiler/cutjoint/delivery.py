@@ -59,7 +59,7 @@ def plan_delivery(
             raise RunError(f"linearise: only folders that stand alone have derivatives; give one by out, and {able}")
         delivery = None if folder is None else Delivery(folder=folder, files=source.files, program="simulator", alone=None)
     else:
-        alone = make_standalone(equations, program, source, integrator=integrator, lanes=lanes, linearise=linearise)
+        alone = make_standalone(equations, program, source, integrator=integrator, equal_steps=True, lanes=lanes, linearise=linearise)
         delivery = Delivery(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
     if delivery is not None:
         model, names = Path(equations.topology.model.span.file), (*delivery.files, delivery.program)

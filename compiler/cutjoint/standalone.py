@@ -19,12 +19,13 @@ from cutjoint.emit.source import Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
 from cutjoint.formulate.records import Equations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, METHODS, Events, Formulation, either, names_of
+from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, METHODS, Events, Formulation, Implementation, either, names_of
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import StepSettings, find_integrator, find_tolerance
 from cutjoint.sparse.plan import plan_definite
 from cutjoint.sparse.tangent import settle_entries
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
@@ -97,6 +98,11 @@ class Standalone:
         """The source of the shared library with the same interface."""
         return emit_library(self.parts, self.run_file, self.digest, self.code)
 
+    @property
+    def settings(self) -> StepSettings:
+        """How it steps until a host says else."""
+        return StepSettings.of(self.run_file)
+
     def with_code(self, text: str) -> Standalone:
         """The same with more in its library."""
         return replace(self, code=self.code + text)
@@ -111,14 +117,14 @@ class Standalone:
 
 
 def make_standalone(
-    equations: Equations, program: Program, source: Source, *, integrator: str | None = None, lanes: bool = True,
-    linearise: bool = False, side_by_side: bool = False,
+    equations: Equations, program: Program, source: Source, *, integrator: str | None = None, equal_steps: bool = False,
+    lanes: bool = True, linearise: bool = False, side_by_side: bool = False,
 ) -> Standalone:  # fmt: skip
     """The folder of a model in a scene, by what `pipeline.generate` has made, with the settings, parameters and start of the scene.
 
-    The integrator is that of the scene unless one is named; where the core has not the scene's for the method, or the scene names none, it
-    is the trapezoidal rule.  ``lanes`` is whether isomorphic parts are computed side by side.  With ``linearise`` it has minimal
-    coordinates and derivatives too.  With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
+    The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`).  ``lanes`` is whether isomorphic parts are computed
+    side by side.  With ``linearise`` it has minimal coordinates and derivatives too.  With ``side_by_side`` it also has the class of
+    several instances, if its steps can be taken in lanes.
 
     Raises:
         RunError: the core has not the integrator, Newton's iteration has nothing to solve for, the state of the method has natural
@@ -129,7 +135,7 @@ def make_standalone(
         _require_relative(equations)
     freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
     parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
-    options = choose_steps(equations.scene, parts.method, integrator)
+    options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
     chosen = str(options.integrator)
     if side_by_side and STEPS[parts.method][chosen].in_lanes:
         parts = replace(parts, side_by_side=schedule_recursive(parts.mechanism, lanes=False))
@@ -137,17 +143,27 @@ def make_standalone(
     return Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
 
 
-def choose_steps(scene: Scene, method: str, integrator: str | None) -> Options:
-    """The integrator of a folder, as above, and whether its steps end at events.
+def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> Options:
+    """The integrator, tolerance and events of a host that takes steps of a scene by a method, where none is named those of `simulate`.
+
+    With ``equal_steps`` a scene that names no integrator has the trapezoidal rule.  So has one whose integrator the core has not for the
+    method.
 
     Raises:
         RunError: the core has not the integrator.
     """
-    known, given = STEPS[method], scene.numerics.integrator
+    known = STEPS[method]
     if integrator is not None and integrator not in known:
         raise RunError(f"integrator: '{integrator}' is not one of folders that stand alone, {', '.join(known)}")
-    chosen = integrator or (given if given is not None and given in known else DEFAULT_INTEGRATOR)
-    return Options(integrator=chosen, events=None if known[chosen].finds_events else Events.CROSSED)
+    wanted = integrator or (scene.numerics.integrator if equal_steps else _simulated(scene, method))
+    chosen = DEFAULT_INTEGRATOR if wanted is None or wanted not in known else wanted
+    tolerance = None if integrator or equal_steps else find_tolerance(scene, method, chosen)
+    return Options(integrator=chosen, tolerance=tolerance, events=None if known[chosen].finds_events else Events.CROSSED)
+
+
+def _simulated(scene: Scene, method: str) -> str:
+    """The integrator of a run of the command line."""
+    return find_integrator(scene.numerics, METHODS[method], Implementation.GENERATED, Options()).name
 
 
 def _require_unknowns(equations: Equations) -> None:

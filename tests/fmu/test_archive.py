@@ -154,7 +154,9 @@ def test_the_command_writes_an_fmu(tmp_path: Path) -> None:
     out = tmp_path / "press.fmu"
     result = export("--to", "fmu", "--fmi", 3, "--sources", "--out", out)
     assert result.exit_code == 0, result.output
-    assert " ".join(result.output.split()) == f"FMI 3 co-simulation, steps of 1 ms by trapezoidal; 0 inputs, 4 outputs in {out}"
+    assert " ".join(result.output.split()) == (
+        f"FMI 3 co-simulation by dormand-prince, steps of at most 0.01 s, tolerance 1e-07; 0 inputs, 4 outputs in {out}"
+    )
     assert out.read_bytes() == packed(fmu_of("press", 3), sources=True, binary=False)
 
 

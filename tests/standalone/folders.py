@@ -44,7 +44,7 @@ def folder_of(
     model = read_model_text(text, name)
     chosen = find_scene(model, scene)
     equations, program, source = generate(model, chosen, chosen.outputs, method=method)
-    return make_standalone(equations, program, source, integrator=integrator, linearise=linearise)
+    return make_standalone(equations, program, source, integrator=integrator, equal_steps=True, linearise=linearise)
 
 
 def standalone_of(name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD) -> Standalone:

@@ -18,6 +18,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.failures import count_failures, describe_failures
 from cutjoint.run.options import Options
 from cutjoint.run.results import Batch
+from cutjoint.run.settings import with_options
 
 
 def run_batch(
@@ -43,7 +44,7 @@ def run_batch(
     )  # fmt: skip
     numerics = scene.numerics
     numerics = replace(numerics, integrator=asked.integrator or numerics.integrator, events=asked.events or numerics.events)
-    scene = replace(scene, numerics=numerics)
+    scene = with_options(replace(scene, numerics=numerics), method, Options(dt=asked.dt))
     done = _run(asked, model, scene, parameters, _cases(table, model, parameters), threads, out)
     _report_failures(done, table, out)
 

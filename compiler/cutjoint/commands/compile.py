@@ -19,7 +19,7 @@ from cutjoint.topology.reading import read_model
 @options.scene
 @options.method
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the C++ and the simulator.")
-@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of the steps instead of the scene's.")
+@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of the steps; otherwise the scene's, else trapezoidal.")
 @click.option("--linearise", is_flag=True, help="Add derivatives at a state to the C interface: A, B, C, D and directional ones.")
 @options.opened
 @options.reports_errors

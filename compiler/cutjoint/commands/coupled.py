@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cutjoint.commands import options
@@ -13,7 +13,7 @@ from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_control
 from cutjoint.coupling.run import Plan, co_simulate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
-from cutjoint.methods import Events, Implementation, either
+from cutjoint.methods import DEFAULT_INTEGRATOR, Events, Implementation, either
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import Request
@@ -21,11 +21,12 @@ from cutjoint.report import tables
 from cutjoint.report.plots import plot_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import require_unit
+from cutjoint.run.options import Options
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
-from cutjoint.run.settings import require_settings
+from cutjoint.run.settings import require_settings, with_options
 from cutjoint.stepping.load import load_scene
-from cutjoint.stepping.simulation import SimulationError
+from cutjoint.stepping.simulation import Simulation, SimulationError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +92,7 @@ def _plan(
     if not scene.outputs:
         raise RunError(f"{scene.span}: scene '{scene.name}' has no outputs; a table needs some")
     with options.progress_bar(f"compiling {model.name}"):
-        simulation = load_scene(model, scene, method=method, integrator=asked.integrator)
+        simulation = _load(model, scene, method, asked)
     settings, steps = simulation.library.settings, simulation.library.steps
     if asked.tolerance is not None and not steps.adaptive:
         able = either(name for known in STEPS.values() for name, kind in known.items() if kind.adaptive)
@@ -100,9 +101,17 @@ def _plan(
         raise RunError("--iterations: only the trapezoidal rule of the method recursive has them")
     return Plan(
         simulation=simulation, fmu=fmu, connections=connections, step=step, end=end, output_step=scene.output_step,
-        dt=settings["dt"] if asked.dt is None else asked.dt, iterations=asked.iterations, parameters=parameters,
-        tolerance=(settings["tolerance"] if asked.tolerance is None else asked.tolerance) if steps.adaptive else None,
+        dt=settings.step if asked.dt is None else asked.dt, iterations=asked.iterations, parameters=parameters,
+        tolerance=(settings.tolerance if asked.tolerance is None else asked.tolerance) if steps.adaptive else None,
     )  # fmt: skip
+
+
+def _load(model: Model, scene: Scene, method: str, asked: Options) -> Simulation:
+    """The simulation with the integrator and the events of a run by the same options."""
+    integrator = DEFAULT_INTEGRATOR if asked.integrator is None and asked.iterations is not None else asked.integrator
+    scene = with_options(scene, method, Options(dt=asked.dt))
+    numerics = replace(scene.numerics, events=asked.events or scene.numerics.events)
+    return load_scene(model, replace(scene, numerics=numerics), method=method, integrator=integrator)
 
 
 def _named(connections: tuple[str, ...]) -> dict[str, str]:

@@ -44,7 +44,7 @@ FMU = "fmu"
 @click.option("--target", type=click.Choice(TARGETS),
               help="x86-64 processors of an FMU's binaries: all (baseline), those with AVX2 and FMA (avx2), or both, chosen at load.")
 @click.option("--method", type=click.Choice(list(STEPS)), help="Formulation of an FMU's steps; recursive otherwise.")
-@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of an FMU's steps instead of the scene's.")
+@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of an FMU's steps; otherwise what simulate takes.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file.")
 @options.reports_errors
 def command(

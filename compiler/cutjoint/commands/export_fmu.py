@@ -50,8 +50,7 @@ def export_fmu(
 def _describe(fmu: Fmu) -> str:
     """What an FMU is for."""
     simulates, exchanges = KINDS[fmu.subject.kind]
-    length = "" if fmu.standalone.steps.adaptive else f" of {1e3 * float(fmu.standalone.run_file['numerics']['dt']):g} ms"
-    steps = [f"co-simulation, steps{length} by {fmu.standalone.integrator}"] * simulates
+    steps = [f"co-simulation by {fmu.standalone.settings}"] * simulates
     return "; ".join([*steps, *[f"model exchange, {len(fmu.interface.states)} states"] * exchanges])
 
 

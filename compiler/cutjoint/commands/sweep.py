@@ -15,6 +15,7 @@ from cutjoint.commands import options
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
+from cutjoint.sweeps.manifest import steps_of
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
@@ -113,6 +114,8 @@ def _report(study: Study, done: Sweep) -> None:
     else:
         options.out.print("all runs were there", markup=False)
     options.out.print(f"results: {done.path}, {study.runs} runs, {len(done.table.column_names)} columns", markup=False)
+    for scene, how in steps_of(done.manifest).items():
+        options.out.print(f"steps of scene '{scene}': {how}", markup=False)
     if failed:
         options.out.print(f"{failed} of them failed:", markup=False)
         for runs in sorted(_alike(done.failures), key=len, reverse=True)[:_REASONS]:

@@ -217,6 +217,7 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
     return facts(f"scene {artifact.scene.name}, a batch", [
         ("generate", f"{artifact.generate_seconds:.2f} s"),
         ("compile", f"{compiled} ({artifact.binary.compiler}, {' '.join(artifact.binary.flags)})"),
+        ("integrator", f"{batch.settings}, runs {'side by side' if batch.side_by_side else 'one by one'}"),
         ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),
         ("steps", f"{batch.seconds / runs * 1e3:.3g} ms of a thread for each run"),
         ("parameters", ", ".join(batch.names)),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cutjoint.model.errors import nearest
 from cutjoint.run.outputs import OutputError
+from cutjoint.run.settings import StepSettings
 
 T = TypeVar("T")
 
@@ -208,7 +209,8 @@ class Batch:
     ``cases`` are the parameters that each run sets (SI units).  ``end``, ``smallest`` and ``largest`` have (runs,) values of each column:
     of the last row, and over all rows; nan where a run did not start.  ``evaluations`` are those that each run needed, ``failures`` is
     None for a run that reached its end.  ``undetermined`` are as in a `Trajectory`, of the first run.  ``seconds`` is the time of the steps
-    alone, summed over threads, ``elapsed`` (s) that of all.
+    alone, summed over threads, ``elapsed`` (s) that of all.  ``settings`` are how the runs step, ``side_by_side`` is whether they do so
+    together.
     """
 
     cases: tuple[Mapping[str, float], ...]
@@ -221,6 +223,8 @@ class Batch:
     undetermined: tuple[str, ...]
     seconds: float
     elapsed: float
+    settings: StepSettings
+    side_by_side: bool
 
     def __repr__(self) -> str:
         failed = sum(failure is not None for failure in self.failures)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import ceil
 from typing import Any
@@ -31,6 +32,9 @@ from cutjoint.run.scenes import with_settings
 
 #: The largest error of places and angles (m, rad) of a run whose steps follow from it, where its scene gives none.
 GOAL = 1e-4
+
+#: Tolerances of steps that are taken once: for the usual goal, and the least.
+_USUAL_TOLERANCE, _LEAST_TOLERANCE = 1e-7, 1e-11
 
 #: How far the number of steps of a row may be from a whole one by rounding of the two times.
 _WHOLE = 1e-6
@@ -72,6 +76,29 @@ class Settings:
         """The parts of a run file that are settings; None (null in the file) stands for what the run finds or does not use."""
         numerics = asdict(self)
         return {name: numerics.pop(name) for name in ("integrator", "solver", "stabilisation")} | {"numerics": numerics}
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepSettings:
+    """The steps of a host: an ``integrator``, the ``step`` (s) of equal ones, else the longest, the ``tolerance`` of an iteration or of a
+    step's error, and whether steps end at ``events``."""
+
+    integrator: str
+    step: float
+    tolerance: float
+    events: bool
+
+    @classmethod
+    def of(cls, run_file: Mapping[str, Any]) -> StepSettings:
+        """Those of a run file."""
+        numerics = run_file["numerics"]
+        return cls(
+            integrator=run_file["integrator"], step=numerics["dt"], tolerance=numerics["tolerance"], events=bool(numerics["events"])
+        )  # fmt: skip
+
+    def __str__(self) -> str:
+        length = "of at most" if INTEGRATORS[self.integrator].adaptive else "of"
+        return f"{self.integrator}, steps {length} {self.step:g} s, tolerance {self.tolerance:g}"
 
 
 def require_settings(**asked: float | None) -> None:
@@ -172,6 +199,16 @@ def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> f
     if not is_free or settings.dt is not None or options.dt is not None:
         return None
     return GOAL if scene.tolerance is None else scene.tolerance
+
+
+def find_tolerance(scene: Scene, method: str, integrator: str) -> float | None:
+    """The tolerance of steps of a host that takes a run once, where `simulate` takes it again until it keeps its goal; None where the scene
+    says how steps are.
+
+    By the same steps `simulate` ends a run that keeps the usual goal at once.
+    """
+    goal = find_goal(scene, method, integrator, Options())
+    return None if goal is None or not INTEGRATORS[integrator].adaptive else max(_USUAL_TOLERANCE * min(1.0, goal / GOAL), _LEAST_TOLERANCE)
 
 
 def _step(scene: Scene, dt: float | None, integrator: Integrator) -> float:

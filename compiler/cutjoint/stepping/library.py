@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from cutjoint.emit.standalone import Steps
+from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.lanes import Lanes
 
 #: What has names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
@@ -19,7 +20,7 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``steps`` what
-    the integrator can do, ``settings`` those that a simulation begins with, as in run files, ``lanes`` what takes the steps of several
+    the integrator can do, ``settings`` those that a simulation begins with, ``lanes`` what takes the steps of several
     together, if the method can.
 
     Raises:
@@ -28,7 +29,7 @@ class Library:
 
     def __init__(
         self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, steps: Steps,
-        settings: Mapping[str, Any], lanes: Lanes | None,
+        settings: StepSettings, lanes: Lanes | None,
     ) -> None:  # fmt: skip
         self.model, self.size, self.equations, self.freedoms, self.steps = model, size, equations, freedoms, steps
         self.settings, self.lanes = settings, lanes

@@ -28,9 +28,9 @@ def load(
     """Compile a model file for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
     Steps are those of ``method``, "recursive", "augmented" or "recursive-newton", by ``integrator``: "trapezoidal", or of method recursive
-    "rk4" or "dormand-prince", of method recursive-newton "sdirk4" or "sdirk4-fixed"; that of the scene unless one is named, and the
-    trapezoidal rule where the method has not the scene's.  They are as long as the scene says; those of dormand-prince and sdirk4 are as
-    long as tolerances allow, and a step of the simulation takes as many as it needs.  Numbers whose names match one of the patterns
+    "rk4" or "dormand-prince", of method recursive-newton "sdirk4" or "sdirk4-fixed"; that of `simulate` unless one is named, as
+    `Simulation.settings` says.  They are as long as the scene says; those of dormand-prince and sdirk4 are as long as tolerances allow, and
+    a step of the simulation, of an output step, takes as many as it needs.  Numbers whose names match one of the patterns
     ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to five times
     as long to compile.
 
@@ -62,7 +62,7 @@ def load_scene(
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(equations.equation_names), freedoms=standalone.freedoms, steps=standalone.steps,
-        settings=standalone.run_file["numerics"], lanes=lanes,
+        settings=standalone.settings, lanes=lanes,
     ))  # fmt: skip
 
 

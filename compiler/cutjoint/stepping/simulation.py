@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import Library
 from cutjoint.stepping.statespace import StateSpace
 from cutjoint.stepping.values import Array, Values, find_place
@@ -49,6 +50,11 @@ class Simulation:
     def __repr__(self) -> str:
         return f"<Simulation of '{self.library.model}' at {self.time:.6g} s>"
 
+    @property
+    def settings(self) -> StepSettings:
+        """How it steps until `reset` is given something else."""
+        return self.library.settings
+
     def _view(self, array: str, kind: str) -> Array:
         names = self.library.names[kind]
         return np.ctypeslib.as_array(self.library.arrays[array](self.address), (len(names),)) if names else np.zeros(0)
@@ -60,10 +66,10 @@ class Simulation:
         """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) of joints of
         the spanning tree besides, which hold for this start alone.
 
-        ``dt`` is the length of steps (s).  ``iterations``, of the trapezoidal rule of method recursive, is their fixed number in each
-        (0: as many as it takes); ``tolerance``, of dormand-prince and sdirk4, is what the error of a step may be, absolute (SI units) and
-        as a share.  ``equilibrium`` is whether the pose is one at rest, in which given coordinates are held; False takes the pose as it is
-        given.  These settings stay.
+        ``dt`` is the length of steps (s), by dormand-prince and sdirk4 how far `step` goes on.  ``iterations``, of the trapezoidal rule of
+        method recursive, is their fixed number in each (0: as many as it takes); ``tolerance``, of dormand-prince and sdirk4, is what the
+        error of a step may be, absolute (SI units) and as a share.  ``equilibrium`` is whether the pose is one at rest, in which given
+        coordinates are held; False takes the pose as it is given.  These settings stay.
 
         Raises:
             TypeError: the integrator has no iterations, or no tolerance.

@@ -44,7 +44,7 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     return Kernel(
         model=alone.name, scene=scene.name, source=ready.library.digest,
         content=ready.build_library(study.flags).read_bytes(), target=find_target(study.flags), lanes=max(1, ready.lanes),
-        series=len(study.series), rows=rows, row_step=row_step,
+        series=len(study.series), rows=rows, row_step=row_step, steps=alone.settings,
     )  # fmt: skip
 
 

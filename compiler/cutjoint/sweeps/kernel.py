@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.run.settings import StepSettings
 from cutjoint.sweeps.records import Array, Counts
 from cutjoint.sweeps.target import Target
 from cutjoint.toolchain.temporary import temporary_folder
@@ -37,7 +38,7 @@ class Kernel:
     """The runs of a study in one scene as a library.
 
     ``content`` is the library, in which so many ``lanes`` go side by side (1: one by one).  A run has ``rows`` rows, ``row_step`` (s)
-    apart.
+    apart, and takes the ``steps`` of an integrator.
     """
 
     model: str
@@ -49,6 +50,7 @@ class Kernel:
     series: int
     rows: int
     row_step: float
+    steps: StepSettings
 
     @cached_property
     def digest(self) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from hashlib import sha256
 from importlib.metadata import version
 from typing import Any
 
+from cutjoint.run.settings import StepSettings
 from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.records import Study
 from cutjoint.version import __version__
@@ -26,6 +28,8 @@ def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
         "study": study.digest,
         "source": {kernel.scene: kernel.source for kernel in kernels},
         "library": {kernel.scene: kernel.digest for kernel in kernels},
+        "method": study.method,
+        **{each.name: {k.scene: getattr(k.steps, each.name) for k in kernels} for each in fields(StepSettings)},
         "lanes": {kernel.scene: kernel.lanes for kernel in kernels},
         "compiler": target.compiler,
         "flags": list(target.flags),
@@ -34,3 +38,15 @@ def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
         "runs": study.runs,
         "versions": {name: version(name) for name in ("numpy", "pyarrow")},
     }  # fmt: skip
+
+
+def steps_of(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """How the runs of each scene step, in words."""
+    return {
+        scene: f"{StepSettings(**{each.name: manifest[each.name][scene] for each in fields(StepSettings)})}, runs {_together(lanes)}"
+        for scene, lanes in manifest["lanes"].items()
+    }
+
+
+def _together(lanes: int) -> str:
+    return "one by one" if lanes == 1 else f"{lanes} side by side"

@@ -56,8 +56,8 @@ def replay(study: Study, run: int, view: Path) -> Path:
     steps = choose_steps(scene, study.method, study.integrator)
     model = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
     done = simulate(
-        compile_scene(model, scene, method=study.method, flags=study.flags), parameters=parameters, dt=scene.numerics.step,
-        integrator=steps.integrator, events=steps.events, coordinates=True, error=False, check=False,
+        compile_scene(model, scene, method=study.method, flags=study.flags), parameters=parameters,
+        integrator=steps.integrator, tolerance=steps.tolerance, events=steps.events, coordinates=True, error=False, check=False,
     )  # fmt: skip
     if done.failure is not None and not done.t.size:
         raise RunError(f"--replay {run}: it failed before its first row, so that there is nothing to show: {done.failure}")

@@ -121,7 +121,7 @@ def make_fmu(
     token = _token([*standalone.files.values(), repr(interface), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")])
     subject = Subject(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
-        stops_at_events=stops,
+        stops_at_events=stops, steps=str(standalone.settings) if KINDS[kind][0] else "",
     )  # fmt: skip
     return Fmu(
         version=version, standalone=standalone, subject=subject, interface=interface,
@@ -129,7 +129,7 @@ def make_fmu(
         project={name: page.render(f"fmu/{name}.jinja", **view) for name in ("CMakeLists.txt", "avx2.cpp", "chosen.h")},
         license=page.render("fmu/license.txt.jinja", **view),
         page=page.render(
-            "fmu/index.html.jinja", **view, scene=scene.name, integrator=standalone.integrator, variables=interface.variables,
+            "fmu/index.html.jinja", **view, scene=scene.name, steps=str(standalone.settings), variables=interface.variables,
             picture=f"../{PICTURES[version]}" if version == 2 else PICTURES[version].removeprefix("documentation/"),
         ),
         topology=equations.topology,

@@ -20,7 +20,8 @@ KINDS: Mapping[str, tuple[bool, bool]] = {"cs": (True, False), "me": (False, Tru
 @dataclass(frozen=True, kw_only=True)
 class Subject:
     """What is described: the model's name, the scene's, how long its run takes and how often it reports (s), the token of the code,
-    the files of the code, one of `KINDS`, whether co-simulation has event mode, early return and intermediate updates."""
+    the files of the code, one of `KINDS`, whether co-simulation has event mode, early return and intermediate updates, and how it steps,
+    "" without co-simulation."""
 
     name: str
     scene: str
@@ -30,6 +31,7 @@ class Subject:
     sources: Sequence[str]
     kind: str
     stops_at_events: bool
+    steps: str
 
 
 #: What FMI 3 calls the abilities of co-simulation that stops at events.
@@ -156,8 +158,9 @@ def _attributes(reference: int, variable: Variable) -> dict[str, str]:
 
 
 def _common(subject: Subject) -> dict[str, str]:
+    described = (f"Model {subject.name}", f"scene {subject.scene}", subject.steps)
     return {
-        "modelName": subject.name, "description": f"Model {subject.name}, scene {subject.scene}",
+        "modelName": subject.name, "description": ", ".join(filter(None, described)),
         "generationTool": f"cutjoint {__version__}", "license": "documentation/licenses/license.txt",
         "variableNamingConvention": "structured",
     }  # fmt: skip
