@@ -50,7 +50,14 @@ class NoEquilibriumError(RuntimeError):
 
 
 def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
-    """The static equilibrium of a model with every quantity of its bodies, forces and reactions.
+    """The static equilibrium of a model file, of the only scene if none is named; the rest as in `find_scene_equilibrium`."""
+    model = read_model(path)
+    return find_scene_equilibrium(model, find_scene(model, scene), parameters=parameters)
+
+
+def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
+    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, among which are those that hold the
+    scene's positions.
 
     Raises:
         NoEquilibriumError: none was found near the design position.
@@ -59,11 +66,9 @@ def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Map
         ToolchainError: the C++ side failed.
         SimulatorError: the simulator could not begin.
     """
-    model = read_model(path)
-    chosen = find_scene(model, scene)
     outputs = _everything(model)
-    artifact = compile_interpreted(model, chosen, outputs=outputs)
-    run_file = make_run_file(model, replace(chosen, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
+    artifact = compile_interpreted(model, scene, outputs=outputs)
+    run_file = make_run_file(model, replace(scene, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
     summary = call_simulator(artifact.binary.path, run_file, description=artifact.description)
     failure = failure_of(summary)
     if failure is not None:

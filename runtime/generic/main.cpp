@@ -34,6 +34,9 @@ class Start final : public cutjoint::AnyMechanism<double> {
   void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const override {
     mechanism_.report(q, v, vdot, lambda, column);
   }
+  void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const override {
+    mechanism_.energy(q, v, vdot, lambda, energy);
+  }
   void project(const double* q, const double* gap, double* dz) const override { mechanism_.project(q, gap, dz); }
 
  private:

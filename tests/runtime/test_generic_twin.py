@@ -440,6 +440,24 @@ def test_is_still_in_equilibrium(generic: Path, tmp_path: Path) -> None:
     assert abs(sideways @ [9.81, 0.1]) < 1e-8  # the pendulum hangs along gravity, whose x is 0.1
 
 
+def test_holds_what_is_held_in_equilibrium(generic: Path, tmp_path: Path) -> None:
+    """Three bodies one below the other, the middle joint held: the outer ones hang as the same with a guide does, and so do reactions."""
+    points = {"hinge": [0.1, 0, 0], "arm": [0.2, 0, -0.5], "flight": [0.3, 0, -1.1]}
+    chain = (("hinge", "ground", "left"), ("arm", "left", "tip"), ("flight", "tip", "right"))
+    joints = {name: {"kind": "revolute", "bodies": pair, "at": points[name], "axis": [0, 1, 0]} for name, *pair in chain}
+    columns = {}
+    for held, guide in (({"arm.angle": 0.4}, None), ({}, "0.4")):
+        parts = joints if guide is None else {**joints, "arm": {**joints["arm"], "guide": guide}}
+        reactions = {"moment": {"joint": "arm", "body": "tip", "direction": [0, 1, 0]}}
+        model = small_model(joints=parts, reactions=reactions)
+        case = make_case(model, "run", outputs=all_outputs(model))
+        search = {"task": "equilibrium", "pose": "equilibrium", "positions": held, "rates": {}}
+        columns[guide] = run_task(generic, case, tmp_path, search)["columns"]
+    assert columns[None]["arm.angle"] == pytest.approx(0.4, abs=1e-12)
+    assert columns[None] == pytest.approx(columns["0.4"], abs=1e-5)
+    assert abs(columns[None]["moment.moment"]) > 1e-3
+
+
 def test_reports_what_is_wrong_with_a_description(generic: Path, tmp_path: Path) -> None:
     (tmp_path / "model.json").write_text('{"format": "something else", "parameters": []}')
     (tmp_path / "run.json").write_text(json.dumps({"model": str(tmp_path / "model.json")}))

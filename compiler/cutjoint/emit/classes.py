@@ -98,6 +98,8 @@ def class_of_mechanism(
     page, equations = parts.page, parts.mechanism
     viewer = Viewer(program, equations, conditions)
     unused = _unused(equations) if parts.system is None else _UNUSED | {"events", "guard"}
+    if equations.scene.pose == "equilibrium" and conditions == "bool":
+        unused -= {"energy"}  # of one that holds coordinates at rest, one instance at a time
     names = [f.name for f in equations.functions if f.name not in unused]
     layout = {
         "charts": equations.charts, "cuts": [c.first for c in equations.closures], "switches": switches_of(equations), **sizes_of(equations)

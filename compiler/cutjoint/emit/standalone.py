@@ -328,6 +328,8 @@ def simulation_size(parts: Parts, steps: Steps) -> int:
     n, m, q, state = _lengths(start)
     assembly = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
     masses = 3 * m * m + 6 * m + 3 * n
+    if start.scene.pose == "equilibrium":
+        assembly += 2 * n * n + 2 * n * m + 10 * (n + m)  # what holds coordinates at rest
     n, m, q, state = _lengths(equations)
     others = 6 * max(state, _lengths(start)[-1])
     others += 8 * (len(equations.parameters) + 6 * len(equations.inputs) + len(equations.columns) + len(start.closures))

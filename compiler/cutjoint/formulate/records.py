@@ -246,8 +246,9 @@ class RecursiveEquations(Equations):
 
     @property
     def crossing(self) -> RecursiveEquations:
-        """The equations without the functions that steps over events do not call."""
-        return replace(self, functions=tuple(f for f in self.functions if f.name not in ("events", "energy")), switches=())
+        """The equations without the functions that steps over events, and their start, do not call."""
+        unused = ("events",) if self.scene.pose == "equilibrium" and self.scene.positions else ("events", "energy")
+        return replace(self, functions=tuple(f for f in self.functions if f.name not in unused), switches=())
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,9 +24,6 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.temporary import temporary_folder
-
-#: What a held coordinate may still accelerate by at an equilibrium (m/s^2, rad/s^2).
-_STILL = 1e-6
 
 
 class NotReachedError(RuntimeError):
@@ -55,7 +52,7 @@ def linearise_at(
         raise NotReachedError(failure)
     state = summary["state"]
     if at is None:
-        _require_rest(equations, state["vdot"])
+        _require_free(equations, summary.get("held", {}))
     point = Point(
         t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
         parameters=np.array([run_file["parameters"][p.name] for p in equations.parameters]), held=run_file.get("inputs", {}),
@@ -84,12 +81,12 @@ def _ending_at(scene: Scene, at: float) -> Scene:
     return replace(with_settings(scene, LINEARISED, {"dt": at / steps}), output_step=at)
 
 
-def _require_rest(equations: ImplicitEquations, vdot: Sequence[float]) -> None:
-    """A coordinate that the scene holds may carry a force: then there is no equilibrium about which to linearise."""
-    worst = max(range(len(vdot)), key=lambda i: abs(vdot[i]), default=None)
-    if worst is not None and not abs(vdot[worst]) <= _STILL:
-        scene, name = equations.scene, equations.row_names[worst]
-        raise RunError(
-            f"{scene.span}: scene '{scene.name}': '{name}' accelerates by {vdot[worst]:.3g} where the scene holds it, so that there is no "
-            "equilibrium; leave its coordinate out of positions, or linearise about a motion with --at"
-        )
+def _require_free(equations: ImplicitEquations, held: Mapping[str, float]) -> None:
+    """A coordinate that the scene holds may carry a force: what is linearised has no such force, and does not rest without it."""
+    if not held:
+        return
+    scene, name = equations.scene, max(held, key=lambda name: abs(held[name]))
+    raise RunError(
+        f"{scene.span}: scene '{scene.name}': a force holds '{name}', which would accelerate by {held[name]:.3g} without it, so that small "
+        "motions have no equilibrium; leave its coordinate out of positions, guide its joint, or linearise about a motion with --at"
+    )

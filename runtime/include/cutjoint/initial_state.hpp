@@ -46,6 +46,14 @@ class InitialState {
   /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
   const std::vector<Real>& penalties() const { return initialisation_.penalties(); }
 
+  /// What of a mechanism at rest the run file holds against a force, with the accelerations that released coordinates would have.
+  std::vector<Named> held() const {
+    std::vector<Named> held;
+    for (std::size_t i = 0; i < d_.speeds.size(); ++i)
+      if (const auto released = static_cast<double>(initialisation_.released(i))) held.push_back({d_.speeds[i], "", released});
+    return held;
+  }
+
   /// Independent speeds that neither run file nor loops determine.
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 

@@ -78,7 +78,9 @@ class Run {
       const auto& start = initial_state_.at_rest();
       if constexpr (requires { method_.load_penalties(initial_state_.penalties()); }) method_.load_penalties(initial_state_.penalties());
       method_.begin(start, 0.0);
-      return columns();
+      Json found = columns();
+      for (const Named& held : initial_state_.held()) found["held"][std::string(held.name)] = held.value;
+      return found;
     }
     const auto& start = initial_state_.in_motion();
     if constexpr (requires { method_.load_penalties(initial_state_.penalties()); }) method_.load_penalties(initial_state_.penalties());

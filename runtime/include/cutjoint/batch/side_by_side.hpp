@@ -29,6 +29,9 @@ class Referred {
   void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const {
     alone_.report(q, v, vdot, lambda, column);
   }
+  void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const {
+    alone_.energy(q, v, vdot, lambda, energy);
+  }
   void project(const double* q, const double* gap, double* dz) const { alone_.project(q, gap, dz); }
 
  private:

@@ -31,7 +31,7 @@ class Initialisation {
   /// `parameters` and `roads` are read whenever the mechanism is loaded.
   Initialisation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
       : mechanism_(mechanism), settings_(settings), parameters_(parameters), roads_(roads), starter_(mechanism, is_proximal()), masses_(mechanism),
-        placed_(sizes_of(mechanism).speeds), penalties_(sizes_of(mechanism).cuts) {
+        placed_(sizes_of(mechanism).speeds), released_(placed_.size()), penalties_(sizes_of(mechanism).cuts) {
     load_unweighed();
   }
 
@@ -42,8 +42,13 @@ class Initialisation {
   Fault rest(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
     if (const Fault fault = place(state, given)) return fault;
     starter_.accelerate(state, Real(0));
+    released_ = state.vdot;
+    starter_.hold(state, placed_);
     return {};
   }
+
+  /// The acceleration of a speed that is given and carries a force in the pose at rest, as if it were released; nought of others.
+  Real released(std::size_t speed) const { return starter_.carries() && placed_[speed] ? released_[speed] : Real(0); }
 
   /// A mechanism in motion, with speeds that keep its loops closed, of which those `given` stay.
   Fault move(StateOf<M>& state, const SpeedFlags<M>& given) {
@@ -138,6 +143,7 @@ class Initialisation {
   Starter<M> starter_;
   EffectiveMasses<M> masses_;
   SpeedFlags<M> placed_;
+  Speeds<M> released_;
   Cuts<M> penalties_;
 };
 

@@ -11,6 +11,7 @@
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/dense.hpp"
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/holding.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
@@ -58,7 +59,8 @@ class Starter {
   explicit Starter(M& mechanism, bool proximal = false)
       : mechanism_(mechanism), sizes_(sizes_of(mechanism)), n_(sizes_.speeds), m_(sizes_.equations), drawn_(proximal ? m_ : 0),
         matrix_((n_ + m_) * n_), phi_(m_), phid_(m_), still_(m_), right_(n_ + m_), a_(n_ + m_), next_(n_ + m_), step_(n_),
-        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(blank(mechanism)), other_(probe_) {}
+        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(blank(mechanism)), other_(probe_),
+        holding_(mechanism) {}
 
   /// Close the loops by the shortest way from the given coordinates (Gauss-Newton with least-norm steps).  A fault names the equation that
   /// stays open.
@@ -110,24 +112,25 @@ class Starter {
   void accelerate(StateOf<M>& state, Real motion) { cutjoint::accelerate(mechanism_, state, motion, other_accelerations_, correction_); }
 
   /// The pose near the given one in which nothing accelerates at rest: Newton's method on vdot(q) = 0 with differences and least-norm
-  /// steps, since directions without stiffness (a car's x, y and yaw) are free.  A held coordinate stays and may carry a force.
+  /// steps, since directions without stiffness (a car's x, y and yaw) are free.  A held coordinate stays, by a force along it where it takes one.
   /// A fault names what still accelerates.
   Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& held) {
-    std::fill(state.v.begin(), state.v.end(), Real(0));
-    std::fill(travel_.begin(), travel_.end(), Real(0));
-    seek_rest(state, held);
-    // Differences tell the free directions to some digits only, so the steps have drifted along them.
-    find_stiffness(state, held);
-    multiply(matrix_.data(), travel_.data(), right_.data());
-    least_norm(n_ + drawn_, right_.data());
-    for (std::size_t i = 0; i < n_; ++i) step_[i] = travel_[i] - step_[i];
-    move(state, step_.data(), Real(-1));
-    if (seek_rest(state, held) <= Real(1e-6)) return {};
-    const std::size_t worst = index_of_largest(a_.data(), n_ + drawn_);
-    const bool open = worst >= n_;
-    return {.cause = Cause::no_equilibrium, .list = open ? FaultList::equations : FaultList::speeds,
-            .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(size_of(a_.data(), n_ + drawn_))};
+    const StateOf<M> begun = state;
+    carries_ = false;
+    const Fault fault = seek_rest_near(state, held);
+    if (!fault && !is_loaded(state, held)) return {};
+    if (!std::any_of(held.begin(), held.end(), [](unsigned char given) { return given; })) return fault;
+    if constexpr (!Weighable<M>) return fault ? fault : not_at_rest(state.vdot.data(), n_);
+    carries_ = true;
+    state = begun;
+    return seek_rest_near(state, held);
   }
+
+  /// Accelerations and multipliers of a state that `equilibrate` has found, with the forces along held coordinates if these `carry` some.
+  void hold(StateOf<M>& state, const SpeedFlags<M>& held) {
+    if (carries_) holding_.carry(state, held);
+  }
+  bool carries() const { return carries_; }
 
   /// The Jacobian of the residual by the speeds, (equations, speeds), column by column; `begin_step` has been called for the state's time.
   const Real* jacobian(const StateOf<M>& state) {
@@ -139,6 +142,9 @@ class Starter {
   static constexpr std::size_t n = static_sizes<M>().speeds, m = static_sizes<M>().equations;
 
   static constexpr Real closed() { return Real(1e-14); }
+
+  /// Accelerations (m/s^2, rad/s^2) up to which nothing moves.
+  static constexpr Real resting() { return Real(1e-6); }
 
   static Real size_of(const Real* x, std::size_t length) { return largest(std::span<const Real>(x, length)); }
 
@@ -194,7 +200,8 @@ class Starter {
 
   /// The accelerations at rest of what is not held; below them what would draw open loops together at 10 1/s.
   void read_rest(const StateOf<M>& state, const SpeedFlags<M>& held, Real* a) {
-    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : state.vdot[i];
+    for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] && !carries_ ? Real(0) : state.vdot[i];
+    if (carries_) holding_.hold(state, held, a);
     if (drawn_ > 0) find_residual(state);
     for (std::size_t i = 0; i < drawn_; ++i) a[n_ + i] = Real(100) * phi_[i];
   }
@@ -277,6 +284,35 @@ class Starter {
     return size_of(a_.data(), rows);
   }
 
+  /// The search for a pose at rest; what its steps have moved along directions without stiffness is taken back.
+  Fault seek_rest_near(StateOf<M>& state, const SpeedFlags<M>& held) {
+    std::fill(state.v.begin(), state.v.end(), Real(0));
+    std::fill(travel_.begin(), travel_.end(), Real(0));
+    seek_rest(state, held);
+    // Differences tell the free directions to some digits only, so the steps have drifted along them.
+    find_stiffness(state, held);
+    multiply(matrix_.data(), travel_.data(), right_.data());
+    least_norm(n_ + drawn_, right_.data());
+    for (std::size_t i = 0; i < n_; ++i) step_[i] = travel_[i] - step_[i];
+    move(state, step_.data(), Real(-1));
+    return seek_rest(state, held) <= resting() ? Fault{} : not_at_rest(a_.data(), n_ + drawn_);
+  }
+
+  /// Whether what is held accelerates where nothing holds it.
+  bool is_loaded(const StateOf<M>& state, const SpeedFlags<M>& held) const {
+    using std::abs;
+    for (std::size_t i = 0; i < n_; ++i)
+      if (held[i] && !(abs(state.vdot[i]) <= resting())) return true;
+    return false;
+  }
+
+  Fault not_at_rest(const Real* a, std::size_t length) const {
+    const std::size_t worst = index_of_largest(a, length);
+    const bool open = worst >= n_;
+    return {.cause = Cause::no_equilibrium, .list = open ? FaultList::equations : FaultList::speeds,
+            .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(size_of(a, length))};
+  }
+
   Fault open_loop(Cause cause, const StateOf<M>& state, const Equations<M>& gap) const {
     const std::size_t worst = index_of_largest(gap.data(), m_);
     return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
@@ -295,6 +331,8 @@ class Starter {
   Speeds<M> other_accelerations_;
   Coordinates<M> from_;
   StateOf<M> probe_, other_;
+  Holding<M> holding_;
+  bool carries_ = false;
 };
 
 }  // namespace cutjoint

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <vector>
 
 #include "cutjoint/generic/description.hpp"
@@ -89,6 +90,16 @@ class GenericMechanism {
     for (std::size_t i = 0; i < pull_.size(); ++i) pull_[i] = closures_.penalty() * gap[i];
     evaluate(q, still_.data(), pull_.data(), dz, correction_.data());
     for (std::size_t i = 0; i < without_.size(); ++i) dz[i] -= without_[i];
+  }
+
+  /// Kinetic energy; power is not known.
+  void energy(const Real* q, const Real* v, const Real*, const Real*, Real* energy) {
+    update(q, v);
+    assemble(q, v);
+    energy[0] = Real(0);
+    energy[1] = std::numeric_limits<Real>::quiet_NaN();
+    for (int i = ground + 1; i < static_cast<int>(model_.bodies.size()); ++i)
+      energy[0] += kinematics_.frame(i).Z.dot(system_.M(i) * kinematics_.frame(i).Z) / Real(2);
   }
 
   /// The compiler does not describe models with guards to this twin.

@@ -1,0 +1,142 @@
+"""Starts at rest with held coordinates, by every host that seeks one: forces hold them, as a guide would; others carry none of that.
+
+Random mechanisms are those of the fuzzer's kind `poses`.
+"""
+
+from __future__ import annotations
+
+import json
+from math import cos, pi, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cutjoint
+from cutjoint.batch import compile_scene_batch, simulate_batch
+from cutjoint.interpreted import compile_interpreted
+from cutjoint.methods import METHODS
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model
+from cutjoint.pipeline import compile_scene
+from cutjoint.run.errors import RunError
+from cutjoint.run.simulation import simulate
+from cutjoint.states import find_scene_equilibrium, find_scene_modes
+from tests.conftest import needs_cpp
+
+pytestmark = needs_cpp
+
+HELD = pi / 6
+
+TEXT = """\
+cutjoint: 1
+name: hanging
+gravity: [0, 0, -9.81]
+points: {A: [0, 0, 0], B: [0, 0, -1], C: [0, 0, -2]}
+parameters: {mass: {value: 1 kg, binding: param}}
+bodies:
+  upper: {shapes: [{rod: {from: A, to: B}, mass: 1}]}
+  lower: {shapes: [{rod: {from: B, to: C}, mass: mass}]}
+joints:
+  top: {kind: revolute, bodies: [ground, upper], at: A, axis: [0, 1, 0]}
+  middle: {kind: revolute, bodies: [upper, lower], at: B, axis: [0, 1, 0]}
+reactions:
+  holding: {joint: top, body: upper, direction: [0, 1, 0]}
+outputs: [upper.pitch, lower.pitch, lower.x]
+scenes:
+  start: {end: 0.01, output_step: 0.01, pose: equilibrium, positions: {top.angle: 30 deg}}
+"""
+
+
+def hanging() -> Model:
+    return read_model_text(TEXT, "hanging.yaml")
+
+
+def test_a_force_holds_what_is_held() -> None:
+    """Two hanging rods, the upper one held aslant: the lower one hangs, and the moment at the top carries both."""
+    found = find_scene_equilibrium(hanging(), hanging().scenes["start"]).values
+    assert found["upper.pitch"] == pytest.approx(HELD, abs=1e-12)
+    assert found["lower.pitch"] == pytest.approx(0.0, abs=1e-8)
+    assert found["holding.moment"] == pytest.approx(9.81 * (0.5 + 1.0) * sin(HELD), rel=1e-8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("compiled", [False, True])
+def test_runs_begin_there(method: str, compiled: bool) -> None:
+    model = hanging()
+    how = compile_scene if compiled else compile_interpreted
+    run = simulate(how(model, model.scenes["start"], method=method), check=False)
+    assert run["lower.pitch"][0] == pytest.approx(0.0, abs=1e-8)
+    assert run["lower.x"][0] == pytest.approx(-sin(HELD), abs=1e-8)
+    assert run["upper.pitch"][-1] < HELD  # released, it falls
+
+
+def test_batches_begin_there() -> None:
+    model = hanging()
+    batch = simulate_batch(compile_scene_batch(model, model.scenes["start"]), [{"mass": 1.0 + k} for k in range(3)])
+    assert batch.largest["lower.pitch"] == pytest.approx(0.0, abs=1e-3)  # 0.01 s after the release
+
+
+def test_simulations_of_a_host_begin_there(tmp_path: Path) -> None:
+    """From Python, on the interface in C of folders and FMUs: what the scene holds, and what the host holds besides."""
+    path = tmp_path / "hanging.yaml"
+    path.write_text(TEXT, encoding="utf-8")
+    sim = cutjoint.load(path).reset()
+    assert sim.outputs["lower.pitch"] == pytest.approx(0.0, abs=1e-8)
+    sim.reset(coordinates={"top.angle": -0.2, "middle.angle": 0.5})
+    assert sim.outputs["lower.pitch"] == pytest.approx(0.3, abs=1e-12)
+    sim.reset(coordinates={"top.angle": -0.2})
+    assert sim.outputs["lower.pitch"] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_host_is_told_where_a_scene_is_not_made_for_that(tmp_path: Path) -> None:
+    """Without the pose in its scene a simulation knows no masses: what carries a force is named."""
+    path = tmp_path / "hanging.yaml"
+    path.write_text(TEXT.replace("pose: equilibrium, ", ""), encoding="utf-8")
+    sim = cutjoint.load(path)
+    with pytest.raises(cutjoint.SimulationError, match=r"top\.angle_rate"):
+        sim.reset(equilibrium=True)
+    assert sim.reset(equilibrium=True, coordinates={"top.angle": 0.0}).outputs["lower.pitch"] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_modes_say_why_there_are_none() -> None:
+    model = hanging()
+    with pytest.raises(RunError, match=r"hanging.yaml:16:3: scene 'start': a force holds 'top.angle_rate', which would accelerate by -"):
+        find_scene_modes(model, model.scenes["start"])
+
+
+def test_a_washing_machine_stands_as_its_drum_is_held() -> None:
+    """A tub on two springs with an unbalanced drum, whose angle is held: the tub tilts by the moment of the unbalanced mass."""
+    mass, arm, stiffness, half = 4.0, 0.25, 3.0e4, 0.3
+    spring = {"kind": "point_spring", "bodies": ["ground", "tub"], "law": {"stiffness": stiffness, "free_length": 0.4}}
+    text = json.dumps({
+        "cutjoint": 1, "name": "washer", "gravity": [0, 0, -9.81],
+        "bodies": {
+            "tub": {"mass": 40, "centre_of_mass": [0, 0, 0], "inertia": [2, 2, 2]},
+            "drum": {"mass": mass, "centre_of_mass": [0, 0, -arm], "inertia": [0.1, 0.1, 0.1]},
+        },
+        "joints": {
+            "mount": {"kind": "planar", "bodies": ["ground", "tub"], "at": [0, 0, 0], "axis": [0, 1, 0]},
+            "bearing": {"kind": "revolute", "bodies": ["tub", "drum"], "at": [0, 0, 0], "axis": [0, 1, 0]},
+        },
+        "forces": {
+            "left": {**spring, "from": [-half, 0, 0.4], "to": [-half, 0, 0]},
+            "right": {**spring, "from": [half, 0, 0.4], "to": [half, 0, 0]},
+        },
+        "scenes": {"spin": {"end": 1, "pose": "equilibrium", "positions": {"bearing.angle": pi / 2}}}, "outputs": ["tub.pitch"],
+    })  # fmt: skip
+    model = read_model_text(text, "washer.yaml")
+    found = find_scene_equilibrium(model, model.scenes["spin"]).values
+    tilt = found["tub.pitch"]
+    # the moment of the two tensions and of the weights about the tub's centre, worked out by hand
+    centre = np.array([found["tub.x"], found["tub.z"]])
+    turn = np.array([[cos(tilt), sin(tilt)], [-sin(tilt), cos(tilt)]])
+    moment, force = -mass * 9.81 * (turn @ [-arm, 0.0])[0], np.array([0.0, -(40 + mass) * 9.81])
+    for side in (-half, half):
+        end = turn @ [side, 0.0]
+        way = np.array([side, 0.4]) - (centre + end)
+        pull = stiffness * (np.hypot(*way) - 0.4) * way / np.hypot(*way)
+        force, moment = force + pull, moment + end[0] * pull[1] - end[1] * pull[0]
+    assert np.abs(force).max() < 1e-3
+    assert abs(moment) < 1e-3
+    assert abs(tilt) > 1e-3
