@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.cli import main
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.pipeline import compile_scene, derive
 from cutjoint.realtime import run_in_real_time
@@ -42,6 +43,7 @@ forces:
 outputs: [block.x, block.vx]
 scenes: {stop: {end: 1, output_step: 0.1, rates: {slide.displacement_rate: 1}}}
 """
+STANDS_STILL = "the run stands still: its steps have become too short for it to reach its end"
 #: In a step of 10 ms no iteration converges with it.
 STIFF = {"friction": 0.0, "stiffness": 1e7}
 
@@ -157,3 +159,44 @@ def test_what_the_speeds_at_a_start_follow_from(model: str, at_rest: bool, close
     checked = read_model(MODELS / f"{model}.yaml")
     scene = find_scene(checked, None)
     assert start_of(derive(checked, scene, scene.outputs)) == Start(at_rest=at_rest, closes_loops=closes_loops)
+
+
+#: Two pendulums whose knee does not move at the start, and is held there by friction that is the sign of its speed.
+STUCK = """
+cutjoint: 1
+name: stuck
+gravity: [0, 0, -9.81]
+bodies:
+  upper: {mass: 2, centre_of_mass: [0, 0, -0.15], inertia: [0.03, 0.05, 0.03]}
+  lower: {mass: 1, centre_of_mass: [0, 0, -0.4], inertia: [0.01, 0.01, 0.001]}
+joints:
+  top: {kind: revolute, bodies: [ground, upper], at: [0, 0, 0], axis: [0, 1, 0]}
+  knee: {kind: revolute, bodies: [upper, lower], at: [0, 0, -0.2], axis: [0, 1, 0]}
+forces: {dry: {kind: joint_force, joint: knee, law: "-20*sign(rate)"}}
+outputs: [top.angle]
+scenes: {swing: {end: 2, output_step: 0.01, rates: {top.angle_rate: 6}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "integrator", "events"),
+    [("recursive-newton", "sdirk4", "located"), ("recursive-newton", "sdirk4", "crossed"), ("recursive", "dormand-prince", "located")],
+)
+def test_a_run_that_would_not_end_stops_and_says_why(method: str, integrator: str, events: str) -> None:
+    """Friction that holds a joint from the start."""
+    model = read_model_text(STUCK, "stuck.yaml")
+    (scene,) = model.scenes.values()
+    compiled = compile_interpreted(model, scene, method=method)
+    run = start(make_simulator_run(compiled, Options(integrator=integrator, events=events)), seconds=300)
+    assert run.evaluations < 10**6
+    assert run.failure is not None
+    assert run.failure.message in ("'dry' (stuck.yaml:11) switches to and fro without end", STANDS_STILL)
+    assert run.failure.advice
+    assert ("sign(rate)" in run.failure.advice) == (run.failure.message == STANDS_STILL)
+
+
+def test_a_run_that_stands_still_is_told_what_was_tried() -> None:
+    model = read_model_text(STUCK, "stuck.yaml")
+    (scene,) = model.scenes.values()
+    with pytest.raises(FailedRunError, match=r"tried without success: .* events crossed; not tried: method recursive"):
+        simulate(compile_interpreted(model, scene, method="recursive-newton"))

@@ -28,24 +28,32 @@ _SMALL = 1e-5
 _ROUNDING = 1e-8
 #: From one difference to the next no more than this share of the first is believed to have gone: by more, two runs agree by chance.
 _BELIEVED = 6 / 7
+#: The largest share of an error that steps once finer are taken to leave, and the one where nothing is known.
+_LEFT_AT_MOST = 0.6
+#: The tolerance of iterations with steps once shorter, as a share: in a run that tells the error of another, and in one of a row of runs.
+_BESIDE, _IN_ROW = 1e-2, 1e-1
+#: Iterations are not asked for a smaller tolerance in several times, and are no more than so many.
+_LEAST, _ITERATIONS = 1e-10, 100
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
     """How the steps of a run are made finer: a setting's factor, and the share of the error that is left at least by order 2.
 
-    A run is taken again with finer steps ``levels`` times at most; where ``heals``, also after one that failed for its steps.
+    A run is taken again with finer steps ``levels`` times at most; where ``heals``, also after one that failed for its steps.  Of a smaller
+    share than ``trusted`` nothing is promised: with a tenth of the tolerance errors fall now by two and now by fifty.
     """
 
     setting: str
     factor: float
     left: float
+    trusted: float
     levels: int
     heals: bool
 
 
-SHORTER = Change(setting="dt", factor=0.5, left=0.25, levels=8, heals=True)
-STRICTER = Change(setting="tolerance", factor=0.1, left=0.1, levels=5, heals=False)
+SHORTER = Change(setting="dt", factor=0.5, left=0.25, trusted=0.25, levels=8, heals=True)
+STRICTER = Change(setting="tolerance", factor=0.1, left=0.1, trusted=0.5, levels=5, heals=False)
 
 
 def run_accurately(
@@ -73,10 +81,16 @@ def _play(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], es
 
 
 def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
-    """Make steps finer until two runs agree so well that the better one keeps the goal, or until they come no nearer."""
+    """Make steps finer until two runs agree so well that the better one keeps the goal, or until they come no nearer.
+
+    A run with coarser steps comes before the first one, so that two differences show whether they fall, which alone is convergence.
+    """
     change = _change_of(plan)
     last, before = start(plan), None
-    runs = [last]
+    coarser = _try(plan, change, -1) if last.failure is None else None
+    runs = [last] if coarser is None else [coarser, last]
+    if coarser is not None:
+        before = _differences(plan.jumps, coarser, last)
     for level in range(1, change.levels + 1):
         run = begin(_finer(plan, change, level))
         if run.failure is not None:
@@ -86,11 +100,11 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             return _estimated(plan, kept, before or _unknown(run), converged=False)
         if last.failure is None:
             apart = _differences(plan.jumps, last, run)
-            errors = {name: apart[name] * _share(change, apart[name], None if before is None else before[name]) for name in apart}
-            if _keeps(run, errors, goal):
+            errors = {name: _left(change, apart[name], None if before is None else before[name]) for name in apart}
+            if before is not None and _keeps(run, errors, goal) and _all_fall(run, before, apart):
                 return _estimated(plan, run, errors, converged=True, others=runs)
             if before is not None and not any(_falls(run[name], before[name], apart[name]) for name in apart):
-                return _estimated(plan, run, apart, converged=False, others=runs)
+                return _estimated(plan, run, errors, converged=False, others=runs)
             before = apart
         last = run
         runs = [*runs[-1:], run]
@@ -101,10 +115,14 @@ def _change_of(plan: SimulatorRun) -> Change:
     return STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else SHORTER
 
 
-def _share(change: Change, difference: float, before: float | None) -> float:
-    """The error of a run as a share of what a coarser one differs by, by how differences have fallen."""
-    ratio = 1.3 * change.left if before is None or not before > 0 else min(max(difference / before, 0.05), 0.6)
-    return ratio / (1 - ratio)
+def _left(change: Change, apart: float, before: float | None) -> float:
+    """The error of a run that differs so much from a coarser one, by what that differs by from a still coarser one, if there is one."""
+    if before is None or not before > 0:
+        ratio = _LEFT_AT_MOST
+    else:
+        apart = max(apart, (1 - _BELIEVED) * before)
+        ratio = min(max(apart / before, change.trusted), _LEFT_AT_MOST)
+    return apart * ratio / (1 - ratio)
 
 
 def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
@@ -182,11 +200,7 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     errors = {name: difference / (1 - left) for name, difference in apart.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
-    reach: dict[str, float] = {}
-    for name, values in run.columns.items():
-        reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
-    converged = all(after[c] <= _ROUNDING * reach[run.units[c]] or _falls(run.columns[c], before[c], after[c]) for c in apart)
-    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged)
+    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=_all_fall(run, before, after))
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
 
@@ -199,7 +213,7 @@ def _controlled(plan: SimulatorRun) -> Trajectory | None:
 
 def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
     """The run with steps that are so many times finer, its rows at the same times; None if it fails."""
-    return _whole(_finer(plan, change, times))
+    return _whole(_finer(plan, change, times, _BESIDE))
 
 
 def _whole(plan: SimulatorRun) -> Trajectory | None:
@@ -211,19 +225,36 @@ def _whole(plan: SimulatorRun) -> Trajectory | None:
     return run if run.failure is None else None
 
 
-def _finer(plan: SimulatorRun, change: Change, times: int) -> SimulatorRun:
-    return replace(plan, run_file={**plan.run_file, **_changed(plan.run_file, change.setting, change.factor**times)})
+def _finer(plan: SimulatorRun, change: Change, times: int, further: float = _IN_ROW) -> SimulatorRun:
+    """The run with steps that are so many times finer, and with shorter ones iterations that go ``further`` each time."""
+    return replace(plan, run_file={**plan.run_file, **_changed(plan.run_file, change, times, further)})
 
 
-def _changed(run_file: Mapping[str, Any], setting: str, factor: float) -> dict[str, Any]:
-    """The parts of a run file that change with a setting."""
-    numerics = {**run_file["numerics"], setting: run_file["numerics"][setting] * factor}
-    if setting == "dt":
+def _changed(run_file: Mapping[str, Any], change: Change, times: int, further: float) -> dict[str, Any]:
+    """The parts of a run file that a change alters, so many times.
+
+    A tolerance of steps is that of their iterations too.  With shorter steps iterations end by a tolerance that falls beside them: what
+    they leave does not fall with the step, so that two runs would agree by it.
+    """
+    numerics = dict(run_file["numerics"])
+    numerics[change.setting] *= change.factor**times
+    if change.setting == "dt":
         dt = run_file["numerics"]["dt"]
-        return {"numerics": numerics, "output_step": dt * count_steps(dt, run_file["end"], run_file["output_step"]).stride}
+        stride = count_steps(dt, run_file["end"], run_file["output_step"]).stride
+        return {"numerics": {**numerics, **(_iterated_further(numerics, times, further) if times > 0 else {})}, "output_step": dt * stride}
     if numerics["absolute_tolerance"] is not None:
-        numerics["absolute_tolerance"] *= factor
+        numerics["absolute_tolerance"] *= change.factor**times
     return {"numerics": numerics}
+
+
+def _iterated_further(numerics: Mapping[str, Any], times: int, further: float) -> dict[str, Any]:
+    """Settings of iterations that leave next to nothing of what those of given ones do, as many as that takes."""
+    tolerance = min(numerics["tolerance"] * further, max(numerics["tolerance"] * further**times, _LEAST))
+    absolute = numerics["absolute_tolerance"]
+    return {
+        "tolerance": tolerance, "absolute_tolerance": None if absolute is None else absolute * tolerance / numerics["tolerance"],
+        "iterations": max(numerics["iterations"], _ITERATIONS), "fixed_cost": False,
+    }  # fmt: skip
 
 
 def _differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> dict[str, float]:
@@ -233,6 +264,14 @@ def _differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> 
     smooth = ~np.isin(times, np.rint(np.asarray(jumps, dtype=float) / tick))
     gaps = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
     return {name: float(np.max(gap, initial=0.0)) for name, gap in gaps.items()}
+
+
+def _all_fall(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Whether all differences fall from steps to finer ones, or are rounding beside what outputs of their unit reach."""
+    reach: dict[str, float] = {}
+    for name, values in run.columns.items():
+        reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
+    return all(after[c] <= _ROUNDING * reach[run.units[c]] or _falls(run.columns[c], before[c], after[c]) for c in after)
 
 
 def _falls(values: Array, before: float, after: float) -> bool:

@@ -1,8 +1,11 @@
-"""What runs say of their errors beside their true errors: models, methods and integrators.  `make errors`."""
+"""What runs say of their errors beside their true errors: models, methods and integrators.  `make errors`.
+
+Models are those of files, and mechanisms with dead centres, massless rods and friction whose numbers are drawn (`estimate_models`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
@@ -13,20 +16,24 @@ from rich.console import Console
 from rich.table import Table
 
 from cutjoint.formulate.jumps import jump_times
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
-from cutjoint.model.read import read_model
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import STEP, Model, Scene
 from cutjoint.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint_bench.estimate_models import draws
 from cutjoint_bench.studies.provenance import provenance
 
 #: An estimate is near the true error within this factor.
 NEAR = 5.0
 #: An estimate of less than this share of the true error misleads, unless it says that it has not converged.
 FAR = 0.1
+#: No more than one run in two hundred that says that it has converged may tell less than this share.
+SHORT = 1 / 3
 #: True errors below this share of what outputs of the unit reach are the reference's too, or rounding of what is zero by symmetry.
 LEAST = 1e-8
 #: True errors below this are nobody's concern, SI units: a mechanism at rest moves by as much.
@@ -57,6 +64,11 @@ class Judgement:
         return sum(ratio > NEAR for ratio in self.ratios)
 
     @property
+    def is_short(self) -> bool:
+        """Whether the run says that it has converged, and tells too little of an output."""
+        return self.converged and min(self.ratios, default=1.0) < SHORT
+
+    @property
     def misleading(self) -> int:
         """How many estimates promise too much without a word."""
         return sum(ratio < FAR for ratio in self.ratios) if self.converged else 0
@@ -74,8 +86,13 @@ def settings_of(method: str, scene: Scene) -> Iterator[tuple[str, dict[str, floa
                 yield f"{integrator.name}, {1e3 * dt:g} ms", {"integrator": integrator.name, "dt": dt}
 
 
-def judge(run: Trajectory, reference: Trajectory, jumps: Sequence[float] = ()) -> Judgement:
-    """The estimates of a run against a reference at common times, but for those of ``jumps``."""
+def judge(
+    run: Trajectory, reference: Trajectory, jumps: Sequence[float] = (), *, unknown: Mapping[str, float] | None = None
+) -> Judgement:  # fmt: skip
+    """The estimates of a run against a reference at common times, but for those of ``jumps``.
+
+    ``unknown`` are the reference's own errors.
+    """
     if run.failure is not None:
         return Judgement(failure=str(run.failure))
     estimate, ratios, largest = run.error, [], 0.0
@@ -88,7 +105,7 @@ def judge(run: Trajectory, reference: Trajectory, jumps: Sequence[float] = ()) -
     for name in run.columns:
         size = sizes[run.units[name]]
         true = float(np.max(np.abs(run[name][here] - reference[name][there])))
-        if true > max(LEAST * size, FLOOR):
+        if true > max(LEAST * size, FLOOR, 3 * (unknown or {}).get(name, 0.0)):
             ratios.append(estimate[name] / true)
             largest = max(largest, true / size)
     return Judgement(ratios=tuple(ratios), largest=largest, converged=estimate.converged)
@@ -112,6 +129,47 @@ def judge_scene(model: Model, scene: Scene) -> Iterator[tuple[str, str, Judgemen
             yield method, name, judge(simulate(artifact, check=False, **settings), reference, jumps)  # type: ignore[arg-type]
 
 
+def judge_draws(count: int, seed: int) -> Iterator[tuple[str, str, str, Judgement]]:
+    """Mechanism with law, method, settings and judgement of each run of the mechanisms whose numbers are drawn; nothing is compiled."""
+    for draw in draws(count, seed):
+        model = read_model_text(draw.text, f"{draw.name}.yaml")
+        (scene,) = model.scenes.values()
+        artifacts = {}
+        for method in METHODS:
+            try:
+                artifacts[method] = compile_interpreted(model, scene, method=method)
+            except (ModelError, RunError):  # methods that have no such mechanism
+                continue
+        for parameters in draw.parameters:
+            reference, other = (
+                simulate(artifacts["recursive"], parameters=parameters, integrator="dormand-prince", tolerance=x, error=False, check=False)
+                for x in (1e-12, 1e-11)
+            )
+            if reference.failure or other.failure:  # friction that holds what moves has no motion to compare with
+                continue
+            unknown = {name: float(np.max(np.abs(reference[name] - other[name]))) for name in reference.columns}
+            for method, artifact in artifacts.items():
+                for name, settings in settings_of(method, scene):
+                    run = simulate(artifact, parameters=parameters, check=False, **settings)  # type: ignore[arg-type]
+                    yield draw.name, method, name, judge(run, reference, unknown=unknown)
+
+
+def _drawn(count: int, seed: int) -> tuple[Table, list[Judgement]]:
+    """A row for each method with its settings, over all mechanisms."""
+    found: dict[tuple[str, str], list[Judgement]] = {}
+    for _, method, name, judgement in judge_draws(count, seed):
+        found.setdefault((method, name), []).append(judgement)
+    table = Table("method", "steps", "runs", "failed", "converged", f"within {NEAR:g}", f"a run below {SHORT:.2g}", f"below {FAR:g}",
+                  title=f"dead centres, massless rods, friction: {count} draws each, seed {seed}", box=None)  # fmt: skip
+    for (method, name), all_ in found.items():
+        near, judged = sum(j.near for j in all_), sum(len(j.ratios) for j in all_)
+        table.add_row(
+            method, name, str(len(all_)), str(sum(bool(j.failure) for j in all_)), str(sum(j.converged for j in all_)),
+            f"{near} of {judged}", str(sum(j.is_short for j in all_)), str(sum(j.misleading > 0 for j in all_)),
+        )  # fmt: skip
+    return table, [judgement for all_ in found.values() for judgement in all_]
+
+
 def _row(judgement: Judgement) -> tuple[str, ...]:
     if judgement.failure:
         return ("", "", "", judgement.failure)
@@ -125,12 +183,15 @@ def _row(judgement: Judgement) -> tuple[str, ...]:
 @click.command()
 @click.argument("models", nargs=-1, type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--scene", "scenes", multiple=True, help="Scenes to take; all by default.")
-def main(models: tuple[Path, ...], scenes: tuple[str, ...]) -> None:
-    """Judge the estimated errors of all methods and integrators on MODELS, by default those of models/."""
+@click.option("--draws", "count", default=4, help="Draws of each mechanism whose numbers are drawn.", show_default=True)
+@click.option("--seed", default=1, help="Of the draws.", show_default=True)
+@click.option("--drawn-only", is_flag=True, help="Leave out the files.")
+def main(models: tuple[Path, ...], scenes: tuple[str, ...], count: int, seed: int, drawn_only: bool) -> None:
+    """Judge estimated errors of all methods and integrators on MODELS, by default those of models/, and on mechanisms that are drawn."""
     console, judgements = Console(highlight=False, width=200), []
     judged = f"of outputs with a true error above {FLOOR:g} and {LEAST:g} of the largest of their unit"
     console.print(f"{provenance(())}; estimated over true errors, {judged}", markup=False)
-    for path in models or sorted(Path("models").glob("*.yaml")):
+    for path in () if drawn_only else models or sorted(Path("models").glob("*.yaml")):
         model = read_model(path)
         for scene in model.scenes.values():
             if scenes and scene.name not in scenes:
@@ -141,12 +202,18 @@ def main(models: tuple[Path, ...], scenes: tuple[str, ...]) -> None:
                 judgements.append(judgement)
                 table.add_row(method, settings, *_row(judgement))
             console.print(table)
-    count, near = sum(len(j.ratios) for j in judgements), sum(j.near for j in judgements)
+    if count:
+        table, more = _drawn(count, seed)
+        judgements += more
+        console.print(table)
+    estimates, near = sum(len(j.ratios) for j in judgements), sum(j.near for j in judgements)
     cautious, misleading = sum(j.cautious for j in judgements), sum(j.misleading for j in judgements)
-    failed = sum(bool(j.failure) for j in judgements)
+    failed, converged = sum(bool(j.failure) for j in judgements), sum(j.converged for j in judgements)
+    short, far = sum(j.is_short for j in judgements), sum(j.misleading > 0 for j in judgements)
     console.print(
-        f"{near} of {count} estimates within a factor of {NEAR:g}, {cautious} larger; "
-        f"{misleading} below {FAR:g} of the true error without the words 'not converged'; {failed} of {len(judgements)} runs failed",
+        f"{near} of {estimates} estimates within a factor of {NEAR:g}, {cautious} larger; "
+        f"{misleading} below {FAR:g} of the true error without the words 'not converged'; {failed} of {len(judgements)} runs failed; "
+        f"of {converged} that have converged, {short} tell less than {SHORT:.2g} of a true error, {far} less than {FAR:g}",
         markup=False,
     )  # fmt: skip
 

@@ -35,6 +35,7 @@ enum class Cause : int {
   stages_not_found = 27,          ///< Newton's iteration converges with no step, however small
   stage_not_converged = 28,       ///< Newton's iteration does not end in a stage of a step of given length
   loops_torn = 29,                ///< a loop stands open by more than a hundredth of the mechanism's size
+  stands_still = 30,              ///< steps are so short that the rest of the run would have no end
 };
 
 /// The list in which what failed most has its place.
@@ -91,6 +92,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::stages_not_found: return "Newton's iteration converges with no step, however small";
     case Cause::stage_not_converged: return "Newton's iteration did not converge in a stage";
     case Cause::loops_torn: return "a loop is torn: its gap is beyond a hundredth of the mechanism's size, or of a radian";
+    case Cause::stands_still: return "the run stands still: its steps have become too short for it to reach its end";
   }
   return "unknown cause";
 }
@@ -141,6 +143,9 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::start_open: return "coordinates and speeds have to close the loops";
     case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
     case Cause::loops_torn: return "a guide may be where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
+    case Cause::stands_still:
+      return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); not tried: "
+             "a larger tolerance";
   }
   return "";
 }

@@ -151,14 +151,43 @@ class Stepper {
       now_.begun = true;
     }
     if (!scheme_.adaptive()) now_.h = until - time();
-    const long events = counts_.events, tried = counts_.steps + counts_.rejected;
+    const long events = counts_.events, tried = attempts();
+    Pace pace{time(), tried, events};
     while (until - time() > least(until) && !(to_event && counts_.events > events)) {
-      if (counts_.steps + counts_.rejected - tried >= most_)
+      if (attempts() - tried >= most_)
         return {.cause = Cause::too_many_steps, .t = static_cast<double>(time()), .step = number, .iterations = static_cast<int>(most_)};
       if (const Fault fault = step(scheme_.adaptive() ? now_.limit : until)) return fault;
+      if (const Fault fault = keep(pace)) return fault;
       if (watch_.call) watch_.call(watch_.who, scheme_);
     }
     return {};
+  }
+
+  /// Where the attempts of the last while began.
+  struct Pace {
+    Real time;
+    long attempts, events;
+  };
+
+  long attempts() const { return counts_.steps + counts_.rejected; }
+
+  /// A fault where a row's attempts bring a run so little forward that the rest of it would take a hundred million of them.  Forces that jump where
+  /// a motion comes to rest make steps so short: at their events, or over these.
+  Fault keep(Pace& pace) const {
+    constexpr long some = 2000, rest = 50000;
+    if (attempts() - pace.attempts < some) return {};
+    const Real way = time() - pace.time;
+    const bool switches = counts_.events > pace.events;
+    pace = {time(), attempts(), counts_.events};
+    if (!(end_ - time() > Real(rest) * way)) return {};
+    Fault fault{.cause = Cause::switches_without_end, .list = FaultList::switches, .index = static_cast<int>(now_.latest),
+                .t = static_cast<double>(time()), .step = now_.number};
+    if (!switches) {
+      fault = scheme_.give_up(typename Scheme::Attempt{}, counts_.steps, now_.number);
+      fault.cause = Cause::stands_still;
+    }
+    fault.value = static_cast<double>(way) / some;
+    return fault;
   }
 
   /// One step, or the part of it before an event.

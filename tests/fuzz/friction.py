@@ -1,0 +1,61 @@
+"""Mechanisms with Coulomb friction in one or several joints: each run comes to its end or stops with a message, by work that has a bound.
+
+They are interpreted, so that nothing is compiled for them.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+from typing import Any
+
+from cutjoint.elements.joints import JOINTS
+from cutjoint.interpreted import compile_interpreted
+from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model_text
+from cutjoint.run.artifact import make_simulator_run
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
+from cutjoint.run.simulator import SimulatorError
+from cutjoint.run.simulator_run import start
+from tests.fuzz import mechanisms
+
+#: Evaluations of a run that is taken for one that stands still, and seconds that no such run needs.
+MOST, SECONDS = 10**8, 120.0
+
+
+def make(rng: random.Random) -> str:
+    """A model file with the settings of a run."""
+    model = json.loads(mechanisms.make(rng))
+    places = [(name, coordinate) for name, joint in model["joints"].items() for coordinate in JOINTS[joint["kind"]].coordinates]
+    for k, (joint, coordinate) in enumerate(rng.sample(places, min(len(places), rng.choice((1, 1, 2, 3))))):
+        size = round(10 ** rng.uniform(-2, 1.5), 3)
+        law = rng.choice((f"-{size}*sign(rate)", f"where(rate > 0, -{size}, {size})", f"-{size}*sign(rate) - 100*position"))
+        model.setdefault("forces", {})[f"coulomb{k}"] = {"kind": "joint_force", "joint": joint, "coordinate": coordinate, "law": law}
+    method = rng.choice(tuple(METHODS))
+    takes = names_of(INTEGRATORS, lambda i: i.in_files and i.takes(METHODS[method], Implementation.INTERPRETED))
+    events = rng.choice((None, "located", "crossed")) if METHODS[method].events else None
+    settings = {"integrator": rng.choice(takes), "events": events, "end": rng.choice((0.1, 0.3, 1.0))}
+    return json.dumps({"model": model, "method": method, "settings": settings}, indent=1)
+
+
+def check(text: str) -> tuple[str, ...]:
+    """Why a run stopped, if it did; fails where it neither does nor comes to its end."""
+    case: dict[str, Any] = json.loads(text)
+    model = read_model_text(json.dumps(case["model"]), "fuzzed.yaml")
+    try:
+        artifact = compile_interpreted(model, model.scenes["run"], method=case["method"])
+        plan = make_simulator_run(artifact, Options(**case["settings"]))
+    except (ModelError, RunError) as error:
+        return tuple(str(error).splitlines())
+    try:
+        run = start(plan, seconds=SECONDS)
+    except SimulatorError as error:
+        raise AssertionError(f"{case['method']}, {case['settings']}: stands still without a word") from error
+    assert run.evaluations <= MOST, f"{run.evaluations} evaluations"
+    if run.failure is None:
+        return ()
+    assert run.failure.message
+    assert run.failure.advice
+    return (f"{case['method']}: {run.failure.message}",)
