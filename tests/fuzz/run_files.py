@@ -102,8 +102,12 @@ def _require_table(folder: Path, file: dict[str, Any], summary: dict[str, Any]) 
 
 
 def _is_long(text: str) -> bool:
-    """Whether a run file asks for more steps or rows than can be waited for."""
+    """Whether a run file asks for more steps or rows than can be waited for, or for motions as fast as these."""
     file = json.loads(text)
     numerics = file["numerics"]
     lengths = [x for x in (numerics.get("dt"), file.get("output_step")) if isinstance(x, int | float) and x > 0]
-    return any(file["end"] / x * max(1, numerics.get("iterations", 1)) > MANY for x in lengths)
+    rates = [abs(x) for x in file.get("rates", {}).values() if isinstance(x, int | float)]
+    stiffness = file.get("parameters", {}).get("stiffness")
+    rates += [math.sqrt(abs(stiffness))] if isinstance(stiffness, int | float) else []  # of a kilogram
+    counts = [*rates, *(max(1, numerics.get("iterations", 1)) / x for x in lengths)]
+    return any(file["end"] * count > MANY for count in counts)

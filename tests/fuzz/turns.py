@@ -36,8 +36,8 @@ class Account:
         return (self.seconds + self.under_way * max(TURN, self.each)) / self.share
 
     def begin(self, left: float) -> range:
-        """The numbers of the inputs of a turn, which ends in the seconds that are left."""
-        size = min(int(min(TURN, left) / self.each), MANY) if self.each else 1
+        """The numbers of the inputs of a turn, no more than have ended before and fit into the seconds that are left."""
+        size = min(int(min(TURN, left) / self.each), self.ended, MANY) if self.each else 1
         first, self.begun = self.begun, int(min(self.begun + max(1, size), self.count))
         self.under_way += 1
         return range(first, self.begun)
