@@ -1,7 +1,7 @@
 """Random calls of a host on a mechanism with a guided input: none leaves a trace beyond what it should.
 
-What a host gives is followed by another simulation that is told the same from a snapshot or a fresh start, bit by bit, and by the parabolas that
-the documentation promises, which are drawn here anew; loops stay closed all the while.
+Another simulation, which is told the same from a snapshot or a fresh start, has the same bits.  Guides go along the parabolas that the
+documentation promises, which are drawn here anew, and loops stay closed all the while.
 """
 
 from __future__ import annotations
@@ -131,7 +131,8 @@ def _go(sim: Simulation, other: Simulation, kind: str, numbers: list[float], cou
     if kind != "hold" or steps != 1 or course is None:
         return None
     course.step(given[0])
-    assert abs(sim.outputs["rail.displacement"] - course.place) < _COURSE, f"the guide is at {sim.outputs['rail.displacement']}, not at {course.place}"
+    place = sim.outputs["rail.displacement"]
+    assert abs(place - course.place) < _COURSE, f"the guide is at {place}, not at {course.place}"
     return course
 
 

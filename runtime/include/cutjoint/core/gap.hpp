@@ -20,7 +20,7 @@ struct Gap {
   bool is_closed() const { return size <= 1e-3 * limit; }
 
   /// How many steps later gaps are measured again.  That costs a seventh of an evaluation, and gaps grow slowly where they are small.
-  long next_measurement() const { return size < 0.1 * limit ? 8 : 1; }
+  long next_measurement() const { return size < 0.1 * limit ? 16 : 1; }
 
   Fault fault(double t, long step) const {
     return {.cause = Cause::loops_torn, .list = FaultList::equations, .index = equation, .t = t, .step = step, .value = size, .size = limit};

@@ -240,7 +240,7 @@ class FollowedInputs {
     Real now[numbers_per_input], wanted[numbers_per_input];
     read(used_, i, t, scene, now);
     const bool is_long = course.slope != Real(0) && length > Real(1.5) * dt;
-    const Real whole = std::floor(length / dt / 2 + Real(0.25)) * dt, one = length < dt ? length : dt;
+    const Real whole = Real(static_cast<long>(length / dt / 2 + Real(0.25))) * dt, one = length < dt ? length : dt;
     const Real first = is_long ? whole : one, second = is_long ? length - whole : given.is_going(i) ? one / 2 : one;
     course.again = given.is_going(i) ? one : Real(0);
     if (!is_held) {
