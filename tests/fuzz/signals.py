@@ -49,6 +49,11 @@ parameters: {{stiffness: {{from: 1000, to: 3000, count: {_RUNS}}}}}
 design: grid
 objectives: {{top: {{maximum: slider.x}}}}
 """
+#: A compiler that takes longer than anybody waits for what is left.
+_SLOW_COMPILER = """#!/bin/sh
+case "$SLOW $*" in "1 "*" -c "*) sleep 60;; esac
+exec g++ "$@"
+"""
 #: Seconds in which Python starts on a busy machine.
 _START = 2.0
 #: Seconds in which what a killed run has begun ends.
@@ -56,7 +61,8 @@ _GRACE = 15.0
 
 
 def make(rng: random.Random) -> str:
-    """A signal, how long after the start it comes (s), whom it reaches, the call, and whether its cache lacks the model's code, as JSON."""
+    """A signal, how long after the start it comes (s), whom it reaches, the call, whether its cache lacks the model's code, and whether the
+    compiler is slow then, as JSON."""
     if private := rng.random() < 0.6:
         template()
         words, most = rng.choice(_COMPILING), 9.0
@@ -66,7 +72,7 @@ def make(rng: random.Random) -> str:
     name = rng.choice(("SIGINT", "SIGTERM", "SIGKILL", "SIGHUP"))
     everybody = name == "SIGINT" or rng.random() < 0.3
     case = {"signal": name, "after": round(rng.uniform(0.05, most), 3), "everybody": everybody, "words": words, "private": private}
-    return json.dumps(case)
+    return json.dumps({**case, "slow": private and rng.random() < 0.6})
 
 
 def check(text: str) -> tuple[str, ...]:
@@ -80,7 +86,7 @@ def check(text: str) -> tuple[str, ...]:
         (folder / "study.yaml").write_text(_STUDY, encoding="utf-8")
         (folder / "run.csv").write_text(_EARLIER, encoding="utf-8")
         more = _private(folder) if case.get("private") else {"TMPDIR": str(folder / "tmp")}
-        status, said = _stop(case, folder, more)
+        status, said = _stop(case, folder, {**more, **({"SLOW": "1"} if case.get("slow") else {})})
         require_none_left(folder)
         _require_tables(folder)
         _require_ended(status, said, case, folder)
@@ -98,7 +104,9 @@ def _private(folder: Path) -> dict[str, str]:
     for simulator in (folder / "cache").glob("*/simulator"):
         if not simulator.parent.name.startswith("interpreter"):
             shutil.rmtree(simulator.parent)
-    return {"TMPDIR": str(folder / "tmp"), "CUTJOINT_CACHE": str(folder / "cache"), **FLAGS}
+    (folder / "c++").write_text(_SLOW_COMPILER, encoding="utf-8")
+    (folder / "c++").chmod(0o755)
+    return {"TMPDIR": str(folder / "tmp"), "CUTJOINT_CACHE": str(folder / "cache"), "CXX": str(folder / "c++"), **FLAGS}
 
 
 def _again(words: list[str], folder: Path, more: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
