@@ -88,11 +88,11 @@ def test_a_run_that_fails_raises_what_the_command_line_says(tmp_path: Path) -> N
 def test_a_batch_with_a_run_that_fails_raises_after_all_have_ended() -> None:
     cases = [{"stiffness": 2000.0}, STIFF]
     with pytest.raises(cutjoint.FailedBatchError, match=r"run 2: (.|\n)*1 of 2 runs failed") as error:
-        cutjoint.simulate_batch(batches(), cases)
-    whole = cutjoint.simulate_batch(batches(), cases, check=False)
+        cutjoint.simulate_batch(batches(), cases, dt=1e-3)
+    whole = cutjoint.simulate_batch(batches(), cases, dt=1e-3, check=False)
     assert str(error.value.batch.failures[1]) == str(whole.failures[1])
     assert whole.failures[0] is None
-    assert cutjoint.simulate_batch(batches(), cases[:1]).largest["slider.x"] == pytest.approx(whole.largest["slider.x"][:1])
+    assert cutjoint.simulate_batch(batches(), cases[:1], dt=1e-3).largest["slider.x"] == pytest.approx(whole.largest["slider.x"][:1])
 
 
 @needs_cpp

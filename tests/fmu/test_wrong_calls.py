@@ -18,7 +18,7 @@ pytestmark = needs_cpp
 
 @pytest.fixture(params=[2, 3])
 def slave(request: pytest.FixtureRequest) -> Slave:
-    return started(fmu_of("press", request.param))
+    return started(fmu_of("press", request.param, integrator="trapezoidal"))
 
 
 def said(slave: Slave) -> str:
