@@ -42,13 +42,13 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def table(target: str, *call: str, flags: Sequence[str] = FLAGS) -> np.ndarray:
     """What a host gets of the press, one row a step."""
-    fmu = fmu_of("press", 3)
+    fmu = fmu_of("press", 3, integrator="trapezoidal")
     return rows_of(hosted(fmu, fmu.build(flags, target=target), call))
 
 
 @needs_avx2
 def test_a_processor_with_avx2_runs_the_folder_compiled_for_it_bit_by_bit(program: str) -> None:
-    found, sim = table("both", program), cutjoint.load(MODELS / "press.yaml", flags=(*FLAGS, *AVX2)).reset()
+    found, sim = table("both", program), cutjoint.load(MODELS / "press.yaml", integrator="trapezoidal", flags=(*FLAGS, *AVX2)).reset()
     for i, row in enumerate(found):
         sim.advance(i * SIZE + SIZE)
         assert list(row) == list(sim.outputs.array)
@@ -71,7 +71,7 @@ def test_codes_differ_by_rounding(program: str) -> None:
 @needs_qemu
 @needs_avx2
 def test_states_go_on_in_the_other_code(program: str, tmp_path: Path) -> None:
-    fmu, state, half = fmu_of("press", 3), tmp_path / "state", STEPS // 2
+    fmu, state, half = fmu_of("press", 3, integrator="trapezoidal"), tmp_path / "state", STEPS // 2
     binary, known = fmu.build(FLAGS, target="both"), table("both", program)
     for first, second in (([program], [*OLD, program]), ([*OLD, program], [program])):
         before = rows_of(hosted(fmu, binary, first, steps=half, end=state))
@@ -81,7 +81,7 @@ def test_states_go_on_in_the_other_code(program: str, tmp_path: Path) -> None:
 
 @needs_qemu
 def test_a_processor_without_avx2_is_told_what_it_lacks(program: str) -> None:
-    fmu = fmu_of("press", 3)
+    fmu = fmu_of("press", 3, integrator="trapezoidal")
     done = hosted(fmu, fmu.build(FLAGS, target="avx2"), [*OLD, program])
     assert done.returncode == 4
     assert "the binary is for processors with AVX2 and FMA, and this one lacks them" in done.stderr
