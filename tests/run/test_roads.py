@@ -9,10 +9,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from cutjoint.model.read import read_model
+from cutjoint.interpreted import compile_interpreted
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import RoadSegment, SegmentKind, Span
+from cutjoint.pipeline import compile_scene
 from cutjoint.run.roads import Piece, WheelRoad, disc_pieces, profile_pieces
-from tests.conftest import MODELS
+from cutjoint.run.simulation import simulate
+from tests.conftest import MODELS, needs_cpp
 
 RADIUS = 0.364325
 
@@ -84,3 +87,26 @@ def test_slopes_are_those_of_the_heights(contact: str) -> None:
         change = (road.height_dx(x + h, 1.0) - road.height_dx(x - h, 1.0)) / (2 * h)
         assert road.slope_dx(x, 1.0) == pytest.approx(0.0 if contact == "disc" else change, abs=1e-4)
         assert (road.height(x, -1.0), road.slope(x, -1.0), road.slope_dx(x, -1.0)) == (0.0, 0.0, 0.0)
+
+
+@needs_cpp
+def test_a_wheel_that_only_rises_feels_its_road() -> None:
+    """Its place on the road is a number in the file, and the road's height there is none: the hub falls on the slope and stays at rest."""
+    text = """
+cutjoint: 1
+name: quarter
+gravity: [0, 0, -10]
+bodies: {hub: {mass: 20, centre_of_mass: [1, 0, 0.4], inertia: [1, 1, 1]}}
+joints: {rise: {kind: prismatic, bodies: [ground, hub], at: [1, 0, 0.4], axis: [0, 0, 1], spring: {stiffness: 0, damping: 2000}}}
+forces:
+  tyre:
+    {kind: tyre, body: hub, centre: [1, 0, 0.4], axis: [0, 1, 0], radius: 0.3, stiffness: 2.0e+4,
+     calspan: {A0: 2625, A1: 14.47, A2: 12930, A3: 2.29, A4: 18175, B1: -4.64e-5, B3: 1.216, B4: 2.18e-11, SN: 1.0274, AF1: -1.71e-5,
+               AF2: 1.71e-5}}
+outputs: [hub.z]
+scenes: {rest: {end: 2, output_step: 1, road: {profile: [{flat: 0.5}, {step: 0.1}, {flat: 2}]}, numerics: {dt: 0.01}}}
+"""
+    model = read_model_text(text, "quarter.yaml")
+    for how in (compile_scene, compile_interpreted):
+        run = simulate(how(model, model.scenes["rest"]), error=False)
+        assert run["hub.z"][-1] == pytest.approx(0.1 + 0.3 - 200 / 2.0e4, abs=1e-6)

@@ -271,7 +271,10 @@ class Builder:
         """A scalar function of scalars; ``table`` names the road of a lookup."""
         if FUNCTIONS.get(function) != len(args) or any(a.shape != (1, 1) for a in args):
             raise ValueError(f"{function} does not take {args!r}")
-        return self._make("call", args, (1, 1), data=(function, table))
+        when = max((a.binding for a in args), default=BindingTime.CONST)
+        if table is not None:
+            when = max(when, BindingTime.STEP)  # roads are known once a mechanism is loaded
+        return self._make("call", args, (1, 1), data=(function, table), binding=when)
 
     # Products
 

@@ -263,7 +263,8 @@ class Graph:
         if function in ("cos", "abs", "cosh"):
             minus = self._negated(args[0])
             args = args if minus is None else (minus,)
-        return self._make(function, args, table)
+        when = max((self.nodes[a].binding for a in args), default=BindingTime.CONST)
+        return self._make(function, args, table, binding=when if table is None else max(when, BindingTime.STEP))
 
     def _odd(self, function: str, a: int) -> int:
         minus = self._negated(a)

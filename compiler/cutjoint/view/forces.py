@@ -59,12 +59,12 @@ class ForceNodes(Placed):
         still = np.ones((1, 3)) if scale is None else scale
         return Node(name=name, parts=parts, translation=translation, rotation=rotation, scale=still, about={"element": name})
 
-    def _drawn_out(self, name: str, mesh: Mesh, start: Array, end: Array) -> Node:
-        """A mesh of unit length along z between two points (times, 3)."""
+    def _drawn_out(self, name: str, mesh: Mesh, start: Array, end: Array, axis: Array | None = None) -> Node:
+        """A mesh of unit length along z between two points (times, 3); one has a length and an ``axis`` where these coincide, too."""
         way = end - start
-        length = np.maximum(np.linalg.norm(way, axis=1), 1e-4 * self.sizes.extent)
+        length = np.maximum(np.linalg.norm(way, axis=1), self.sizes.shortest)
         scale = np.stack([np.ones_like(length), np.ones_like(length), length], axis=1)
-        seen = np.where(np.linalg.norm(way, axis=1, keepdims=True) > 1e-9 * self.sizes.extent, way, [0.0, 0.0, 1.0])
+        seen = np.where(np.linalg.norm(way, axis=1, keepdims=True) > 1e-9 * self.sizes.extent, way, self.up if axis is None else axis)
         return self._node(name, (Part(mesh=mesh, colour=STEEL, roughness=0.4),), start, along(seen), scale)
 
     def _axial(self, force: AxialForce) -> Node:
@@ -72,7 +72,7 @@ class ForceNodes(Placed):
         point, origin = self.place(force.follower, force.point), self.place(force.base, force.origin)
         axis = self.turn(force.base, force.axis)
         travel = np.sum((point - origin) * axis, axis=1, keepdims=True)
-        return self._drawn_out(force.name, meshes.coil(self.sizes.spring), point - travel * axis, point)
+        return self._drawn_out(force.name, meshes.coil(self.sizes.spring), point - travel * axis, point, axis)
 
     def _wheel(self, tyre: Tyre, centre: Array) -> Node:
         """A wheel that turns as far as it goes, which no coordinate of the model says."""

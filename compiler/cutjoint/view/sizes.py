@@ -34,6 +34,11 @@ class Sizes:
         """The radius of a coil."""
         return 0.026 * self.extent
 
+    @property
+    def shortest(self) -> float:
+        """The length of a coil between points that are one; as `templates/view/page/sliders.js` has it."""
+        return 0.013 * self.extent
+
 
 def point_of(numbers: Numbers, point: Vector) -> Array:
     """A point or direction of the design position as numbers (3,)."""

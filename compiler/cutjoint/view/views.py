@@ -156,9 +156,8 @@ def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Pat
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
     columns = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
-    drawing = draw(
-        placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=columns if path.suffix == PAGE else {}
-    )
+    has_arrows = path.suffix == PAGE and not shown.motions  # forces are known at the times of a run alone
+    drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=columns if has_arrows else {})
     times = motion_times()
     moving = {motion.name: draw(_placed(shown, motion.poses, times), times) for motion in shown.motions}
     glb = write_gltf(drawing, moving or None)

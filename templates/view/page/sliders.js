@@ -112,15 +112,14 @@ function placeOther(other) {
     node.quaternion.setFromRotationMatrix(frame).multiply(node.userData.own);
     return;
   }
-  const end = pointAt(other.to), start = pointAt(other.from);
+  const end = pointAt(other.to), start = pointAt(other.from), axis = new Vector3(...(other.axis ?? [0, 0, 1]));
   if (other.axis) {
-    const axis = new Vector3(...other.axis);
     if (other.from.body) axis.transformDirection(frames.get(other.from.body));
     start.copy(end).addScaledVector(axis, -end.clone().sub(start).dot(axis));
   }
-  const way = end.clone().sub(start), length = Math.max(way.length(), outlook.extent * 1e-4);
+  const way = end.clone().sub(start), length = Math.max(way.length(), outlook.extent * 0.013);
   node.position.copy(start);
-  node.quaternion.setFromUnitVectors(new Vector3(0, 0, 1), way.lengthSq() ? way.normalize() : new Vector3(0, 0, 1));
+  node.quaternion.setFromUnitVectors(new Vector3(0, 0, 1), way.lengthSq() ? way.normalize() : axis);
   node.scale.set(1, 1, length);
 }
 
