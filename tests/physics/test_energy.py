@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 from functools import cache
 from pathlib import Path
 
@@ -11,12 +12,14 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import EnergyBalance, Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
+from tests.fuzz import poses
 from tests.mechanisms.bouncing import bouncing_text
 
 pytestmark = needs_cpp
@@ -157,6 +160,18 @@ def test_a_guide_that_jumps_unseen_is_a_warning() -> None:
 def test_runs_that_are_right_have_no_warning(method: str) -> None:
     for dt in (1e-3, 5e-3):
         assert simulate(driven(method), integrator="trapezoidal", dt=dt).error.warnings == ()
+
+
+@pytest.mark.parametrize("seed", [8, 9, 11, 12, 29, 39, 515, 560])
+def test_rest_is_no_imbalance(seed: int) -> None:
+    """Planar mechanisms at rest: what moves them is what the search for rest and rounding leave, of which the steps keep no balance."""
+    case = {**json.loads(poses.make(random.Random(seed))), "held": []}
+    model = json.loads(poses.model_text(case, guided=False))
+    model["scenes"]["run"] = {"end": 0.5, "output_step": 0.1, "pose": "equilibrium"}
+    read = read_model_text(json.dumps(model), "resting.yaml")
+    run = simulate(compile_interpreted(read, read.scenes["run"]))
+    assert balance(run).share > 1e-3
+    assert run.error.warnings == ()
 
 
 @pytest.mark.parametrize("dt", [0.05, 0.01])

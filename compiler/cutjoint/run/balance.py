@@ -8,6 +8,9 @@ from cutjoint.run.results import EnergyBalance, Trajectory
 
 #: A smaller share of the energy in a run is no reason for a warning.
 _SMALL = 1e-3
+#: A mechanism whose energy is that of a smaller speed (m/s, rad/s) rests: a start at rest may accelerate by as much in a second, and the
+#: absolute tolerance of steps is this by default.
+_REST = 1e-6
 #: Steps explain so many times the change by one other run, whose defect may be the same by chance, and by more runs.
 _EXPLAINED_BY_ONE, _EXPLAINED = 100.0, 10.0
 
@@ -19,6 +22,8 @@ def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
     """
     balances = [other.energy for other in others if other.energy is not None and other.failure is None]
     if run.energy is None or not balances or not run.energy.share > _SMALL:
+        return ""
+    if run.energy.kinetic + run.energy.exchanged < run.energy.of_unit_speed * _REST**2:
         return ""
     change = max(abs(run.energy.defect - other.defect) for other in balances)
     explained = change * (_EXPLAINED_BY_ONE if len(balances) == 1 else _EXPLAINED)

@@ -82,11 +82,13 @@ class Residuals:
 @dataclass(frozen=True, kw_only=True)
 class EnergyBalance:
     """Work and energy of a run, J: the largest ``kinetic`` energy T, what forces, guides and drives have ``exchanged`` (the integral of
-    their power's absolute value), and the largest ``defect`` of T less its start and the work done; nan of what has no finite value."""
+    their power's absolute value), and the largest ``defect`` of T less its start and the work done; ``of_unit_speed`` is the largest T that
+    it had, or would have had, with a largest speed of 1 m/s or rad/s; nan of what has no finite value."""
 
     kinetic: float
     exchanged: float
     defect: float
+    of_unit_speed: float
 
     @property
     def share(self) -> float:

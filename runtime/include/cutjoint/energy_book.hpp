@@ -31,6 +31,7 @@ class EnergyBook {
     largest_ = std::max(largest_, kinetic);
     defect_ = kinetic - start_ - work_;
     if (!(abs(defect_) <= worst_)) worst_ = abs(defect_);
+    if (fastest > Real(0)) of_unit_speed_ = std::max(of_unit_speed_, kinetic / fastest / fastest);
     const Real share = Real(slow) / fastest;
     if (!(fastest <= Real(slow))) look(kinetic, kinetic * share * share);
     if (count_ > memory) levels_ = 0;
@@ -58,7 +59,8 @@ class EnergyBook {
   void summarise(Json& summary) const {
     summary["energy"] = Json{{"kinetic", number_or_null(static_cast<double>(largest_))},
                              {"exchanged", number_or_null(static_cast<double>(exchanged_))},
-                             {"defect", number_or_null(static_cast<double>(worst_))}};
+                             {"defect", number_or_null(static_cast<double>(worst_))},
+                             {"of_unit_speed", number_or_null(static_cast<double>(of_unit_speed_))}};
   }
 
  private:
@@ -93,7 +95,7 @@ class EnergyBook {
     }
   }
 
-  Real start_, largest_, work_{0}, exchanged_{0}, defect_{0}, worst_{0}, since_{0};
+  Real start_, largest_, work_{0}, exchanged_{0}, defect_{0}, worst_{0}, of_unit_speed_{0}, since_{0};
   int levels_ = 0;
   std::size_t count_ = 0;  ///< of entries since the last level
   std::array<Entry, memory> entries_{};
