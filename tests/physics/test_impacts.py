@@ -146,6 +146,14 @@ def test_a_place_that_jumps_is_no_impact(method: str, how: dict[str, Any]) -> No
     assert run.effort.impacts == ()
 
 
+def test_an_acceleration_that_jumps_is_no_impact() -> None:
+    """A rate that goes over within a ten-thousandth of a second is continuous, however steep."""
+    text = CART.replace("2*(t - BEGIN))", "where(t < BEGIN + 1e-4, 1e4*(t - BEGIN)**2, 2*(t - BEGIN) - 1e-4))")
+    for how in RUNS["recursive"]:
+        run = completed(simulate(_compiled(text, BETWEEN, "recursive"), error=False, **how))
+        assert run.effort.impacts == ()
+
+
 # Beside the dense twin
 
 BEGIN, STEP = 0.1, 0.02

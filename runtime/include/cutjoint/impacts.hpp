@@ -220,18 +220,25 @@ class Impacts {
     std::string element;
   };
 
+  /// A jump is more than what guides' accelerations change in as long a time beside it.
   bool rates_jump(const Vector& q, Real before, Real after) {
+    const Real change = change_of_rates(q, before, after), length = after - before;
+    return change > share() && change > 4 * std::max(change_of_rates(q, before - length, before), change_of_rates(q, after, after + length));
+  }
+
+  /// The largest change of what guides' rates change, each beside its size.
+  Real change_of_rates(const Vector& q, Real before, Real after) {
     using std::abs;
+    Real most(0);
     if (struck_.is_relative()) {
       const Real one = struck_.kinetic(q, probe_, before), other = struck_.kinetic(q, probe_, after);
       const Real guided = struck_.kinetic(q, still_, before), then = struck_.kinetic(q, still_, after);
-      if (abs(one - other) > share() * one || abs(guided - then) > share() * (guided + then + share() * one)) return true;
+      if (one > Real(0)) most = std::max(abs(one - other) / one, abs(guided - then) / (guided + then + share() * one));
     }
     rates_ = struck_.rates(q, still_, before);
     const Vector& now = struck_.rates(q, still_, after);
-    for (std::size_t i = 0; i < now.size(); ++i)
-      if (abs(now[i] - rates_[i]) > share() * (Real(1) + abs(now[i]))) return true;
-    return false;
+    for (std::size_t i = 0; i < now.size(); ++i) most = std::max(most, abs(now[i] - rates_[i]) / (Real(1) + abs(now[i])));
+    return most;
   }
 
   /// What another place of a guide changes: gaps of the equations, and masses as the free coordinates meet them.
