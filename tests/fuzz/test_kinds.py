@@ -19,8 +19,8 @@ pytestmark = needs_cpp
 
 #: Seeds that the tests try.
 SEEDS = {
-    "mechanisms": 8, "run_files": 60, "calls": 6, "disks": 2, "signals": 2, "caches": 1, "parts": 40, "lanes": 15, "meshes": 60, "impacts": 6,
-    "controllers": 4, "hosts": 200, "poses": 12, "friction": 12,
+    "mechanisms": 8, "run_files": 60, "calls": 6, "disks": 2, "signals": 2, "caches": 1, "parts": 40, "lanes": 15,
+    "meshes": 60, "impacts": 6, "controllers": 4, "hosts": 200, "poses": 12, "friction": 12,
 }
 
 
