@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import yaml
 from click.testing import CliRunner, Result
 from jsonschema import Draft202012Validator
 
-from cutjoint import cli
 from cutjoint.cli import main
 from tests.conftest import MODELS, ROOT
 from tests.mechanisms.gears import TEXT as GEARED
@@ -34,20 +32,6 @@ scenes: {still: {end: 0.1}, moved: {end: 0.1, positions: {rail.displacement: 0.5
 
 def call(*arguments: object) -> Result:
     return CliRunner().invoke(main, [str(a) for a in arguments])
-
-
-def test_a_command_of_a_package_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli, "entry_points", lambda **_: [])
-    result = call("bench", FOUR_BAR)
-    assert result.exit_code == 2
-    assert "Error: bench is a command of the package cutjoint-bench, which is not installed; pip install cutjoint-bench" in result.output
-
-
-def test_other_packages_add_commands_by_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    point = EntryPoint(name="bench", value="cutjoint_bench.command:command", group=cli.GROUP)
-    monkeypatch.setattr(cli, "entry_points", lambda *, group: [point] if group == "cutjoint.commands" else [])
-    assert "  bench " in call("--help").output
-    assert call("bench", "--help").output.startswith("Usage: main bench [OPTIONS] MODELS...")
 
 
 def test_check_prints_the_counts() -> None:

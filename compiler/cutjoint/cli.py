@@ -8,11 +8,11 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 import click
 
+from cutjoint.extensions import COMMANDS, MissingPackageError
 from cutjoint.model.printing import escaped_lines
 from cutjoint.run.stopping import Terminated, ended_by_signals
 
@@ -22,10 +22,6 @@ _COMMANDS = ("check", "compile", "equilibrium", "explain", "export", "modes", "r
 #: After how many new objects Python looks for cycles among them.  A command makes many that stay: with Python's 700, an eighth of its time
 #: and more goes there.
 _COLLECTION = 100_000
-
-#: The entry points by which other packages add commands, and the packages of this project that do.
-GROUP = "cutjoint.commands"
-_PACKAGES = {"bench": "cutjoint-bench"}
 
 
 class _Commands(click.Group):
@@ -39,7 +35,7 @@ class _Commands(click.Group):
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted({*_COMMANDS, *_added()})
+        return sorted({*_COMMANDS, *COMMANDS.installed()})
 
     def invoke(self, ctx: click.Context) -> object:
         """Call a command; a signal that ends it is no error, and its message says what there is of the results."""
@@ -54,11 +50,11 @@ class _Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in _COMMANDS:
             command = import_module(f"cutjoint.commands.{cmd_name}").command
-        elif (point := _added().get(cmd_name)) is not None:
-            command = point.load()
-        elif cmd_name in _PACKAGES:
-            package = _PACKAGES[cmd_name]
-            raise click.UsageError(f"{cmd_name} is a command of the package {package}, which is not installed; pip install {package}", ctx)
+        elif cmd_name in COMMANDS.names():
+            try:
+                command = COMMANDS.load(cmd_name)
+            except MissingPackageError as missing:
+                raise click.UsageError(str(missing), ctx) from None
         else:
             return None
         assert isinstance(command, click.Command)
@@ -105,11 +101,6 @@ def _is_utf_8(text: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
-
-
-def _added() -> dict[str, EntryPoint]:
-    """The commands of other packages."""
-    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 @click.group(cls=_Commands)

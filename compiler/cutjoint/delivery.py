@@ -14,7 +14,7 @@ from cutjoint.methods import DEFAULT_PRECISION, METHODS, either
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart
-from cutjoint.run.result_files import write_whole
+from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.standalone import Standalone, linearised_methods, make_standalone
 
 
@@ -35,8 +35,7 @@ class Delivery:
             OutputError: a file cannot be written.
         """
         built = simulator if self.alone is None else self.alone.build_simulator(flags)
-        for name, text in self.files.items():
-            write_whole(self.folder / name, text)
+        write_files(self.folder, self.files)
         os.chmod(write_whole(self.folder / self.program, built.read_bytes()), built.stat().st_mode & 0o777)
 
 

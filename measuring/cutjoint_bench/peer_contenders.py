@@ -11,9 +11,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cutjoint.export.peers import PEERS, Peer, write_export
+from cutjoint.run.result_files import write_files
 from cutjoint.run.results import Trajectory
 from cutjoint.run.steps import common_step
+from cutjoint_bench.export.peers import PEERS, Peer
 from cutjoint_bench.peers.run import available, run_peer
 from cutjoint_bench.records import Case, Contender
 
@@ -59,7 +60,7 @@ def peer_contenders() -> Iterator[Contender]:
 def _prepare(case: Case, *, peer: Peer, integrator: str) -> PeerRunner:
     export = peer.export(case.model, case.scene, case.parameters, case.outputs)
     folder = TemporaryDirectory(prefix="cutjoint-peer-")
-    write_export(export, Path(folder.name))
+    write_files(Path(folder.name), export.files)
     return PeerRunner(
         peer=peer, integrator=integrator, row=case.scene.output_step, end=case.scene.end, folder=folder, differences=export.differences,
         digest=sha256(json.dumps(dict(export.files), sort_keys=True).encode()).hexdigest(),

@@ -12,14 +12,25 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.export.columns import known_outputs
-from cutjoint.export.peers import PEERS, Peer, write_export
-from cutjoint.export.start import run_generic
+from cutjoint.methods import PLAIN_CLOSURE, Implementation
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Scene
-from cutjoint.run.scenes import find_scene, with_settings
+from cutjoint.run.errors import RunError
+from cutjoint.run.failures import describe_failure, places_of
+from cutjoint.run.options import PLAIN_STEPS
+from cutjoint.run.result_files import write_files
+from cutjoint.run.results import read_table
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.scenes import find_scene, with_closure, with_settings
+from cutjoint.run.simulator import call_simulator, failure_of
+from cutjoint.toolchain.build import build_generic
+from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint.topology.build import build_topology
+from cutjoint.topology.records import Topology
+from cutjoint.twin.mechanism import describe_generic
+from cutjoint_bench.export.columns import known_outputs
+from cutjoint_bench.export.peers import PEERS, Peer
 from cutjoint_bench.peers.run import available, build_peer, run_peer
 from tests.conftest import MODELS
 from tests.mechanisms.random_models import TIME, scene
@@ -99,7 +110,7 @@ def wheel(road: str, speed: str) -> Case:
 
 def exported(peer: str, case: Case, folder: Path) -> Path:
     """The case in a folder, ready to run."""
-    write_export(PEERS[peer].export(case.model, case.scene, case.parameters, case.outputs), folder)
+    write_files(folder, PEERS[peer].export(case.model, case.scene, case.parameters, case.outputs).files)
     return folder
 
 
@@ -136,3 +147,25 @@ def largest_differences(
     t, own = own_run(case, case.outputs, dt=own_dt, end=end, output_step=end / 10)
     np.testing.assert_allclose(run.t, t, atol=1e-9)
     return {name: float(np.abs(run[name] - own[name]).max()) for name in own}
+
+
+def run_generic(
+    topology: Topology, scene: Scene, parameters: Mapping[str, float], outputs: tuple[Output, ...]
+) -> tuple[Array, Mapping[str, Array]]:
+    """Time and columns of a scene in the generic simulator, which compiles nothing for a model.
+
+    Raises:
+        RunError: the scene has no start, or a step fails.
+        SimulatorError, ToolchainError: as for a run.
+    """
+    with temporary_folder() as folder:
+        (folder / "model.json").write_text(json.dumps(describe_generic(topology, scene, outputs)), encoding="utf-8")
+        run_file = make_run_file(
+            topology.model, with_closure(scene, PLAIN_CLOSURE), parameters, task="simulate", out=str(folder / "table.csv"),
+            implementation=Implementation.GENERIC, options=PLAIN_STEPS,
+        )  # fmt: skip
+        summary = call_simulator(build_generic().path, {**run_file, "model": str(folder / "model.json")})
+        if (failure := failure_of(summary)) is not None:
+            where = places_of(topology, scene)
+            raise RunError(describe_failure(failure, scene.name, where, Path(topology.model.span.file), parameters))
+        return read_table(folder / "table.csv")

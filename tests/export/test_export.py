@@ -11,16 +11,16 @@ import sympy
 from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
-from cutjoint.export.columns import known_outputs, make_columns
 from cutjoint.export.laws import expression
-from cutjoint.export.mechanism import build_mechanism
 from cutjoint.export.numbers import Numbers
-from cutjoint.export.peers import PEERS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Output
 from cutjoint.run.scenes import find_scene
+from cutjoint_bench.export.columns import known_outputs, make_columns
+from cutjoint_bench.export.mechanism import build_mechanism
+from cutjoint_bench.export.peers import PEERS
 from tests.conftest import MODELS
 from tests.export.own import case_of
 from tests.hash_seeds import outputs
@@ -51,7 +51,7 @@ def test_mujoco_is_told_to_differ_in_closed_loops(tmp_path: Path) -> None:
 
 SEEDED = """
 import hashlib
-from cutjoint.export.peers import PEERS
+from cutjoint_bench.export.peers import PEERS
 from cutjoint.model.link_masses import with_link_masses
 from tests.export.own import case_of
 case = case_of("iltis", "simul3")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 import sympy
 
-from cutjoint.export.exudyn import script_name
-from cutjoint.export.exudyn_laws import function
-from cutjoint.export.peers import PEERS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
+from cutjoint_bench.export.exudyn import script_name
+from cutjoint_bench.export.exudyn_laws import function
+from cutjoint_bench.export.peers import PEERS
 from tests.export.own import case_of
 
 

@@ -7,9 +7,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from cutjoint.export.peers import PEERS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
+from cutjoint_bench.export.peers import PEERS
 from tests.conftest import needs_cpp
 from tests.export.cases import GEARED, geared
 from tests.export.own import Case, exported

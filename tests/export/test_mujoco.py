@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from cutjoint.export.peers import PEERS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
+from cutjoint_bench.export.peers import PEERS
 from tests.conftest import MODELS
 from tests.export.own import Case, both_accelerations, exported, needs, vehicle
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.export.peers import PEERS
 from cutjoint.model.records import JointKind
+from cutjoint_bench.export.peers import PEERS
 from cutjoint_bench.peers.run import run_peer
 from tests.export.cases import turning_loop
 from tests.export.expected import EXPECTED, LOOPS, Course, Expected

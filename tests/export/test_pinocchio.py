@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.export.mechanism import build_mechanism
-from cutjoint.export.peers import PEERS
-from cutjoint.export.pinocchio_tree import build_tree
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import JointKind
 from cutjoint.run.scenes import find_scene
+from cutjoint_bench.export.mechanism import build_mechanism
+from cutjoint_bench.export.peers import PEERS
+from cutjoint_bench.export.pinocchio_tree import build_tree
 from cutjoint_bench.peers.run import run_peer
 from tests.export.cases import turning_loop
 from tests.export.own import Case, case_of, exported, needs, vehicle

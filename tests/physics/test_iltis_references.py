@@ -41,7 +41,7 @@ def test_nothing_strays_along_directions_without_stiffness() -> None:
     """The car may stand at any yaw: every simulator leaves it at that of the given pose, to the digits of differences by 1e-5."""
     assert find_equilibrium(ILTIS, scene="iavsd_equilibrium")["chassis.yaw"] == pytest.approx(0, abs=1e-9)
     model = read_model(ILTIS)
-    starts, _ = find_start(build_topology(model), model.scenes["iavsd_inphase_5"], {})  # by the generic simulator
+    starts, _ = find_start(build_topology(model), model.scenes["iavsd_inphase_5"], {})  # by interpretation
     assert starts["chassis"].rotation[1, 0] == pytest.approx(0, abs=1e-9)
 
 

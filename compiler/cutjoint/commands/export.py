@@ -9,14 +9,14 @@ import click
 from cutjoint.commands import options
 from cutjoint.commands.export_fmu import export_fmu, require_fmu
 from cutjoint.emit.standalone import INTEGRATORS_OF_CORE, STEPS
-from cutjoint.export.columns import known_outputs
 from cutjoint.export.fmu.archive import TARGETS
 from cutjoint.export.fmu.description import KINDS
-from cutjoint.export.peers import PEERS, write_export
+from cutjoint.extensions import EXPORTERS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.records import Model, Output
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_files
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.platforms import PLATFORMS
 from cutjoint.topology.reading import read_model
@@ -28,8 +28,8 @@ FMU = "fmu"
 @click.command("export")
 @options.model
 @options.scene
-@click.option("--to", "peer", type=click.Choice([*PEERS, FMU]), required=True,
-              help="The other simulator, or an FMU for those that import one.")
+@click.option("--to", "peer", type=click.Choice([*EXPORTERS.names(), FMU]), required=True,
+              help="The other simulator, for which cutjoint-bench is needed, or an FMU for those that import one.")
 @options.changes
 @options.links
 @click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True,
@@ -68,15 +68,16 @@ def command(
         peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None, target=target,
         **({} if content is None else {content: True}),
     )  # fmt: skip
+    exporter = EXPORTERS.load(peer)
     if out.exists() and not out.is_dir():
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
     checked = with_link_masses(read_model(model), options.read_masses(links))
     chosen = find_scene(checked, scene)
-    outputs = [_output(checked, name) for name in asked] or known_outputs(checked, chosen.outputs)
+    outputs = [_output(checked, name) for name in asked] or exporter.known_outputs(checked, chosen.outputs)
     with options.progress_bar(f"exporting {model.name}"):
-        exported = PEERS[peer].export(checked, chosen, options.read_parameters(changes), outputs)
+        exported = exporter.export(checked, chosen, options.read_parameters(changes), outputs)
     require_apart({"the model": model}, documents=[(f"--out {out}: file", out / name) for name in exported.files])
-    write_export(exported, out)
+    write_files(out, exported.files)
     for sentence in exported.differences:
         options.out.print(sentence, markup=False)
     if left_out := [o.column for o in chosen.outputs if not asked and o not in outputs]:

@@ -138,6 +138,7 @@ def _user_errors() -> tuple[type[Exception], ...]:
     """Imported where something is raised: a cached run needs none of the stages that these belong to."""
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
+    from cutjoint.extensions import MissingPackageError
     from cutjoint.model.errors import ModelError
     from cutjoint.program.blocks import ConstantError
     from cutjoint.realtime import FailedRealTimeError
@@ -150,8 +151,8 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from cutjoint.topology.spanning_tree import TopologyError
 
     return (
-        ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, RunError, SimulatorError, ToolchainError,
-        NoEquilibriumError, FailedRunError, FailedBatchError, FailedRealTimeError, OutputError, OSError,
+        ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, MissingPackageError, RunError,
+        SimulatorError, ToolchainError, NoEquilibriumError, FailedRunError, FailedBatchError, FailedRealTimeError, OutputError, OSError,
     )  # fmt: skip
 
 

@@ -223,8 +223,13 @@ def compiled(
 @cache
 def environment() -> jinja2.Environment:
     """How templates are rendered."""
+    return make_environment(templates_folder())
+
+
+def make_environment(folder: Path) -> jinja2.Environment:
+    """How the templates of a folder are rendered."""
     return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(templates_folder()), undefined=jinja2.StrictUndefined, trim_blocks=True,
+        loader=jinja2.FileSystemLoader(folder), undefined=jinja2.StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
 

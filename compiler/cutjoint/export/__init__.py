@@ -1,1 +1,1 @@
-"""Models for other simulators: peers in which the same mechanism runs."""
+"""Models for other programs: as FMUs, and what exporters of other packages share with views."""

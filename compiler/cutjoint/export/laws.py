@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import sympy
@@ -57,11 +56,6 @@ def real(value: float) -> str:
     if not math.isfinite(value):
         raise ValueError(f"{value} has no place in a law")
     return f"({value!r})" if value < 0 else repr(value)
-
-
-def vector(values: Iterable[float]) -> str:
-    """Numbers as a braced list."""
-    return f"{{{', '.join(repr(float(v)) for v in values)}}}"
 
 
 def expression(law: Scalar) -> str:

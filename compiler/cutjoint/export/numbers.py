@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import sympy
 
-from cutjoint.export.records import Triple
 from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.run.run_file import given_inputs, parameter_values
+
+#: Components in the global frame.
+Triple: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,28 +1,23 @@
-"""Where a scene starts: the pose and the velocities of every body, found by the generic simulator."""
+"""Where a scene starts: the pose and the velocities of every body, found by interpretation."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.methods import PLAIN_CLOSURE, Implementation
+from cutjoint.interpreted import compile_interpreted
+from cutjoint.methods import PLAIN_CLOSURE
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
+from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.errors import RunError
-from cutjoint.run.failures import describe_failure, places_of
+from cutjoint.run.failures import describe_failure
 from cutjoint.run.options import PLAIN_STEPS
-from cutjoint.run.results import read_table
-from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_closure
-from cutjoint.run.simulator import call_simulator, failure_of
-from cutjoint.toolchain.build import build_generic
-from cutjoint.toolchain.temporary import temporary_folder
+from cutjoint.run.simulator_run import start
 from cutjoint.topology.records import Topology
-from cutjoint.twin.mechanism import describe_generic
 
 Array = NDArray[np.float64]
 
@@ -49,39 +44,21 @@ def find_start(
 
     Raises:
         RunError: the scene has no start.
+        NoInertiaError, GuideError: the model is wrong.
         SimulatorError, ToolchainError: as for a run.
     """
     model = topology.model
     markers = tuple(m for body in model.bodies for m in markers_of(model, body.name))
-    marked = replace(topology, model=replace(model, markers=(*model.markers, *markers)))
-    _, columns = run_generic(marked, replace(scene, end=0.0), parameters, tuple(_outputs(topology, markers)))
-    values = {name: float(rows[0]) for name, rows in columns.items()}
+    marked, still = replace(model, markers=(*model.markers, *markers)), with_closure(replace(scene, end=0.0), PLAIN_CLOSURE)
+    artifact = compile_interpreted(marked, still, outputs=tuple(_outputs(topology, markers)))
+    run = start(make_simulator_run(artifact, PLAIN_STEPS, parameters))
+    if run.failure is not None:
+        raise RunError(describe_failure(run.failure, scene.name, artifact.places, artifact.file, parameters))
+    values = {name: float(rows[0]) for name, rows in run.columns.items()}
     designs = {body.name: markers_of(model, body.name) for body in model.bodies}
     starts = {name: _start(name, values, len(markers)) for name, markers in designs.items()}
     coordinates = {t.joint.name: tuple(values[f"{t.joint.name}.{c}"] for c in COORDINATES[t.joint.kind]) for t in topology.tree}
     return starts, coordinates
-
-
-def run_generic(
-    topology: Topology, scene: Scene, parameters: Mapping[str, float], outputs: tuple[Output, ...]
-) -> tuple[Array, Mapping[str, Array]]:
-    """Time and columns of a scene in the generic simulator, which compiles nothing for a model.
-
-    Raises:
-        RunError: the scene has no start, or a step fails.
-        SimulatorError, ToolchainError: as for a run.
-    """
-    with temporary_folder() as folder:
-        (folder / "model.json").write_text(json.dumps(describe_generic(topology, scene, outputs)), encoding="utf-8")
-        run_file = make_run_file(
-            topology.model, with_closure(scene, PLAIN_CLOSURE), parameters, task="simulate", out=str(folder / "table.csv"),
-            implementation=Implementation.GENERIC, options=PLAIN_STEPS,
-        )  # fmt: skip
-        summary = call_simulator(build_generic().path, {**run_file, "model": str(folder / "model.json")})
-        if (failure := failure_of(summary)) is not None:
-            where = places_of(topology, scene)
-            raise RunError(describe_failure(failure, scene.name, where, Path(topology.model.span.file), parameters))
-        return read_table(folder / "table.csv")
 
 
 def markers_of(model: Model, body: str) -> tuple[Marker, ...]:

@@ -205,6 +205,12 @@ def write_whole(path: Path, content: str | bytes) -> Path:
     return path
 
 
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write files by name into a folder, each as `write_whole` does; errors as there."""
+    for name, text in files.items():
+        write_whole(folder / name, text)
+
+
 def write_all(file: BinaryIO, data: bytes) -> None:
     """Write all of ``data`` at once, past any buffer."""
     rest = memoryview(data)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from cutjoint.export.exudyn import MODULES
-from cutjoint.export.pinocchio import DEFINITIONS, ENGINE
 from cutjoint.toolchain.temporary import temporary_folder
+from cutjoint_bench.export.exudyn import MODULES
+from cutjoint_bench.export.pinocchio import DEFINITIONS, ENGINE
 from cutjoint_bench.peers.compile_cpp import compile_program, module_folder
 
 

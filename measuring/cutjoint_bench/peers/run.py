@@ -11,12 +11,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cutjoint.export.peers import Peer
 from cutjoint.model.quantities import QUANTITIES
 from cutjoint.model.records import Body
 from cutjoint.run.results import FailureReport, Trajectory, read_table
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.temporary import temporary_folder
+from cutjoint_bench.export.peers import Peer
 from cutjoint_bench.peers.build import build_exudyn, build_mujoco, build_pinocchio
 
 

@@ -9,10 +9,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cutjoint.elements.joint import AXIAL_FRAME, Ball, Direction, Offset, Slide, Turn
-from cutjoint.export.records import Mechanism, PeerJoint, Triple
+from cutjoint.export.numbers import Triple
 from cutjoint.export.start import Array
 from cutjoint.model.errors import Problem
 from cutjoint.model.records import GROUND, Force, JointKind
+from cutjoint_bench.export.records import Mechanism, PeerJoint
 
 #: Where the axes of a frame point.
 Frame: TypeAlias = tuple[Triple, Triple, Triple]

@@ -8,20 +8,20 @@ from textwrap import fill
 
 import sympy
 
-from cutjoint.emit.source import environment
-from cutjoint.export.chains import gear_problems, joint_force_problems
-from cutjoint.export.columns import make_columns
-from cutjoint.export.exudyn_forces import ForceWriter, road_statements
-from cutjoint.export.exudyn_joints import Constraint, constrain, independent_cuts, joint_problems, locked
-from cutjoint.export.exudyn_laws import function
-from cutjoint.export.forces_cpp import arm
-from cutjoint.export.mechanism import build_mechanism
 from cutjoint.export.numbers import Numbers
-from cutjoint.export.records import Column, Export, Mechanism, PeerJoint, RigidBody
+from cutjoint.extensions import Export
 from cutjoint.formulate.inputs import TIME
-from cutjoint.locations import templates_folder
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, JointKind, Model, Output, Scene
+from cutjoint_bench.export.chains import gear_problems, joint_force_problems
+from cutjoint_bench.export.columns import make_columns
+from cutjoint_bench.export.exudyn_forces import ForceWriter, road_statements
+from cutjoint_bench.export.exudyn_joints import Constraint, constrain, independent_cuts, joint_problems, locked
+from cutjoint_bench.export.exudyn_laws import function
+from cutjoint_bench.export.forces_cpp import arm
+from cutjoint_bench.export.mechanism import build_mechanism
+from cutjoint_bench.export.printing import TEMPLATES, environment
+from cutjoint_bench.export.records import Column, Mechanism, PeerJoint, RigidBody
 
 INTEGRATORS = ("generalized_alpha", "trapezoidal_index2")
 
@@ -48,14 +48,13 @@ def export_exudyn(model: Model, scene: Scene, parameters: Mapping[str, float], o
     differences = tuple(_differences(mechanism, left_out))
     name = script_name(model.name)
     constraints = [constraint for constraint in (*map(constrain, mechanism.tree), *cuts) if any(constraint.locked)]
-    text = environment().get_template("export/exudyn.py.jinja").render(
+    text = environment().get_template("exudyn.py.jinja").render(
         name=model.name, scene=scene.name, script=name, differences=[fill(d, 138) for d in differences], integrator=INTEGRATORS[0],
         gravity=repr(mechanism.gravity), bodies=[_body(body) for body in mechanism.bodies], parts=list(_parts(mechanism)),
         joints=[{"name": c.joint.name, "statements": list(_joint(mechanism, c))} for c in constraints],
         columns=[_column(mechanism, column) for column in columns], **_forces(mechanism, numbers, scene),
     )  # fmt: skip
-    folder = templates_folder() / "export"
-    modules = {f"{module}.py": (folder / f"{module}.py").read_text(encoding="utf-8") for module in MODULES}
+    modules = {f"{module}.py": (TEMPLATES / f"{module}.py").read_text(encoding="utf-8") for module in MODULES}
     return Export(files={name: text, **modules}, differences=differences)
 
 

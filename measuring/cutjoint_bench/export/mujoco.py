@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 
-from cutjoint.emit.source import environment
-from cutjoint.export.columns import make_columns
-from cutjoint.export.forces_cpp import Forces, write_forces
-from cutjoint.export.mechanism import build_mechanism
-from cutjoint.export.mujoco_model import Mjcf, body_name, write_mjcf
 from cutjoint.export.numbers import Numbers
-from cutjoint.export.program_cpp import column_text, offset, part_texts, support_files
-from cutjoint.export.records import Column, Export, Mechanism
+from cutjoint.extensions import Export
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint_bench.export.columns import make_columns
+from cutjoint_bench.export.forces_cpp import Forces, write_forces
+from cutjoint_bench.export.mechanism import build_mechanism
+from cutjoint_bench.export.mujoco_model import Mjcf, body_name, write_mjcf
+from cutjoint_bench.export.printing import environment
+from cutjoint_bench.export.program_cpp import column_text, offset, part_texts, support_files
+from cutjoint_bench.export.records import Column, Mechanism
 
 INTEGRATORS = ("rk4", "euler", "implicit", "implicitfast")
 
@@ -57,7 +58,7 @@ def _differences(mechanism: Mechanism, mjcf: Mjcf) -> Iterator[str]:
 
 
 def _program(mechanism: Mechanism, mjcf: Mjcf, forces: Forces, columns: Sequence[Column], differences: Sequence[str]) -> str:
-    return environment().get_template("export/mujoco.cpp.jinja").render(
+    return environment().get_template("mujoco.cpp.jinja").render(
         name=mechanism.name, bodies=[json.dumps(body_name(name)) for name in forces.bodies], differences=differences,
         columns=[column_text(mechanism, forces, c) for c in columns], parts=part_texts(mechanism, forces),
         guide_inertia=repr(mjcf.guide_inertia),

@@ -10,13 +10,13 @@ import sympy
 
 from cutjoint.elements.force import Compliance, Point, RoadContact, Stretch, Travel, Wrench
 from cutjoint.emit.names import unique
-from cutjoint.emit.source import environment
-from cutjoint.export.laws import expression, vector
-from cutjoint.export.numbers import Numbers
-from cutjoint.export.records import Mechanism, Triple
+from cutjoint.export.laws import expression
+from cutjoint.export.numbers import Numbers, Triple
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.records import COORDINATES, GROUND, Force, Scalar, Scene, Vector
 from cutjoint.run.roads import Piece, road_pieces
+from cutjoint_bench.export.printing import environment, vector
+from cutjoint_bench.export.records import Mechanism
 
 #: What the template is given of a part of the header.
 View: TypeAlias = Mapping[str, Any]
@@ -50,7 +50,7 @@ def write_forces(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> Forces
     bodies, roads = body_names(mechanism), _roads(mechanism, numbers, scene)
     joint_forces, guides = _joint_forces(mechanism, numbers), list(_guides(mechanism))
     writer = _Writer(mechanism, numbers, bodies, {radius: road["name"] for radius, road in roads.items()})
-    text = environment().get_template("export/forces.hpp.jinja").render(
+    text = environment().get_template("forces.hpp.jinja").render(
         name=mechanism.name, bodies=list(bodies.values()), roads=list(roads.values()), joint_forces=joint_forces, guides=guides,
         forces=[{"name": f.name, "call": writer.call(f)} for f in mechanism.forces if not f.joint_of],
     )  # fmt: skip

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cutjoint.export.numbers import Numbers
-from cutjoint.export.records import Column, Mechanism
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Body, Marker, Model, Output
+from cutjoint_bench.export.records import Column, Mechanism
 
 #: What peers report of bodies and markers.
 MOTION = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz")

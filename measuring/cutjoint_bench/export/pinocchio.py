@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 
-from cutjoint.emit.source import environment
-from cutjoint.export.chains import chain_problems, gear_problems
-from cutjoint.export.columns import make_columns
-from cutjoint.export.forces_cpp import write_forces
-from cutjoint.export.laws import vector
-from cutjoint.export.mechanism import build_mechanism
 from cutjoint.export.numbers import Numbers
-from cutjoint.export.pinocchio_tree import Contact, Mass, Tree, TreeJoint, build_tree
-from cutjoint.export.program_cpp import column_text, offset, part_texts, support_files
-from cutjoint.export.records import Export, Mechanism
+from cutjoint.extensions import Export
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint_bench.export.chains import chain_problems, gear_problems
+from cutjoint_bench.export.columns import make_columns
+from cutjoint_bench.export.forces_cpp import write_forces
+from cutjoint_bench.export.mechanism import build_mechanism
+from cutjoint_bench.export.pinocchio_tree import Contact, Mass, Tree, TreeJoint, build_tree
+from cutjoint_bench.export.printing import environment, vector
+from cutjoint_bench.export.program_cpp import column_text, offset, part_texts, support_files
+from cutjoint_bench.export.records import Mechanism
 
 INTEGRATORS = ("rk4", "semi_implicit_euler")
 
@@ -46,7 +46,7 @@ def export_pinocchio(model: Model, scene: Scene, parameters: Mapping[str, float]
     columns = make_columns(model, mechanism, numbers, outputs)
     tree, forces = build_tree(model, scene, mechanism), write_forces(mechanism, numbers, scene)
     differences, numerics = tuple(_differences(mechanism, tree)), scene.numerics.of_method("recursive")
-    program = environment().get_template("export/pinocchio.cpp.jinja").render(
+    program = environment().get_template("pinocchio.cpp.jinja").render(
         name=mechanism.name, scene=scene.name, differences=differences, definitions=" ".join(DEFINITIONS), integrator=INTEGRATORS[0],
         joints=[_joint(joint) for joint in tree.joints], masses=[_mass(mass) for mass in tree.masses],
         bodies=[f"{{{tree.outermost[body.name]}, {vector(body.centre)}}}" for body in mechanism.bodies],

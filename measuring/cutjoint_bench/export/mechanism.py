@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.elements.joint import Direction
-from cutjoint.export.numbers import Numbers
-from cutjoint.export.records import Matrix, Mechanism, PeerGear, PeerJoint, Place, RigidBody, Triple
+from cutjoint.export.numbers import Numbers, Triple
 from cutjoint.export.start import Array, Start, find_start
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
@@ -20,6 +19,7 @@ from cutjoint.model.reduced import is_reduced
 from cutjoint.run.errors import RunError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, TreeJoint
+from cutjoint_bench.export.records import Matrix, Mechanism, PeerGear, PeerJoint, Place, RigidBody
 
 
 def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Mechanism:

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cutjoint.export.chains import Part, chain, frame, speeds, triple
-from cutjoint.export.independence import Row, independent_rows
-from cutjoint.export.records import Mechanism, PeerJoint, RigidBody, Triple
+from cutjoint.export.numbers import Triple
 from cutjoint.export.start import Array
 from cutjoint.model.records import GROUND, JointKind, Model, Scene
+from cutjoint_bench.export.chains import Part, chain, frame, speeds, triple
+from cutjoint_bench.export.independence import Row, independent_rows
+from cutjoint_bench.export.records import Mechanism, PeerJoint, RigidBody
 
 #: The ground in place of a joint.
 NO_JOINT = -1

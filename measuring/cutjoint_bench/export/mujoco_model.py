@@ -8,11 +8,12 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from cutjoint.export.chains import Part, chain, chain_problems, speeds
-from cutjoint.export.records import Mechanism, PeerGear, PeerJoint, RigidBody, Triple
+from cutjoint.export.numbers import Triple
 from cutjoint.export.start import Array
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import COORDINATES, GROUND, JointKind
+from cutjoint_bench.export.chains import Part, chain, chain_problems, speeds
+from cutjoint_bench.export.records import Mechanism, PeerGear, PeerJoint, RigidBody
 
 #: Equality constraints as hard as MuJoCo allows: a time constant that it raises to two steps, and the largest impedance.
 SOLREF, SOLIMP = "0.0001 1", "0.9999 0.9999 0.001 0.5 2"

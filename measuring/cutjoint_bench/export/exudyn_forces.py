@@ -10,17 +10,17 @@ import numpy as np
 import sympy
 
 from cutjoint.elements.force import Compliance, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
-from cutjoint.export.chains import frame
-from cutjoint.export.exudyn_laws import function
-from cutjoint.export.forces_cpp import arm, radii_on_road
-from cutjoint.export.numbers import Numbers
-from cutjoint.export.records import Mechanism, PeerJoint, Place, Triple
+from cutjoint.export.numbers import Numbers, Triple
 from cutjoint.export.start import Array
 from cutjoint.formulate.forces import LENGTH, RATE
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import COORDINATES, GROUND, Force, JointKind, Scalar, Scene, Vector
 from cutjoint.run.roads import road_pieces
+from cutjoint_bench.export.chains import frame
+from cutjoint_bench.export.exudyn_laws import function
+from cutjoint_bench.export.forces_cpp import arm, radii_on_road
+from cutjoint_bench.export.records import Mechanism, PeerJoint, Place
 
 _GLOBAL: Sequence[Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 _PLACE, _SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("wx", "wy", "wz")

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 
-from cutjoint.export.columns import MOTION
-from cutjoint.export.forces_cpp import Forces, Term, arm
-from cutjoint.export.laws import vector
-from cutjoint.export.records import Column, Mechanism
-from cutjoint.locations import templates_folder
 from cutjoint.model.records import GROUND
+from cutjoint_bench.export.columns import MOTION
+from cutjoint_bench.export.forces_cpp import Forces, Term, arm
+from cutjoint_bench.export.printing import TEMPLATES, vector
+from cutjoint_bench.export.records import Column, Mechanism
 
 
 def support_files(*further: str) -> dict[str, str]:
     """The headers that are the same for all models, those that all peers have and further ones."""
-    folder = templates_folder() / "export"
-    return {name: (folder / name).read_text(encoding="utf-8") for name in ("mechanics.hpp", "program.hpp", *further)}
+    return {name: (TEMPLATES / name).read_text(encoding="utf-8") for name in ("mechanics.hpp", "program.hpp", *further)}
 
 
 def column_text(mechanism: Mechanism, forces: Forces, column: Column) -> str:

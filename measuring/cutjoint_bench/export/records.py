@@ -12,20 +12,11 @@ from typing import TypeAlias
 
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
+from cutjoint.export.numbers import Triple
 from cutjoint.model.records import Force, JointKind, Scalar, Span
 
-#: Components in the global frame.
-Triple: TypeAlias = tuple[float, float, float]
 #: Three rows.
 Matrix: TypeAlias = tuple[Triple, Triple, Triple]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Export:
-    """Files by name, and sentences on what the peer cannot have the same."""
-
-    files: Mapping[str, str]
-    differences: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

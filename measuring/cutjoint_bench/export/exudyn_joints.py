@@ -22,12 +22,12 @@ from cutjoint.elements.joint import (
     SamePoint,
     Slide,
 )
-from cutjoint.export.chains import Frame, frame, triple
-from cutjoint.export.independence import Row, independent_rows
-from cutjoint.export.records import Mechanism, PeerJoint
 from cutjoint.export.start import Array
 from cutjoint.model.errors import Problem
 from cutjoint.model.records import Model, Scene
+from cutjoint_bench.export.chains import Frame, frame, triple
+from cutjoint_bench.export.independence import Row, independent_rows
+from cutjoint_bench.export.records import Mechanism, PeerJoint
 
 #: Which slides along and turns about a joint's frame a condition locks; the joint's axis is the frame's third.
 _LOCKED_BY: Mapping[Condition, tuple[int, ...]] = {

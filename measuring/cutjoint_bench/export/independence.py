@@ -10,7 +10,7 @@ import numpy as np
 from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
 from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import choose_independent
-from cutjoint.export.records import Mechanism, Place, Triple
+from cutjoint.export.numbers import Triple
 from cutjoint.export.start import markers_of
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -18,6 +18,7 @@ from cutjoint.model.records import GROUND, Model, Output, Scene
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.conditioning import TOLERANCE
+from cutjoint_bench.export.records import Mechanism, Place
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,80 @@
+"""The door for other packages: what they add to cutjoint, by entry points.
+
+A `Door` is a group of entry points, and the contract that each of them gives.  The additions of this project's own packages are known by
+their names, so that a command offers them, and names the package of one that is not installed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+if TYPE_CHECKING:
+    from cutjoint.model.records import Model, Output, Scene
+
+C = TypeVar("C")
+
+_BENCH = "cutjoint-bench"
+
+
+class MissingPackageError(RuntimeError):
+    """An addition is asked for whose package is not installed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """Files by name, and sentences on what the other simulator cannot have the same."""
+
+    files: Mapping[str, str]
+    differences: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exporter:
+    """Another simulator for which models become programs.
+
+    ``export`` makes the files of a model in a scene with changed parameters (SI units) and the outputs to report.  ``known_outputs`` are
+    those of some outputs that the simulator reports, or others where it reports none of them.
+    """
+
+    name: str
+    export: Callable[[Model, Scene, Mapping[str, float], Sequence[Output]], Export]
+    known_outputs: Callable[[Model, Sequence[Output]], tuple[Output, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Door(Generic[C]):
+    """A kind of additions: its ``group`` of entry points, ``what`` each is in a message, and the package of each addition that is known."""
+
+    group: str
+    what: str
+    packages: Mapping[str, str]
+
+    def names(self) -> list[str]:
+        """The known additions, then those of other packages that are installed."""
+        return list({**self.packages, **self.installed()})
+
+    def load(self, name: str) -> C:
+        """An addition by its name.
+
+        Raises:
+            MissingPackageError: its package is not installed.
+        """
+        if (point := self.installed().get(name)) is not None:
+            return cast(C, point.load())
+        package = self.packages[name]
+        raise MissingPackageError(f"{name} is {self.what} of the package {package}, which is not installed; pip install {package}")
+
+    def installed(self) -> dict[str, EntryPoint]:
+        """The entry points that there are, by name."""
+        return {point.name: point for point in entry_points(group=self.group)}
+
+
+#: Commands of click.
+COMMANDS: Door[Any] = Door(group="cutjoint.commands", what="a command", packages={"bench": _BENCH})
+
+EXPORTERS: Door[Exporter] = Door(
+    group="cutjoint.exporters", what="an export", packages=dict.fromkeys(("mujoco", "exudyn", "pinocchio"), _BENCH)
+)

@@ -1,0 +1,86 @@
+"""What other packages add: by entry points, and named where it is not installed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from cutjoint import extensions
+from cutjoint.cli import main
+from cutjoint.commands.export import command
+from cutjoint.extensions import COMMANDS, EXPORTERS, Door, Export, Exporter, MissingPackageError
+from cutjoint.model.records import Model, Output, Scene
+from tests.conftest import MODELS
+
+FOUR_BAR = MODELS / "four_bar.yaml"
+
+DOORS = (COMMANDS, EXPORTERS)
+KNOWN = [(door, name) for door in DOORS for name in door.packages]
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def install(monkeypatch: pytest.MonkeyPatch, *points: EntryPoint) -> None:
+    """Make these the only entry points that are installed."""
+    monkeypatch.setattr(extensions, "entry_points", lambda *, group: [p for p in points if p.group == group])
+
+
+@pytest.mark.parametrize(("door", "name"), KNOWN, ids=[name for _, name in KNOWN])
+def test_every_known_addition_is_there_or_its_package_is_named(door: Door[Any], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert door.load(name).name == name
+    install(monkeypatch)
+    assert name in door.names()
+    with pytest.raises(MissingPackageError) as missing:
+        door.load(name)
+    assert str(missing.value) == f"{name} is {door.what} of the package cutjoint-bench, which is not installed; pip install cutjoint-bench"
+
+
+def test_a_command_of_a_package_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    install(monkeypatch)
+    result = call("bench", FOUR_BAR)
+    assert result.exit_code == 2
+    assert "Error: bench is a command of the package cutjoint-bench, which is not installed; pip install cutjoint-bench" in result.output
+
+
+def test_other_packages_add_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    install(monkeypatch, EntryPoint(name="bench", value="cutjoint_bench.command:command", group="cutjoint.commands"))
+    assert "  bench " in call("--help").output
+    assert call("bench", "--help").output.startswith("Usage: main bench [OPTIONS] MODELS...")
+
+
+@pytest.mark.parametrize("peer", EXPORTERS.packages)
+def test_an_export_of_a_package_that_is_not_installed(peer: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    install(monkeypatch)
+    result = call("export", FOUR_BAR, "--to", peer, "--out", tmp_path / "out")
+    assert (result.exit_code, result.output) == (
+        1, f"{peer} is an export of the package cutjoint-bench, which is not installed; pip install cutjoint-bench\n"
+    )  # fmt: skip
+    assert not (tmp_path / "out").exists()
+
+
+def _list_bodies(model: Model, scene: Scene, parameters: Mapping[str, float], outputs: object) -> Export:
+    names = " ".join(body.name for body in model.bodies)
+    return Export(files={"bodies.txt": f"{scene.name} {dict(parameters)}: {names}"}, differences=("Nothing moves.",))
+
+
+def _none(model: Model, outputs: object) -> tuple[Output, ...]:
+    return ()
+
+
+BODIES = Exporter(name="mujoco", export=_list_bodies, known_outputs=_none)
+
+
+def test_other_packages_add_exports(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """One of a known name too, so that a package may have its own."""
+    install(monkeypatch, EntryPoint(name="mujoco", value="tests.test_extensions:BODIES", group="cutjoint.exporters"))
+    result = CliRunner().invoke(command, [str(FOUR_BAR), "--to", "mujoco", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert "Nothing moves." in result.output
+    assert (tmp_path / "bodies.txt").read_text() == "swing {}: crank_0.bar crank_1.bar crank_2.bar coupler_1.bar coupler_2.bar"
