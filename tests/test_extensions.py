@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -10,16 +13,19 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from cutjoint import extensions
+from cutjoint import extensions, prepared
 from cutjoint.cli import main
 from cutjoint.commands.export import command
-from cutjoint.extensions import COMMANDS, EXPORTERS, Door, Export, Exporter, MissingPackageError
+from cutjoint.extensions import COMMANDS, EXPORTERS, IMPLEMENTATIONS, Door, Export, Exporter, MissingPackageError
+from cutjoint.methods import Implementation
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint.prepared import Request
+from cutjoint_bench.twin import backend
 from tests.conftest import MODELS
 
 FOUR_BAR = MODELS / "four_bar.yaml"
 
-DOORS = (COMMANDS, EXPORTERS)
+DOORS = (COMMANDS, EXPORTERS, IMPLEMENTATIONS)
 KNOWN = [(door, name) for door in DOORS for name in door.packages]
 
 
@@ -63,6 +69,41 @@ def test_an_export_of_a_package_that_is_not_installed(peer: str, monkeypatch: py
         1, f"{peer} is an export of the package cutjoint-bench, which is not installed; pip install cutjoint-bench\n"
     )  # fmt: skip
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("how", [(), ("--precision", "single")], ids=" ".join)
+def test_an_implementation_that_is_not_installed(how: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    install(monkeypatch)
+    result = call("simulate", FOUR_BAR, "--implementation", "generic", *how, "--out", tmp_path / "out.csv")
+    assert (result.exit_code, result.output.strip()) == (
+        1, "generic is an implementation of the package cutjoint-bench, which is not installed; pip install cutjoint-bench"
+    )  # fmt: skip
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_implementations_of_other_packages_have_their_place_in_the_catalogue() -> None:
+    assert set(IMPLEMENTATIONS.names()) == {x.value for x in Implementation if x.is_twin}
+
+
+def test_a_backend_is_imported_without_what_compiles() -> None:
+    """A cached run needs its code's digest."""
+    heavy = outputs_of("import sys; import cutjoint_bench.twin.backend; print('sympy' in sys.modules, 'cutjoint.pipeline' in sys.modules)")
+    assert heavy == "False False\n"
+
+
+def test_a_cached_run_follows_from_the_code_of_its_backend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    places: dict[str, set[Path]] = {"generic": set(), "generated": set()}
+    for text in ("one", "other"):
+        (tmp_path / text).mkdir()
+        (tmp_path / text / "code.hpp").write_text(text, encoding="utf-8")
+        monkeypatch.setattr(backend, "BACKEND", replace(backend.BACKEND, code=(tmp_path / text,)))
+        for how, found in places.items():
+            found.add(prepared._place(Request(model=FOUR_BAR, implementation=how), b""))
+    assert {how: len(found) for how, found in places.items()} == {"generic": 2, "generated": 1}
+
+
+def outputs_of(script: str) -> str:
+    return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
 
 
 def _list_bodies(model: Model, scene: Scene, parameters: Mapping[str, float], outputs: object) -> Export:

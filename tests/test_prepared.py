@@ -47,7 +47,7 @@ scenes:
 
 #: What a run that is compiled does without: other commands' packages, and what measures.
 LATER = (
-    "cutjoint.reduce", "cutjoint.twin", "cutjoint.export", "cutjoint.view", "cutjoint.report.explain", "cutjoint.report.reductions",
+    "cutjoint.reduce", "cutjoint.export", "cutjoint.view", "cutjoint.report.explain", "cutjoint.report.reductions",
     "cutjoint_bench",
 )  # fmt: skip
 

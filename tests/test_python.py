@@ -19,7 +19,7 @@ import cutjoint
 from cutjoint.batch import BatchArtifact
 from cutjoint.cli import main
 from cutjoint.run.artifact import Artifact
-from cutjoint.twin.artifact import compile_generic_model
+from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.fuzz.press import environment
 

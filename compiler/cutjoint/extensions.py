@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Output, Scene
+    from cutjoint.run.artifact import Artifact
 
 C = TypeVar("C")
 
@@ -42,6 +44,19 @@ class Exporter:
     name: str
     export: Callable[[Model, Scene, Mapping[str, float], Sequence[Output]], Export]
     known_outputs: Callable[[Model, Sequence[Output]], tuple[Output, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Backend:
+    """An implementation of models beside generated code and its interpreter.
+
+    ``compile`` makes a simulator ready for a model in a scene by a method.  ``code`` are the folders of all that it is made of, besides the
+    product: cached runs follow from them.  It is imported for cached runs too, and so imports what compiles when that is called.
+    """
+
+    name: str
+    compile: Callable[[Model, Scene, str], Artifact]
+    code: tuple[Path, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,3 +93,6 @@ COMMANDS: Door[Any] = Door(group="cutjoint.commands", what="a command", packages
 EXPORTERS: Door[Exporter] = Door(
     group="cutjoint.exporters", what="an export", packages=dict.fromkeys(("mujoco", "exudyn", "pinocchio"), _BENCH)
 )
+
+#: Of the names of `methods.Implementation`.
+IMPLEMENTATIONS: Door[Backend] = Door(group="cutjoint.implementations", what="an implementation", packages={"generic": _BENCH})

@@ -20,6 +20,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
+from cutjoint.extensions import IMPLEMENTATIONS, MissingPackageError
 from cutjoint.locations import code_folders
 from cutjoint.methods import DEFAULT_PRECISION, Implementation
 from cutjoint.run.options import Options
@@ -93,7 +94,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
             content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
         record = read_record(_place(request, content))
         prepared = None if record is None else _from_json(record)
-    except (OSError, ToolchainError, PackageNotFoundError, ValueError):
+    except (OSError, ToolchainError, PackageNotFoundError, MissingPackageError, ValueError):
         return None  # whatever is wrong is an error, with its message, of preparing anew
     if prepared is None or not prepared.takes(parameters) or not is_sound(prepared.run.simulator):
         return None
@@ -108,8 +109,18 @@ def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
 
 def _place(request: Request, content: bytes) -> Path:
     asked = {**asdict(request), "model": str(request.model)}
-    about = [sha256(content).hexdigest(), asked, *made_with()]
+    about = [sha256(content).hexdigest(), asked, *made_with(), *_made_beside(request)]
     return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
+
+
+def _made_beside(request: Request) -> tuple[str, ...]:
+    """What the run follows from besides the product.
+
+    Raises:
+        MissingPackageError: it is not installed.
+    """
+    name = request.implementation
+    return (code_digest(IMPLEMENTATIONS.load(name).code),) if name in IMPLEMENTATIONS.packages else ()
 
 
 def made_with() -> tuple[Any, ...]:

@@ -30,8 +30,9 @@ from cutjoint.run.simulation import simulate
 from cutjoint.run.steps import common_step
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
-from cutjoint.twin.artifact import compile_generic
 from cutjoint_bench.records import Case, Contender
+from cutjoint_bench.twin.artifact import compile_generic
+from cutjoint_bench.twin.build import twin_digest
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
@@ -176,7 +177,7 @@ def identify_code(
 
 def identity(source: Source, implementation: str = Implementation.GENERATED) -> Mapping[str, str]:
     """What results of generated code depend on besides machine and compiler: its digest and that of the runtime."""
-    return {"digest": source.digest, "runtime": runtime_digest(part="generic" if implementation == Implementation.GENERIC else "")}
+    return {"digest": source.digest, "runtime": twin_digest() if implementation == Implementation.GENERIC else runtime_digest()}
 
 
 def _reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> OwnRunner:

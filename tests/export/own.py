@@ -24,14 +24,14 @@ from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene, with_closure, with_settings
 from cutjoint.run.simulator import call_simulator, failure_of
-from cutjoint.toolchain.build import build_generic
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology
-from cutjoint.twin.mechanism import describe_generic
 from cutjoint_bench.export.columns import known_outputs
 from cutjoint_bench.export.peers import PEERS, Peer
 from cutjoint_bench.peers.run import available, build_peer, run_peer
+from cutjoint_bench.twin.build import build_generic
+from cutjoint_bench.twin.mechanism import describe_generic
 from tests.conftest import MODELS
 from tests.mechanisms.random_models import TIME, scene
 

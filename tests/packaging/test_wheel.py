@@ -35,8 +35,12 @@ def test_the_installed_wheel_compiles_and_runs_a_model(tmp_path: Path) -> None:
 
 
 def test_the_installed_wheel_of_measuring_adds_its_command(tmp_path: Path) -> None:
-    """And has its page's template."""
+    """And has its page's template, what its exports are printed by and the C++ of its twin."""
     site = install(ROOT / "measuring", tmp_path)
+    for folder in ("templates", "runtime"):
+        there = {p.relative_to(ROOT / "measuring") for p in (ROOT / "measuring" / "cutjoint_bench" / folder).rglob("*") if p.is_file()}
+        assert there
+        assert all((site / path).is_file() for path in there if path.suffix != ".pyc"), folder
     script = (
         f"import sys; sys.path.insert(0, {str(site)!r})\n"
         "import cutjoint_bench; from cutjoint.cli import main; from cutjoint_bench.report.page import render_page\n"

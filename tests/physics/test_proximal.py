@@ -16,8 +16,8 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene, with_closure
-from cutjoint.twin.artifact import compile_generic
 from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders
+from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.overconstrained import parallel_cranks_text

@@ -12,7 +12,7 @@ from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.simulation import simulate
-from cutjoint.twin.artifact import compile_generic
+from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import needs_cpp
 
 #: A pinion drives a rack with a plate on it and a rocker, whose end a massless rod holds to the rack; the pinion drives a flywheel, which

@@ -19,7 +19,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.twin.artifact import compile_generic
+from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import MODELS, with_heavy
 from tests.physics.simulation import completed
 

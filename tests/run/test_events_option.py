@@ -18,7 +18,7 @@ from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.simulation import simulate
-from cutjoint.twin.artifact import compile_generic_model
+from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import with_numerics

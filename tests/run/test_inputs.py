@@ -24,7 +24,7 @@ from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
-from cutjoint.twin.artifact import compile_generic
+from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import with_heavy
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders, table
 from tests.physics.simulation import completed

@@ -23,7 +23,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.states import find_scene_modes
-from cutjoint.twin.artifact import compile_generic
+from cutjoint_bench.twin.artifact import compile_generic
 from tests.run.test_failing_starts import PENDULUM
 
 

@@ -18,7 +18,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulation import simulate
-from cutjoint.twin.artifact import compile_generic_model
+from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import compile_text, completed

@@ -32,11 +32,12 @@ from cutjoint.run.options import Options
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator, failure_of
-from cutjoint.toolchain.build import build_generic
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.topology.build import build_topology
-from cutjoint.twin.mechanism import describe_generic
-from cutjoint.twin.system import describe_generic_natural
+from cutjoint_bench.twin.backend import RUNTIME
+from cutjoint_bench.twin.build import build_generic
+from cutjoint_bench.twin.mechanism import describe_generic
+from cutjoint_bench.twin.system import describe_generic_natural
 from tests.conftest import MODELS
 from tests.formulate.test_reports import with_reactions
 from tests.mechanisms import random_models
@@ -82,7 +83,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run(
         [*find_compiler().command,
          "-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-Wno-maybe-uninitialized", "-isystem", "/usr/include/eigen3",
-         f"-I{runtime_folder() / 'include'}", str(source), "-o", str(target)],
+         f"-I{RUNTIME / 'include'}", f"-I{runtime_folder() / 'include'}", str(source), "-o", str(target)],
         check=True,
     )  # fmt: skip
     return target

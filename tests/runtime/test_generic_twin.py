@@ -23,9 +23,9 @@ from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.toolchain.build import build_generic
 from cutjoint.topology.build import build_topology
-from cutjoint.twin.mechanism import describe_generic
+from cutjoint_bench.twin.build import build_generic
+from cutjoint_bench.twin.mechanism import describe_generic
 from tests.conftest import needs_cpp
 from tests.formulate.test_cut_coordinates import cut_at
 from tests.formulate.test_shafts import SHAFTS

@@ -17,7 +17,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulation import simulate
-from cutjoint.twin.artifact import compile_generic_model
+from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.physics.simulation import completed
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.toolchain import build, compiler
+from cutjoint.toolchain import compiler
 from cutjoint_bench.peers import compile_cpp
+from cutjoint_bench.twin import build as twin_build
 from tests.toolchain.test_locks import Site, pytestmark, site
 
 __all__ = ["pytestmark", "site"]
@@ -68,12 +69,12 @@ def test_flags_that_name_no_processor_are_the_same_everywhere(site: Site, monkey
 
 def test_each_processor_has_its_twin_and_its_peers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(build, "_build_generic_in", lambda folder, compiler, flags: touched(folder / "generic"))
+    monkeypatch.setattr(twin_build, "_build_in", lambda folder, compiler, flags: touched(folder / "generic"))
     monkeypatch.setattr(compile_cpp, "FLAGS", NATIVE)
     (tmp_path / "peer").mkdir()
     (tmp_path / "peer" / "main.cpp").write_text("int main() {}\n", encoding="utf-8")
     found = set()
     for name in ("avx2", "avx512f", "avx2"):
         monkeypatch.setattr(compiler, "processor", lambda name=name: (name,))
-        found |= {build.build_generic(flags=NATIVE).path, compile_cpp.compile_program(tmp_path / "peer", [])}
+        found |= {twin_build.build_generic(flags=NATIVE).path, compile_cpp.compile_program(tmp_path / "peer", [])}
     assert len(found) == 4

@@ -11,6 +11,7 @@ from typing import Any
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.rigid import describe_geometry
 from cutjoint.commands import options
+from cutjoint.extensions import IMPLEMENTATIONS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
@@ -143,12 +144,11 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
 
 
 def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
-    from cutjoint.twin.artifact import compile_generic
-
+    backend = IMPLEMENTATIONS.load(request.implementation)
     if not PRECISIONS[request.precision].twin:
         able = either(names_of(PRECISIONS, lambda p: p.twin))
         raise RunError(f"--precision {request.precision}: the generic twin runs in {able}; use --implementation generated")
-    return compile_generic(model, scene, method=method)
+    return backend.compile(model, scene, method)
 
 
 def _compile_interpreted(

@@ -44,8 +44,9 @@ if TYPE_CHECKING:
               "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise.")
 @click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO, show_default=True,
               envvar="CUTJOINT_IMPLEMENTATION", help="Code made for the model; the same program interpreted, for which nothing is "
-              "compiled; or a generic simulator, whose equations are written by hand. auto is generated, but on a terminal interpreted "
-              "where compiling takes more than 2 s, until compiled code is there. $CUTJOINT_IMPLEMENTATION says it for all runs.")
+              "compiled; or a generic simulator of cutjoint-bench, whose equations are written by hand. auto is generated, but on a "
+              "terminal interpreted where compiling takes more than 2 s, until compiled code is there. $CUTJOINT_IMPLEMENTATION says it "
+              "for all runs.")
 @click.option("--solver", type=click.Choice(list(SOLVERS)),
               help="Linear solver of the Lagrangian methods, by default emitted, of the generic twin a library's; "
               "cholmod, klu and umfpack are for comparison.")

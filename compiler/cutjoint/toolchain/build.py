@@ -87,19 +87,6 @@ def warm(driver: str, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> b
     return make_drivers(driver, find_compiler(), (*flags, *PRECISIONS[kind.precision].flags), kind)
 
 
-def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
-    """Build the generic simulator, which interprets any model, or find it in the cache.
-
-    Raises:
-        ToolchainError: a tool is missing, or the compiler refused the code.
-    """
-    compiler = find_compiler()
-    key = digest_of([runtime_digest(part="generic"), *compiler.key, *resolve(flags)])
-    cached = cache_folder() / f"generic-{key}" / "simulator"
-    fresh = find_or_make(cached, lambda place: _build_generic_in(place, compiler, flags))
-    return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
-
-
 def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
     """Build the simulator that interprets the programs of a driver's methods, or find it beside the installation or in the cache.
 
@@ -150,11 +137,6 @@ def build_files(
 
     find_or_make(cached, make)
     return cached
-
-
-def _build_generic_in(folder: Path, compiler: Compiler, flags: Sequence[str]) -> Path:
-    build_project(plain_runtime(folder), folder / "out", compiler, flags)
-    return folder / "out" / "generic"
 
 
 def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:

@@ -25,9 +25,12 @@ _UNKNOWN = "compiler identification is unknown"
 
 def plain_runtime(folder: Path) -> Path:
     """The runtime's folder; a copy in ``folder`` where its own path is not plain."""
-    if is_plain(runtime_folder()):
-        return runtime_folder()
-    return Path(shutil.copytree(runtime_folder(), folder / "runtime"))
+    return plain_tree(runtime_folder(), folder / "runtime")
+
+
+def plain_tree(tree: Path, copy: Path) -> Path:
+    """A folder; a ``copy`` of it where its own path is not plain."""
+    return tree if is_plain(tree) else Path(shutil.copytree(tree, copy))
 
 
 def build_project(source: Path, out: Path, compiler: Compiler, flags: Sequence[str], *definitions: str, runs: bool = True) -> None:

@@ -19,11 +19,11 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
 from cutjoint.run.simulation import simulate
 from cutjoint.states import find_equilibrium
-from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.machine import machine
-from cutjoint.twin.artifact import compile_generic_model
 from cutjoint.version import __version__
 from cutjoint_bench.studies.checkout import DATA, MODELS
+from cutjoint_bench.twin.artifact import compile_generic_model
+from cutjoint_bench.twin.build import twin_digest
 
 MODEL = MODELS / "iltis.yaml"
 GRAVITY = 9.81
@@ -286,7 +286,7 @@ def provenance(artifact: Artifact, repetitions: int) -> Provenance:
     """Machine, compiler, flags and versions; neither date, host nor path."""
     return Provenance(
         cutjoint=__version__, machine=", ".join(machine().values()), compiler=artifact.binary.compiler,
-        flags=" ".join(artifact.binary.flags), runtime=runtime_digest(part="generic")[:16], repetitions=repetitions,
+        flags=" ".join(artifact.binary.flags), runtime=twin_digest()[:16], repetitions=repetitions,
     )  # fmt: skip
 
 

@@ -15,11 +15,11 @@ from cutjoint.formulate.natural.nodes import Node, Use, Uses
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import Body, Gear, Joint, Marker, Output, Reaction, Scalar, Vector
-from cutjoint.twin.natural.forces import ForceElement
-from cutjoint.twin.natural.forms import FormTable, is_ground
-from cutjoint.twin.natural.masses import masses_of
-from cutjoint.twin.natural.rows import Row
-from cutjoint.twin.trees import Json, Trees
+from cutjoint_bench.twin.natural.forces import ForceElement
+from cutjoint_bench.twin.natural.forms import FormTable, is_ground
+from cutjoint_bench.twin.natural.masses import masses_of
+from cutjoint_bench.twin.natural.rows import Row
+from cutjoint_bench.twin.trees import Json, Trees
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,8 +21,8 @@ from cutjoint.formulate.forces import PLACE, is_active
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, BodyLoad, Force, JointForce, LawForce, Tyre, Vector
-from cutjoint.twin.natural.forms import FormTable
-from cutjoint.twin.trees import Json, Trees, quantity_names
+from cutjoint_bench.twin.natural.forms import FormTable
+from cutjoint_bench.twin.trees import Json, Trees, quantity_names
 
 ORIGIN: Vector = (sympy.Integer(0),) * 3
 

@@ -16,10 +16,11 @@ from cutjoint.pipeline import generate
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
-from cutjoint.toolchain.build import FLAGS, build_generic
+from cutjoint.toolchain.build import FLAGS
 from cutjoint.topology.reading import read_model
-from cutjoint.twin.mechanism import describe_generic
-from cutjoint.twin.system import describe_generic_natural
+from cutjoint_bench.twin.build import build_generic
+from cutjoint_bench.twin.mechanism import describe_generic
+from cutjoint_bench.twin.system import describe_generic_natural
 
 
 def compile_generic_model(path: AnyPath, *, scene: str | None = None, **how: Any) -> Artifact:

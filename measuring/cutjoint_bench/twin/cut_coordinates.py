@@ -10,7 +10,7 @@ from cutjoint.model.records import COORDINATES, Joint
 from cutjoint.topology.measured import turns_around
 from cutjoint.topology.records import Topology
 from cutjoint.topology.spanning_tree import joints_around
-from cutjoint.twin.trees import Trees
+from cutjoint_bench.twin.trees import Trees
 
 
 def describe_cut_coordinate(trees: Trees, topology: Topology, cut: Joint, coordinate: str) -> dict[str, Any]:

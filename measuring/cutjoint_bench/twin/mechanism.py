@@ -34,8 +34,8 @@ from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Body, Force, Gear, Joint, Marker, Output, Reaction, Scalar, Scene
 from cutjoint.topology.records import Topology, TreeJoint
-from cutjoint.twin.cut_coordinates import describe_cut_coordinate
-from cutjoint.twin.trees import Json, Trees, quantity_names
+from cutjoint_bench.twin.cut_coordinates import describe_cut_coordinate
+from cutjoint_bench.twin.trees import Json, Trees, quantity_names
 
 
 def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ...]) -> Json:

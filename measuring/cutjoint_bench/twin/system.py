@@ -11,14 +11,14 @@ from __future__ import annotations
 from cutjoint.formulate.natural.nodes import Node
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.model.records import GROUND
-from cutjoint.twin.mechanism import describe_generic, heading
-from cutjoint.twin.natural.forces import force_elements
-from cutjoint.twin.natural.forms import FormTable, described_form
-from cutjoint.twin.natural.masses import masses_of
-from cutjoint.twin.natural.outputs import Reports
-from cutjoint.twin.natural.places import Marks
-from cutjoint.twin.natural.rows import rows_of
-from cutjoint.twin.trees import Json, Trees
+from cutjoint_bench.twin.mechanism import describe_generic, heading
+from cutjoint_bench.twin.natural.forces import force_elements
+from cutjoint_bench.twin.natural.forms import FormTable, described_form
+from cutjoint_bench.twin.natural.masses import masses_of
+from cutjoint_bench.twin.natural.outputs import Reports
+from cutjoint_bench.twin.natural.places import Marks
+from cutjoint_bench.twin.natural.rows import rows_of
+from cutjoint_bench.twin.trees import Json, Trees
 
 
 def describe_generic_natural(equations: LagrangianEquations) -> Json:

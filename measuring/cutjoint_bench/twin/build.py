@@ -1,0 +1,39 @@
+"""The generic twin as a program, by CMake, cached by content."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from cutjoint.toolchain.build import FLAGS, Binary
+from cutjoint.toolchain.cache import cache_folder, find_or_make
+from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
+from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
+from cutjoint.toolchain.digests import digest_of, runtime_digest, tree_digest
+from cutjoint_bench.twin.backend import RUNTIME
+
+
+@cache
+def twin_digest() -> str:
+    """A digest of all C++ that the twin follows from."""
+    return digest_of([runtime_digest(), tree_digest(RUNTIME)])
+
+
+def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
+    """Build the generic simulator, which interprets any model, or find it in the cache.
+
+    Raises:
+        ToolchainError: a tool is missing, or the compiler refused the code.
+    """
+    compiler = find_compiler()
+    key = digest_of([twin_digest(), *compiler.key, *resolve(flags)])
+    cached = cache_folder() / f"generic-{key}" / "simulator"
+    fresh = find_or_make(cached, lambda place: _build_in(place, compiler, flags))
+    return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
+
+
+def _build_in(folder: Path, compiler: Compiler, flags: Sequence[str]) -> Path:
+    project = plain_tree(RUNTIME, folder / "twin")
+    build_project(project, folder / "out", compiler, flags, f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}")
+    return folder / "out" / "generic"
