@@ -12,14 +12,14 @@ from tests.conftest import MODELS
 
 #: A press: springs and speeds at the start, a fifth of a second; by the rule that has lanes where these pay.
 PRESS: Mapping[str, Any] = {
-    "cutjoint_study": 1, "model": str(MODELS / "press.yaml"), "end": 0.2, "integrator": "trapezoidal",
+    "cutjoint_study": 1, "model": str(MODELS / "press.yaml"), "end": 0.2,
     "parameters": {"stiffness": {"from": "1 kN/m", "to": "4 kN/m"}},
     "rates": {"pin.angle_rate": {"from": 5, "to": 10}},
     "design": {"sobol": 40, "seed": 3},
     "objectives": {
         "top": {"maximum": "slider.x", "from": 0.1}, "speed": {"rms": "slider.vx"}, "load": {"mean": "abs(spring.force)*stiffness"},
     },
-    "trajectories": {"outputs": ["slider.x"], "every": 7},
+    "trajectories": {"outputs": ["slider.x"], "every": 7}, "integrator": "trapezoidal",
 }  # fmt: skip
 
 
