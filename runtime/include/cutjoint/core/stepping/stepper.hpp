@@ -301,6 +301,7 @@ class Stepper {
   Fault pass(Real h) {
     scheme_.regime().advance();
     if (const Fault fault = scheme_.accept(h)) return fault;
+    ++counts_.steps;
     return scheme_.seek() ? change(scheme_.found()) : count_event();
   }
 
