@@ -136,9 +136,9 @@ class Effort:
 class ErrorEstimate:
     """How wrong the outputs of a run are, by other runs of the same.
 
-    ``largest`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run ended.
-    ``converged`` are runs whose differences fall from coarser steps to finer ones; of those, at most one in two hundred tells less than
-    a third of an error.  Laws, masses and places are taken as they are given.
+    ``largest`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the end.
+    ``converged`` are runs whose differences fall from coarser steps to finer ones; of those, no more than one in two hundred tells less
+    than a third of an error.  Laws, masses and places are taken as they are given.
     ``warnings`` are what errors of the steps do not see: work and energy that differ by more than the steps explain, loops that stay open.
     """
 
