@@ -96,7 +96,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
 
 
 def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArtifact:
-    """The same for runs one by one."""
+    """Steps of runs that are made one by one."""
     alone = compile_scene(model, scene, method=METHOD, flags=flags)
     assert isinstance(alone.equations, RecursiveEquations)
     return BatchArtifact(
@@ -180,7 +180,7 @@ _Play = Callable[[Progress | None, Receive], float]
 def _plan_side_by_side(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
 ) -> tuple[StepSettings, _Play]:  # fmt: skip
-    """How the runs of a batch step, all by one simulator, and what makes them."""
+    """Steps of a batch whose runs are all made by one simulator, and that simulator."""
     options = replace(asked, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
     file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
     file.update(cases=_own_parts(artifact.model, artifact.scene, cases), threads=threads)
@@ -194,7 +194,7 @@ def _plan_side_by_side(
 def _plan_one_by_one(
     alone: Artifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
 ) -> tuple[StepSettings, _Play]:  # fmt: skip
-    """The same by a simulator for each run."""
+    """Steps of a batch with a simulator for each run."""
     options = _as_simulated(alone.scene, asked)
     plans = [make_simulator_run(alone, options, case) for case in cases]
 

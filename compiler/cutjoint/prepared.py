@@ -114,7 +114,7 @@ def _place(request: Request, content: bytes) -> Path:
 
 
 def _made_beside(request: Request) -> tuple[str, ...]:
-    """What the run follows from besides the product.
+    """Digests of all that the run follows from besides the product.
 
     Raises:
         MissingPackageError: it is not installed.

@@ -100,7 +100,7 @@ class Standalone:
 
     @property
     def settings(self) -> StepSettings:
-        """How it steps until a host says else."""
+        """Its steps until a host changes them."""
         return StepSettings.of(self.run_file)
 
     def with_code(self, text: str) -> Standalone:

@@ -31,7 +31,7 @@ from cutjoint.stepping.simulation import Simulation, SimulationError
 
 @dataclass(frozen=True, kw_only=True)
 class Coupled:
-    """What the options say of a controller: its file, PORT=NAME of each connection that is named, the step of communication (s), and how
+    """A controller as the options name it: its file, PORT=NAME of each connection that is named, the step of communication (s), and how
     long a call may take (s)."""
 
     path: Path | None

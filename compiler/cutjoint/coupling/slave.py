@@ -38,7 +38,7 @@ class Slave:
         self._instance = instantiate_fmu(self._folder, description, "CoSimulation", logger=self._note, debug_logging=True)
 
     def _note(self, *message: Any) -> None:
-        """What the FMU logs; the last three are status, category and text in both versions."""
+        """Keep a message of the FMU; the last three arguments are status, category and text in both versions."""
         status, _, text = message[-3:]
         if status >= _DISCARD:
             self.said = printable(text.decode(errors="replace") if isinstance(text, bytes) else str(text))
@@ -75,7 +75,7 @@ class Slave:
 
 
 def answer(slave: Any, request: Sequence[Any]) -> dict[str, Any]:
-    """What comes of a request."""
+    """The answer to a request."""
     name, *arguments = request
     try:
         return {"value": getattr(slave, name)(*arguments)}

@@ -227,7 +227,7 @@ def environment() -> jinja2.Environment:
 
 
 def make_environment(folder: Path) -> jinja2.Environment:
-    """How the templates of a folder are rendered."""
+    """The Jinja2 environment that renders the templates of a folder."""
     return jinja2.Environment(
         loader=jinja2.FileSystemLoader(folder), undefined=jinja2.StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, keep_trailing_newline=True, autoescape=False,

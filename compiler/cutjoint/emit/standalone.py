@@ -214,7 +214,7 @@ def _steered(equations: RecursiveEquations | SystemEquations) -> int | None:
 
 
 def _gap_limits(equations: RecursiveEquations | SystemEquations, given: Mapping[str, float]) -> list[str]:
-    """How far each equation of a loop may stand open: that share of a radian, or of the mechanism's extent in its design position."""
+    """The gap that each equation of a loop may have: that share of a radian, or of the mechanism's extent in its design position."""
     model = equations.topology.model
     known = {p.symbol: float(given.get(p.name, p.value)) for p in model.parameters}
     points = [body.centre_of_mass for body in model.bodies]

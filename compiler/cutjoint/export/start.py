@@ -1,4 +1,4 @@
-"""Where a scene starts: the pose and the velocities of every body, found by interpretation."""
+"""The start of a scene: the pose and the velocities of every body, found by interpretation."""
 
 from __future__ import annotations
 

@@ -426,7 +426,7 @@ class Builder:
 
 
 def _lanes_of(op: str, args: Sequence[Block]) -> int:
-    """How many lanes an operation on blocks has: those of its arguments, of which some may be uniform."""
+    """The number of lanes of an operation on blocks: that of its arguments, of which some may be uniform."""
     widths = {a.lanes for a in args if a.lanes}
     assert len(widths) <= 1, f"{op} of blocks with {sorted(widths)} lanes"
     return max(widths, default=0)

@@ -267,7 +267,7 @@ def _differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> 
 
 
 def _all_fall(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-    """Whether all differences fall from steps to finer ones, or are rounding beside what outputs of their unit reach."""
+    """True where all differences fall from steps to finer ones, or are rounding beside what outputs of their unit reach."""
     reach: dict[str, float] = {}
     for name, values in run.columns.items():
         reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))

@@ -90,7 +90,7 @@ class StepSettings:
 
     @classmethod
     def of(cls, run_file: Mapping[str, Any]) -> StepSettings:
-        """Those of a run file."""
+        """The settings of a run file."""
         numerics = run_file["numerics"]
         return cls(
             integrator=run_file["integrator"], step=numerics["dt"], tolerance=numerics["tolerance"], events=bool(numerics["events"])

@@ -52,7 +52,7 @@ class Simulation:
 
     @property
     def settings(self) -> StepSettings:
-        """How it steps until `reset` is given something else."""
+        """Its steps until `reset` is given others."""
         return self.library.settings
 
     def _view(self, array: str, kind: str) -> Array:

@@ -41,7 +41,7 @@ def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
 
 
 def steps_of(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """How the runs of each scene step, in words."""
+    """The steps of each scene's runs, in words."""
     return {
         scene: f"{StepSettings(**{each.name: manifest[each.name][scene] for each in fields(StepSettings)})}, runs {_together(lanes)}"
         for scene, lanes in manifest["lanes"].items()

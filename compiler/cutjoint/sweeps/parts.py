@@ -90,7 +90,7 @@ class Parts:
         return found
 
     def _paths(self) -> list[Path]:
-        """All that is in the folder, in order, but the manifest, what is unfinished, which is removed, and files that are hidden."""
+        """The files in the folder, in order, but the manifest, what is unfinished, which is removed, and files that are hidden."""
         with naming_output(self.folder):
             paths = sorted(self.folder.iterdir())
         for path in paths:
@@ -182,7 +182,7 @@ class Parts:
 
 
 def count_runs(ranges: Sequence[tuple[int, int]]) -> int:
-    """How many runs there are in ranges."""
+    """The number of runs in ranges."""
     return sum(last - first for first, last in ranges)
 
 
@@ -196,7 +196,7 @@ def _read_part(path: Path, label: str) -> bytes | None:
 
 
 def _regrouped(tables: Iterator[Any], size: int) -> Iterator[Any]:
-    """The same rows in tables of ``size`` rows, the last one shorter."""
+    """Rows again, in tables of ``size`` rows, the last one shorter."""
     pa, held, rows = arrow(), [], 0
     for table in tables:
         held.append(table)

@@ -1,4 +1,4 @@
-"""Whether a scheduler of Dask answers at an address, before anything is compiled for it."""
+"""Asks an address for a scheduler of Dask, before anything is compiled for it."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _ask(distributed: Any, address: str, host: str, port: int, answers: Queue[An
 
 
 async def _identify(distributed: Any, address: str) -> Any:
-    """What a server of Dask says of itself."""
+    """The answer of a server of Dask about itself."""
     connection = distributed.Security().get_connection_args("client")
     comm = await distributed.comm.connect(address, timeout=_PATIENCE / 2, **connection)
     try:

@@ -21,7 +21,7 @@ def seal(file: BinaryIO, label: str) -> None:
 
 
 def is_sealed(file: BinaryIO, label: str) -> bool:
-    """Whether a file is, byte by byte, what was sealed with that label."""
+    """True where a file is, byte by byte, as it was sealed with that label."""
     footer = _find_footer(file)
     rows = footer - _DIGEST
     if rows < 0:
@@ -31,7 +31,7 @@ def is_sealed(file: BinaryIO, label: str) -> bool:
 
 
 def _find_footer(file: BinaryIO) -> int:
-    """Where a file's footer would begin; below 0 where it cannot have one."""
+    """The place at which a file's footer would begin; below 0 where it cannot have one."""
     size = file.seek(0, os.SEEK_END)
     if size < _TAIL:
         return -1

@@ -79,7 +79,7 @@ class Layout:
 
     @property
     def label(self) -> str:
-        """What the digest of the whole table is made with."""
+        """The label of the whole table's digest."""
         return parts_label(self.key, 0, self.study.runs)
 
     @property
@@ -121,7 +121,7 @@ def key_of(manifest: Mapping[str, Any]) -> str:
 
 
 def parts_label(key: str, first: int, last: int) -> str:
-    """What the digest of rows is made with: a sweep's key, the number of the first run, and the one behind the last."""
+    """The label of the digest of rows: a sweep's key, the number of the first run, and the one behind the last."""
     return f"{key} {first} {last}"
 
 
@@ -134,7 +134,7 @@ def _nullable(values: Any) -> Any:
 
 
 def is_whole(out: Path, layout: Layout) -> bool:
-    """Whether a table is there with all rows of a study, as they were written."""
+    """True where a table is there with all rows of a study, as they were written."""
     target = resolved(out)
     if not target.is_file():
         return False

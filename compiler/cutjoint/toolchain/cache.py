@@ -38,7 +38,7 @@ def installed_folder() -> Path:
 
 
 def is_sound(file: Path) -> bool:
-    """Whether a file of the cache is there and is what was stored.
+    """True where a file of the cache is there and is as it was stored.
 
     Raises:
         ToolchainError: somebody else can write there.

@@ -45,7 +45,7 @@ _NOT_STARTED = 126
 
 
 def are_known(flags: Sequence[str]) -> bool:
-    """Whether flags need no check."""
+    """True where flags need no check."""
     return all(map(_KNOWN.fullmatch, flags))
 
 
@@ -66,7 +66,7 @@ def require_flags(compiler: Compiler, flags: Sequence[str], folder: Path, enviro
 
 
 def _find_fault(compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], runs: bool) -> str:
-    """What is wrong with flags; "" if nothing is."""
+    """The fault of flags in words; "" if they have none."""
     try:
         words = shlex.split(" ".join(flags))  # as CMake splits them
     except ValueError as error:

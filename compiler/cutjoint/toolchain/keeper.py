@@ -34,7 +34,7 @@ def end_session(session: int) -> None:
 
 
 def _is_member(pid: int, session: int) -> bool:
-    """Whether a process is another one of a session, and alive."""
+    """True where a process is another one of a session, and alive."""
     try:
         with open(f"/proc/{pid}/stat", "rb") as stream:
             state, _, _, its_session = stream.read().rpartition(b")")[2].split()[:4]

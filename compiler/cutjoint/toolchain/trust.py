@@ -31,7 +31,7 @@ _MOST_LINKS = 40
 
 @dataclass(frozen=True, kw_only=True)
 class Trust:
-    """Who may own and write the files of a ``store``, which one is that beside the installation if it is ``installed``.
+    """The owners and writers of the files of a ``store``, which one is that beside the installation if it is ``installed``.
 
     What belongs to one of ``groups`` may be written by its members, and what belongs to the group that ``shares`` the store may have any
     owner.
@@ -85,7 +85,7 @@ class Trust:
 
 
 def trust_of(store: Path, *, installed: bool) -> Trust:
-    """Who is trusted with a store: this user and root, and with one beside the installation who can write the installation.
+    """The users trusted with a store: this user and root, and with one beside the installation who can write the installation.
 
     Raises:
         ToolchainError: there is no group of the name in $CUTJOINT_CACHE_GROUP.
@@ -101,7 +101,7 @@ def trust_of(store: Path, *, installed: bool) -> Trust:
 
 
 def _parts(path: Path) -> Iterator[tuple[Path, os.stat_result, bool]]:
-    """All that a path leads through, links too, in their order, up to what is not there; and whether it is where the path ends."""
+    """The places that a path leads through, links too, in their order, up to what is not there; and whether it is where the path ends."""
     here, left, links = Path("/"), deque(path.absolute().parts[1:]), 0
     yield here, here.lstat(), False
     while left and links <= _MOST_LINKS:

@@ -59,7 +59,7 @@ def _read(file: str, text: str) -> Earlier:
 
 
 def _element(text: str, name: str) -> str:
-    """What an element of a page holds, as it was written."""
+    """The content of an element of a page, as it was written."""
     found = re.search(f'<script type="application/[a-z-]+" id="{name}"(?: data-crc="([0-9]+)")?>([^<]*)</script>', text)
     if found is None or (found[1] and int(found[1]) != crc32(found[2].encode())):
         raise ValueError(name)
@@ -67,7 +67,7 @@ def _element(text: str, name: str) -> str:
 
 
 def _drawing(glb: Glb, t: Array) -> Drawing:
-    """What the writer of .glb files was given, all of it grey: nodes below one whose turn takes up to y."""
+    """The drawing that the writer of .glb files was given, all of it grey: nodes below one whose turn takes up to y."""
     root, *others = glb.document.nodes
     if [scene.nodes for scene in glb.document.scenes] != [[0]] or root.children != [*range(1, len(others) + 1)]:
         raise ValueError

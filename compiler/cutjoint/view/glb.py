@@ -311,7 +311,7 @@ def _at(listed: Sequence[_Any], index: int, what: str) -> _Any:
 
 
 def _matrix(node: GltfNode) -> Array:
-    """What takes a node's points to those of its parent, (4, 4)."""
+    """The matrix from a node's points to those of its parent, (4, 4)."""
     if node.matrix is not None:
         return np.array(node.matrix).reshape(4, 4).T
     q = np.array(node.rotation)

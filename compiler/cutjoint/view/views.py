@@ -172,7 +172,7 @@ def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Pat
 
 
 def _in_reach(path: Path, shown: Shown) -> Shown:
-    """What is shown, up to the first time at which a body is too far away to be drawn, which the note says then."""
+    """The motion that is shown, up to the first time at which a body is too far away to be drawn, which the note says then."""
     near = np.array([np.abs(pose.shift).max(axis=1) < _FAR for pose in shown.poses.values()]).reshape(-1, shown.t.size).all(axis=0)
     rows = int(np.append(near, False).argmin())
     if not rows:

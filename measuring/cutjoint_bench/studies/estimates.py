@@ -1,4 +1,4 @@
-"""What runs say of their errors beside their true errors: models, methods and integrators.  `make errors`.
+"""Estimated errors of runs beside true ones: models, methods and integrators.  `make errors`.
 
 Models are those of files, and mechanisms with dead centres, massless rods and friction whose numbers are drawn (`estimate_models`).
 """
@@ -65,7 +65,7 @@ class Judgement:
 
     @property
     def is_short(self) -> bool:
-        """Whether the run says that it has converged, and tells too little of an output."""
+        """True where the run says that it has converged, and tells too little of an output."""
         return self.converged and min(self.ratios, default=1.0) < SHORT
 
     @property
