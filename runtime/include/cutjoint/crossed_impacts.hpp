@@ -109,9 +109,12 @@ class CrossedImpacts {
     return std::nullopt;
   }
 
+  /// Generic mechanisms and systems have no switches.
   void switches(const State<Real>& state, Real t, std::vector<Real>& values) {
-    subject_.begin_step(t, Real(1));
-    subject_.events(state.q.data(), state.v.data(), values.data());
+    if constexpr (requires { subject_.events(state.q.data(), state.v.data(), values.data()); }) {
+      subject_.begin_step(t, Real(1));
+      subject_.events(state.q.data(), state.v.data(), values.data());
+    }
   }
 
   /// The first switch whose sign is another than at the last `from`; as many as there are if there is none.

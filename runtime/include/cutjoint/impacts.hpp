@@ -108,9 +108,11 @@ class Struck {
  private:
   static bool has_charts(const Subject& subject) { return !is_system || !subject.description().charts.empty(); }
 
+  /// Kinetic energy; nobody asks a generic system, which is not relative and has none.
   Real energy(const Vector& q, const Vector& v) {
     Real energy[2] = {};
-    subject_.energy(q.data(), v.data(), still_.data(), zero(), energy);
+    if constexpr (requires { subject_.energy(q.data(), v.data(), still_.data(), zero(), energy); })
+      subject_.energy(q.data(), v.data(), still_.data(), zero(), energy);
     return energy[0];
   }
 
