@@ -84,6 +84,7 @@ class NewtonOf final : public AnyNewton<S> {
     if (!fault) return;
     const Failure failure = failure_of(fault, d_, name_of(d_.method));
     if constexpr (std::is_same_v<Core, ClassicalNewton<S>>) throw explain_classical(fault, failure);
+    if (fault.cause == Cause::tangent_not_positive) throw explain_not_positive(d_, core_.tangent().data(), failure);
     throw failure;
   }
 

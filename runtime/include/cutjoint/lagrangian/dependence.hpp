@@ -1,4 +1,5 @@
-// What makes the tangent of the classical method singular: which equations depend on others.  Dense, and only for the message of a failure.
+// What makes the tangent of a Lagrangian method singular: equations that depend on others, or a motion that nothing resists.  Dense, and only for the
+// message of a failure.
 #pragma once
 
 #include <Eigen/Dense>
@@ -61,8 +62,11 @@ int unresisted_coordinate(const SystemDescription& d, const Real* tangent) {
   const auto n = static_cast<Eigen::Index>(d.coordinates.size());
   DenseMatrix<Real> K = DenseMatrix<Real>::Zero(d.pattern.size, d.pattern.size);
   for (int column = 0; column < d.pattern.size; ++column)
-    for (int i = d.pattern.first[static_cast<std::size_t>(column)]; i < d.pattern.first[static_cast<std::size_t>(column) + 1]; ++i)
-      K(d.pattern.row[static_cast<std::size_t>(i)], column) = tangent[i];
+    for (int i = d.pattern.first[static_cast<std::size_t>(column)]; i < d.pattern.first[static_cast<std::size_t>(column) + 1]; ++i) {
+      const int row = d.pattern.row[static_cast<std::size_t>(i)];
+      K(row, column) = tangent[i];
+      if (d.pattern.symmetric) K(column, row) = tangent[i];
+    }
   for (Eigen::Index i = 0; i < K.rows(); ++i)
     if (const Real largest = K.row(i).cwiseAbs().maxCoeff(); largest > Real(0)) K.row(i) /= largest;
   Eigen::FullPivLU<DenseMatrix<Real>> lu(K);
@@ -99,6 +103,18 @@ Failure explain_singular(const SystemDescription& d, const Real* tangent, Failur
   } else {
     failure.advice = "not tried: another dt, or method augmented, whose tangent stays regular";
   }
+  return failure;
+}
+
+/// The failure of a pivot that is not positive tells a motion that nothing resists, where the pivot is rounding, from one that is driven.
+template <class Real>
+Failure explain_not_positive(const SystemDescription& d, const Real* tangent, Failure failure) {
+  const int coordinate = unresisted_coordinate(d, tangent);
+  if (coordinate < 0) return failure;
+  failure.element = d.coordinates[static_cast<std::size_t>(coordinate)];
+  failure.advice =
+      "in this pose the coordinate can move without moving mass or meeting an equation, as of a massless body in line with what it moves: give that body "
+      "mass and inertia, or start from another pose";
   return failure;
 }
 
