@@ -59,6 +59,14 @@ def model_text(inner: Node, outer: Node, at: str, middle: Node) -> str:
     })  # fmt: skip
 
 
+def in_line_text(pair: str) -> str:
+    """A pair that no mass resists, whose singular tangent has a pivot below zero by rounding."""
+    model = json.loads(model_text(*IN_LINE[pair], "A", {"massless": True}))
+    model["bodies"]["bob"] = {"mass": 0.32, "centre_of_mass": [0.39, 0.22, -0.18], "inertia": [0.02, 0.03, 0.025]}
+    model["joints"]["inner"]["bodies"].reverse()
+    return json.dumps(model)
+
+
 def run(text: str, method: str, **settings: Any) -> Trajectory:
     """An interpreted run."""
     model = read_model_text(text, "middles.yaml")
@@ -83,7 +91,7 @@ def test_every_method_moves_a_massless_body_as_one_of_hardly_any_mass(pair: str)
 @pytest.mark.parametrize("pair", IN_LINE)
 def test_augmented_says_that_no_mass_resists_a_massless_body(pair: str) -> None:
     """A negative stiffness has no part in it: nothing in these models has one."""
-    failure = run(model_text(*IN_LINE[pair], "A", {"massless": True}), "augmented").failure
+    failure = run(in_line_text(pair), "augmented").failure
     assert failure is not None
     assert "negative stiffness" not in failure.advice
     assert "massless" in failure.advice
@@ -91,7 +99,7 @@ def test_augmented_says_that_no_mass_resists_a_massless_body(pair: str) -> None:
 
 @pytest.mark.parametrize("pair", IN_LINE)
 def test_check_names_the_body_before_a_run(pair: str) -> None:
-    model = read_model_text(model_text(*IN_LINE[pair], "A", {"massless": True}), "middles.yaml")
+    model = read_model_text(in_line_text(pair), "middles.yaml")
     equations = formulate_recursive(build_topology(model), model.scenes["run"], ())
     (motion,) = find_momentary_motions(equations, explore(equations))
     assert "body 'middle': in the design position no mass resists its motion" in describe_momentary(model, motion)
