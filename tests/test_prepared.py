@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import cutjoint
-from cutjoint import cli, prepared
+from cutjoint import extensions, prepared
 from cutjoint.cli import main
 from cutjoint.commands import options, preparing
 from cutjoint.prepared import PreparedRun, Request, find_cached_run
@@ -388,7 +388,7 @@ def test_what_commands_tell_of_is_in_the_package() -> None:
 
 
 def test_help_names_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli, "entry_points", lambda **_: [])
+    monkeypatch.setattr(extensions, "entry_points", lambda **_: [])
     output = CliRunner().invoke(main, ["--help"]).output
     helpers = {"__init__", "batches", "coupled", "export_fmu", "options", "picking", "preparing", "replaying"}
     modules = {p.stem for p in Path(preparing.__file__).parent.glob("*.py")} - helpers

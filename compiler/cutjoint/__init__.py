@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.batch import compile_batch, simulate_batch
+    from cutjoint.extensions import MissingPackageError
     from cutjoint.model.errors import ModelError
     from cutjoint.pipeline import compile_model
     from cutjoint.program.blocks import ConstantError
@@ -41,17 +42,18 @@ if TYPE_CHECKING:
     from cutjoint.view.views import write_view
 
 __all__ = [
-    "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError", "ModelError",
-    "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError", "StateSpace",
-    "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_equilibrium",
-    "find_initial_state", "find_modes", "load", "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate",
-    "simulate_batch", "sweep", "write_view",
+    "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError",
+    "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError",
+    "SimulatorError", "StateSpace", "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model",
+    "find_equilibrium", "find_initial_state", "find_modes", "load", "read_model", "read_model_text", "rollout", "run_in_real_time",
+    "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
     "cutjoint.analysis.guides": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.batch": ("compile_batch", "simulate_batch"),
+    "cutjoint.extensions": ("MissingPackageError",),
     "cutjoint.model.errors": ("ModelError",),
     "cutjoint.pipeline": ("compile_model",),
     "cutjoint.program.blocks": ("ConstantError",),
