@@ -163,7 +163,7 @@ int main(int count, char** arguments) {
   static const core::Road<Quad> roads[Reference::sizes.roads + 1];
   core::load_mechanism(motion.mechanism, parameters.data(), roads, sim->sim.stabilisation(), penalties);
 #if JOIN(TITLE, _INPUTS) > 0
-  sim->sim.starter_at(sim->sim.state().t);
+  sim->sim.starter();
   std::copy_n(sim->sim.mechanism().last_inputs(), 3 * inputs, motion.u.begin());
   motion.mechanism.drive_by({&Motion::fill, &motion});
 #endif
