@@ -37,9 +37,10 @@ class Struck {
   std::size_t speeds() const { return n_; }
   std::size_t equations() const { return m_; }
 
+  void take_memory() { masses_.resize(n_ * n_); }
+
   /// Go to a pose; `masses` then are those of the free coordinates, without guides.
   void take_masses(const Vector& q, Real t) {
-    masses_.resize(n_ * n_);
     subject_.begin_step(t, Real(0));
     if constexpr (is_system) masses_of_system(q);
     else masses_of_mechanism(q);
@@ -169,10 +170,11 @@ class Impacts {
   using Real = typename Subject::real_type;
   using Vector = std::vector<Real>;
 
-  /// Of a run up to `end`.
+  /// Of a run up to `end`.  All memory is taken here, but for the list of what is found.
   Impacts(Subject& subject, double end)
       : subject_(subject), struck_(subject), width_(std::max(Real(1e-11), 64 * epsilon()) * Real(end)), probe_(struck_.speeds()), still_(struck_.speeds()) {
     for (std::size_t i = 0; i < probe_.size(); ++i) probe_[i] = Real(1) + Real(i * 7 % 11) / 13;
+    if (possible()) take_memory();
   }
 
   /// Whether guides can have a jump.
@@ -190,7 +192,6 @@ class Impacts {
   /// The speeds of a state before a jump become those after it, and its time is `after`.  Keeps the impact, and returns the guides' work (J).
   Real strike(State<Real>& state, Real after, std::string_view element) {
     const std::size_t n = struck_.speeds(), m = struck_.equations();
-    momentum_.resize(n), change_.resize(n);
     struck_.momentum(state.q, state.t, momentum_);
     struck_.momentum(state.q, after, change_);
     for (std::size_t i = 0; i < n; ++i) change_[i] -= momentum_[i];
@@ -223,6 +224,16 @@ class Impacts {
   };
 
   /// A jump is more than what guides' accelerations change in as long a time beside it.
+  void take_memory() {
+    const std::size_t n = struck_.speeds(), m = struck_.equations(), size = n + m;
+    struck_.take_memory();
+    for (Vector* each : {&rates_, &before_}) each->resize(m);
+    for (Vector* each : {&momentum_, &change_}) each->resize(n);
+    for (Vector* each : {&scale_, &right_, &step_, &left_, &beside_, &room_}) each->resize(size);
+    matrix_.resize(size * size);
+    order_.resize(size);
+  }
+
   bool rates_jump(const Vector& q, Real before, Real after) {
     const Real change = change_of_rates(q, before, after), length = after - before;
     return change > share() && change > 4 * std::max(change_of_rates(q, before - length, before), change_of_rates(q, after, after + length));
@@ -261,8 +272,7 @@ class Impacts {
   void solve(const Vector& q, Real t) {
     using std::sqrt;
     const std::size_t n = struck_.speeds(), m = struck_.equations(), size = n + m;
-    matrix_.assign(size * size, Real(0)), scale_.assign(size, Real(1)), right_.resize(size), step_.resize(size);
-    left_.resize(size), beside_.resize(size), room_.resize(size), order_.resize(size);
+    matrix_.assign(size * size, Real(0)), scale_.assign(size, Real(1));
     const dense::Matrix<Real> A{matrix_.data(), size, size};
     subject_.begin_step(t, Real(0));
     for (std::size_t j = 0; j < n; ++j) {

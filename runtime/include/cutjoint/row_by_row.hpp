@@ -119,6 +119,7 @@ class RowByRow {
   }
 
   void meet_impacts() {
+    if (!state_) state_.emplace(blank(subject_));
     const auto call = [](void* who, auto& scheme, std::size_t which) { static_cast<RowByRow*>(who)->strike(scheme, which); };
     stepper_->strike_by({.call = call, .who = this});
   }
@@ -135,7 +136,6 @@ class RowByRow {
   void strike(Scheme& scheme, std::size_t which) {
     const Real after = scheme.time(), before = std::max(after - impacts_.width(), struck_);
     struck_ = after;
-    if (!state_) state_.emplace(blank(subject_));
     state_->q.assign(scheme.pose(), scheme.pose() + state_->q.size());
     if (!impacts_.jumps(state_->q, before, after)) return;
     scheme.read_struck(before, *state_);
@@ -164,7 +164,7 @@ class RowByRow {
   Impacts<Subject> impacts_;
   std::optional<Stepper> stepper_;
   std::optional<EnergyBalance<Subject>> energy_;
-  std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
+  std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced or whose guides may jump
   std::vector<Real> y_, position_;
   Real origin_{0}, t_{0}, dt_, struck_{0};  ///< the last: when a step last ended at an event
 };

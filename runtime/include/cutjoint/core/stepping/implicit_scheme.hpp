@@ -28,7 +28,7 @@ class ImplicitScheme {
   static constexpr int order = Stages::order;
 
   ImplicitScheme(Stages& stages, const Tolerances<Real>& tolerances, bool adaptive)
-      : stages_(stages), interpolant_(stages.charts(), stages.present()), before_(stages.present()), trial_(before_), between_(stages.size()),
+      : stages_(stages), interpolant_(stages.charts(), stages.present()), before_(stages.present()), trial_(before_), unsettled_(trial_.v), between_(stages.size()),
         tolerances_(tolerances), adaptive_(adaptive) {
     if constexpr (Stages::estimates) stages_.set_tolerances(tolerances);
   }
