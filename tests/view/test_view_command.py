@@ -207,7 +207,7 @@ def test_poses_at_the_design_position_are_the_file() -> None:
 def test_view_draws_the_start_of_a_scene(crane: Path) -> None:
     page, glb = crane.with_suffix(".html"), crane.with_suffix(".glb")
     call("view", crane, "--out", page, "--set", "reach=0.7")
-    about = json.loads(re.search('id="about">(.*?)</script>', page.read_text(encoding="utf-8"))[1])  # type: ignore[index]
+    about = json.loads(re.search('id="about"[^>]*>(.*?)</script>', page.read_text(encoding="utf-8"))[1])  # type: ignore[index]
     assert (about["title"], about["scene"], about["rows"]) == ("crane", "carry", 1)
     assert about["bodies"] == ["trolley", "front.bob", "back.bob"]
     call("view", crane, "--out", glb, "--set", "reach=0.7")

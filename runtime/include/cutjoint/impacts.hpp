@@ -173,7 +173,7 @@ class Impacts {
   /// Of a run up to `end`.  All memory is taken here, but for the list of what is found.
   Impacts(Subject& subject, double end)
       : subject_(subject), struck_(subject), width_(std::max(Real(1e-11), 64 * epsilon()) * Real(end)), probe_(struck_.speeds()), still_(struck_.speeds()) {
-    for (std::size_t i = 0; i < probe_.size(); ++i) probe_[i] = Real(1) + Real(i * 7 % 11) / 13;
+    for (std::size_t i = 0; i < probe_.size(); ++i) probe_[i] = Real(1) + Real(static_cast<int>(i * 7 % 11)) / 13;
     if (possible()) take_memory();
   }
 
