@@ -276,5 +276,5 @@ def test_errors_say_what_to_do(tmp_path: Path) -> None:
     held.write_text(pendulums() + "scenes:\n  tilted: {end: 1, positions: {top.angle: 0.3}}\n")
     status, output = command(held)
     assert status == 1
-    assert "scene 'tilted': 'top.angle_rate' accelerates by" in output
-    assert "leave its coordinate out of positions, or linearise about a motion with --at" in output
+    assert "scene 'tilted': a force holds 'top.angle" in output
+    assert "leave its coordinate out of positions, guide its joint, or linearise about a motion with --at" in output

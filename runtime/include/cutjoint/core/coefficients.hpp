@@ -3,11 +3,12 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 namespace cutjoint {
 
 struct Fraction {
-  long above, below = 1;
+  std::int64_t above, below = 1;  ///< long has 32 bits on Windows and on small processors
 
   template <class Real>
   Real as() const {
