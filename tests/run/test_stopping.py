@@ -56,9 +56,14 @@ class Finalised:
 
 @pytest.mark.parametrize(("number", "error"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)])
 def test_a_signal_within_a_finalizer_is_not_lost(number: int, error: type[BaseException]) -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+
     def work() -> None:
         Finalised(number)
         time.sleep(10)
 
-    with pytest.raises(error), ended_by_signals():
-        work()
+    try:
+        with pytest.raises(error), ended_by_signals():
+            work()
+    finally:
+        signal.signal(signal.SIGINT, before)
