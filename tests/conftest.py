@@ -1,4 +1,4 @@
-"""Where the tests find models and data; generated code is compiled fast rather than made fast, and without warnings."""
+"""Folders of models and data; generated code is compiled fast rather than made fast, and without warnings."""
 
 from __future__ import annotations
 

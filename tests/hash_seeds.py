@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def outputs(program: str, *seeds: str) -> list[str]:
-    """What a program prints under each seed; the runs are side by side.
+    """The output of a program under each seed; the runs are side by side.
 
     Raises:
         CalledProcessError: a run fails.

@@ -156,7 +156,7 @@ def test_schema_prints_what_the_docs_keep(options: tuple[str, ...], kept: str, f
 
 @pytest.mark.parametrize("command", ["check", "equilibrium", "explain", "modes"])
 def test_the_first_of_several_scenes_is_told(command: str, tmp_path: Path) -> None:
-    """What asks for a state takes the first scene; what runs one, and modes of a motion, want its name."""
+    """Commands that ask for a state take the first scene; those that run one, and modes of a motion, want its name."""
     model = tmp_path / "slide.yaml"
     model.write_text(SLIDE, encoding="utf-8")
     result = call(command, model)

@@ -1,4 +1,4 @@
-"""What other packages add: by entry points, and named where it is not installed."""
+"""Additions of other packages: by entry points, and named where the package is not installed."""
 
 from __future__ import annotations
 

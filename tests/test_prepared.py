@@ -96,7 +96,7 @@ def simulate(model: Path, *arguments: object, scene: str = "still", out: str = "
 
 
 def anew(monkeypatch: pytest.MonkeyPatch) -> list[Request]:
-    """What is prepared anew from now on."""
+    """Requests that are prepared anew from now on."""
     done: list[Request] = []
     prepare = preparing.prepare_and_play
 
@@ -266,7 +266,7 @@ def test_another_processor_is_another_run_where_flags_mean_it(model: Path, monke
 
 
 def test_the_same_sources_elsewhere_are_the_same_code(shared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where they are does not matter, nor what Python keeps beside them."""
+    """Their folder does not matter, nor what Python keeps beside them."""
     copies = tuple(Path(shutil.copytree(p, tmp_path / p.name)) for p in prepared.code_folders())
     (copies[0] / "more.pyc").write_bytes(b"")
     monkeypatch.setattr(prepared, "code_folders", lambda: copies)

@@ -163,7 +163,7 @@ def test_a_column_that_is_not_there_is_an_error_that_suggests() -> None:
 
 
 def results() -> list[object]:
-    """What a user of Python comes upon, of a small model and of a large one that is not compiled."""
+    """Objects that a user of Python comes upon, of a small model and of a large one that is not compiled."""
     iltis = cutjoint.read_model(MODELS / "iltis.yaml")
     found: list[object] = [iltis, *iltis.scenes.values(), cutjoint.build_topology(iltis), batches()]
     for method in ("recursive", "augmented", "recursive-newton"):

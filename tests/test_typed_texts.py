@@ -1,4 +1,4 @@
-"""What is typed: one grammar of numbers everywhere, and no control characters in what is said of it."""
+"""Typed texts: one grammar of numbers everywhere, and no control characters in messages about them."""
 
 from __future__ import annotations
 

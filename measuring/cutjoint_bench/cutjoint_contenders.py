@@ -176,7 +176,7 @@ def identify_code(
 
 
 def identity(source: Source, implementation: str = Implementation.GENERATED) -> Mapping[str, str]:
-    """What results of generated code depend on besides machine and compiler: its digest and that of the runtime."""
+    """Identity of generated code besides machine and compiler: its digest and that of the runtime."""
     return {"digest": source.digest, "runtime": twin_digest() if implementation == Implementation.GENERIC else runtime_digest()}
 
 

@@ -23,7 +23,7 @@ _ROTATION = ("roll", "pitch", "yaw", "wx", "wy", "wz")
 
 
 def conserves_energy(model: Model) -> bool:
-    """Whether nothing but weight acts: no force, no guide."""
+    """True if nothing but weight acts: no force, no guide."""
     return not model.forces and all(joint.guide is None for joint in model.joints)
 
 

@@ -1,4 +1,4 @@
-"""How far a run is from a reference."""
+"""Distances of a run from a reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the measurements say: orders of convergence, time at an accuracy, who is best."""
+"""Findings of the measurements: orders of convergence, time at an accuracy, the best contender."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def order(line: Line, name: str = "position") -> float:
 
 
 def _flattens(points: Sequence[tuple[float, float]]) -> bool:
-    """Whether the smallest step meets rounding or the reference: its error hardly falls, or falls clearly less than that before it."""
+    """True if the smallest step meets rounding or the reference: its error hardly falls, or falls clearly less than that before it."""
     slopes = _slopes(points[:3])
     return slopes[0] < 0.5 or (len(slopes) > 1 and slopes[0] < slopes[1] - 0.2)
 
@@ -113,7 +113,7 @@ def leading(lines: Sequence[Line]) -> list[Line]:
 
 
 def _rivals(line: Line) -> tuple[str, str]:
-    """What a line is compared with: its group, of peers the same tool."""
+    """The group with which a line is compared: its own, of peers the lines of one tool."""
     return line["group"], line["contender"].partition("/")[0] if line["group"] == "peer" else ""
 
 

@@ -1,4 +1,4 @@
-"""Where the fixed point of the recursive method ends, predicted from its map along a scene's trajectory."""
+"""Limits of the fixed point of the recursive method, predicted from its map along a scene's trajectory."""
 
 from __future__ import annotations
 

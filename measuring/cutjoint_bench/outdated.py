@@ -24,7 +24,7 @@ Measured = tuple[str, Mapping[str, str], Callable[[], Mapping[str, str]]]
 
 
 def find_outdated(plan: Plan, data: Data) -> list[str]:
-    """What of a study's stored data is missing, or was measured with other generated code, another runtime or another peer than now.
+    """Missing parts of a study's stored data, and those measured with other generated code, another runtime or another peer than now.
 
     Compiles nothing: code is generated anew and its digest compared.
     """
@@ -32,7 +32,7 @@ def find_outdated(plan: Plan, data: Data) -> list[str]:
 
 
 def _missing(plan: Plan, data: Data) -> Iterator[str]:
-    """What the plan has and the data does not."""
+    """Parts of the plan that the data does not have."""
     known = {(case["name"], line["contender"]) for case in data["cases"] for line in case["lines"]}
     for case, contender in product(plan.cases, plan.contenders):
         if (case.name, contender.name) not in known and _suits(contender, case):
@@ -44,7 +44,7 @@ def _missing(plan: Plan, data: Data) -> Iterator[str]:
 
 
 def _suits(contender: Contender, case: Case) -> bool:
-    """Whether a case has what a contender runs; reduced models are those of some scenes only."""
+    """True if a case has what a contender runs; reduced models are those of some scenes only."""
     try:
         contender.identify(case)
     except NoReductionError:

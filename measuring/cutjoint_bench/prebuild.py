@@ -1,4 +1,4 @@
-"""What a bench needs before its clock runs, on all cores: references, simulators, and outcomes that no clock measures.
+"""Preparation of a bench before its clock runs, on all cores: references, simulators, and outcomes that no clock measures.
 
 What is made goes to the cache and to the store, where `cutjoint_bench.study.perform` finds it.  What fails here fails there again, with
 its message in its place.
@@ -92,7 +92,7 @@ def _atlas_cases(plan: Plan) -> Iterator[Case]:
 
 
 def _together(contenders: Sequence[Contender]) -> list[list[Contender]]:
-    """Those that one process should prepare: the reduced models of a method are steps of one reduction sequence."""
+    """Groups of contenders that one process should prepare: the reduced models of a method are steps of one reduction sequence."""
     found: dict[tuple[str, str], list[Contender]] = {}
     for contender in contenders:
         part = contender.name.partition("/")[0] if contender.group == "reductions" else contender.name
@@ -112,7 +112,7 @@ def _compile(case: Case, contenders: Sequence[Contender]) -> None:
 
 
 def _second_tasks(plans: Sequence[Plan], measurements: Path) -> Iterator[Task]:
-    """What takes simulators and references."""
+    """Tasks that take simulators and references."""
     for plan in plans:
         for case in plan.cases if plan.atlas else ():
             grid = grid_of(plan, case)

@@ -1,4 +1,4 @@
-"""What a bench reports of its work while it runs."""
+"""Reports of a bench on its work while it runs."""
 
 from __future__ import annotations
 

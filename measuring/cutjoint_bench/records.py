@@ -1,4 +1,4 @@
-"""What is compared, and what came of it."""
+"""Cases and contenders of a comparison, and their results."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Runner(Protocol):
 
     @property
     def configuration(self) -> Mapping[str, str]:
-        """What to state of it: compiler, flags, digest of generated code, versions."""
+        """Facts to state of it: compiler, flags, digest of generated code, versions."""
         ...
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:

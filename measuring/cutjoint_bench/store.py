@@ -1,4 +1,4 @@
-"""What was measured, stored line by line, so that an interrupted bench goes on where it stopped."""
+"""Measurements stored line by line, so that an interrupted bench goes on where it stopped."""
 
 from __future__ import annotations
 

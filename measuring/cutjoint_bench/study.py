@@ -36,7 +36,7 @@ MOST_STEPS = 1_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a bench is to do.
+    """The work of a bench.
 
     ``steps`` (s) are tried instead of those that suit a scene, which go down to the share ``shortest`` of its own; runs that would take
     longer than ``most_seconds`` are not begun.  ``reference`` is the number type in which references are integrated, "quad" or "extended",
@@ -80,7 +80,7 @@ def atlas_reference(plan: Plan, say: Say = silently) -> Callable[[Case], Referen
 
 
 def case_reference(plan: Plan, case: Case, say: Say = silently) -> Reference | None:
-    """What the points of a case are compared with; None where the plan asks for no reference."""
+    """The reference of a case's points; None where the plan asks for none."""
     return None if plan.reference == "none" else find_reference(case, precision=plan.reference, say=say)
 
 
@@ -90,7 +90,7 @@ def grid_of(plan: Plan, case: Case) -> Grid:
 
 
 def find_drift(case: Case, store: Store, say: Say = silently) -> Record | None:
-    """What the methods lose of what a mechanism keeps; at a step that all of them can take."""
+    """Losses of the methods in quantities that a mechanism keeps; at a step that all of them can take."""
     say(f"{case.name}: energy and momentum")
     artifacts = compile_for_drift(case)
     if not artifacts:
@@ -154,7 +154,7 @@ def _own_step(case: Case, contender: Contender) -> float:
 
 
 def _identity(plan: Plan, case: Case, contender: Contender, runner: Runner) -> Record:
-    """What a contender's figures are of."""
+    """Identity of a contender's figures."""
     return {
         "case": case.name, "input": case.input_digest(contender.name.partition("/")[0]), "contender": contender.name,
         "configuration": dict(runner.configuration), "end": case.scene.end, "row": case.scene.output_step,
@@ -163,7 +163,7 @@ def _identity(plan: Plan, case: Case, contender: Contender, runner: Runner) -> R
 
 
 def has_limits(plan: Plan, contender: Contender) -> bool:
-    """Whether a plan looks for the largest step of a contender."""
+    """True if a plan looks for the largest step of a contender."""
     return plan.limits and contender.group == "generated"
 
 

@@ -1,4 +1,4 @@
-"""What ``check`` says of redundant equations and of the choice of cut joints."""
+"""Messages of ``check`` about redundant equations and the choice of cut joints."""
 
 from __future__ import annotations
 

@@ -196,7 +196,7 @@ def test_a_step_that_ends_on_the_pose(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("steps", [100, 120, 143, 200, 1429, 3000])
 def test_a_whole_number_of_steps_to_the_pose(steps: int, tmp_path: Path) -> None:
-    """Where a projection could take a leap onto another branch: augmented stays, classical stays or says so; neither is silently wrong."""
+    """A projection could take a leap onto another branch here: augmented stays, classical stays or says so, neither is silently wrong."""
     dt = singular_times(CHAIN)[0] / steps
     situation = crossing_by(
         Trial(method="augmented", dt=dt, expected=("converged", "inaccurate"), because="It leaves a direction that vanishes alone."),

@@ -19,7 +19,7 @@ from tests.view.test_page import HOSTILE
 
 
 def studies(*more: dict[str, Any]) -> dict[str, Any]:
-    """Those of the summary's tests with further lines in their case."""
+    """The studies of the summary's tests with further lines in their case."""
     changed = deepcopy(STUDIES)
     changed["swings"]["cases"][0]["lines"] += more
     return changed

@@ -1,4 +1,4 @@
-"""What is made before the clock runs."""
+"""Work that a bench does before the clock runs."""
 
 from __future__ import annotations
 

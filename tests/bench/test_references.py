@@ -85,7 +85,7 @@ def test_a_reference_is_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_rounding_falls_with_the_precision(tmp_path: Path) -> None:
-    """What the classical method's last step leaves of the equations' rates: rounding of the number type, of bodies of 1 m and 1 m/s."""
+    """Rates of the equations after the classical method's last step: rounding of the number type, of bodies of 1 m and 1 m/s."""
     case = make_case(MODELS / "slider_crank.yaml", end=0.2, row=0.01)
     residuals = {}
     for precision in ("double", "quad"):

@@ -1,4 +1,4 @@
-"""What git holds of the report: a summary, a page that links its charts, and these."""
+"""The part of the report that git holds: a summary, a page that links its charts, and the charts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the time of a wait goes: the symbolic half's phases, whose source is what the pipeline generates."""
+"""Shares of the time of a wait: the symbolic half's phases, whose source is what the pipeline generates."""
 
 from __future__ import annotations
 

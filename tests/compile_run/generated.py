@@ -59,7 +59,7 @@ def random_states(equations: RecursiveEquations, count: int, seed: int) -> list[
 def run_evaluate(
     binary: Path, model: Model, scene: Scene, states: list[At], description: Mapping[str, Any] | None = None
 ) -> list[dict[str, np.ndarray]]:  # fmt: skip
-    """What the simulator's functions give at the states; ``description`` is what it reads of the model, if it reads it."""
+    """Results of the simulator's functions at the states; ``description`` is the description of the model, if the simulator reads one."""
     run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate", options=PLAIN_STEPS)
     run_file["states"] = [{"t": s.t, "q": list(s.q), "v": list(s.v), "lambda": list(s.multipliers)} for s in states]
     if description is not None:
@@ -69,7 +69,7 @@ def run_evaluate(
 
 
 def interpret(equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]:
-    """The same by the block interpreter."""
+    """Results of the block interpreter, as `run_evaluate` has them."""
     roads = {name: FlatRoad() for name in equations.roads}
 
     def results(function: str, prefix: str, inputs: Inputs) -> np.ndarray:
@@ -81,7 +81,7 @@ def interpret(equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]
 
 
 def interpret_program(program: Program, equations: RecursiveEquations, state: At) -> dict[str, np.ndarray]:
-    """The same by the interpreter of scalars, which rounds as the program says."""
+    """Results of the interpreter of scalars, as `run_evaluate` has them; it rounds as the program says."""
     roads = {name: FlatRoad() for name in equations.roads}
 
     def results(function: str, prefix: str, inputs: Inputs) -> np.ndarray:

@@ -38,7 +38,7 @@ objectives: {{top: {{maximum: slider.x}}}}
 
 @dataclass(frozen=True, kw_only=True)
 class Ended:
-    """How a call ended: its ``status``, all that it ``said``, and the ``error`` where it did not end by itself."""
+    """The end of a call: its ``status``, all that it ``said``, and the ``error`` where it did not end by itself."""
 
     status: int | None
     said: str
@@ -46,7 +46,7 @@ class Ended:
 
 
 def set_up(folder: Path) -> dict[str, bytes]:
-    """What a user has in a folder: a model, two links to it, a table of cases, a study; the content of each by its name."""
+    """Write a user's files into a folder: a model, two links to it, a table of cases, a study; returns the content of each by its name."""
     folder.mkdir()
     os.chdir(folder)
     Path(MODEL).write_text(press(), encoding="utf-8")
@@ -91,7 +91,7 @@ def call(words: Sequence[str]) -> Ended:
 
 
 def faults(ended: Ended, before: Mapping[str, bytes], *, refused: bool) -> Iterator[str]:
-    """What is wrong with the end of a call; ``before`` has the files that it leaves alone."""
+    """Faults of the end of a call; ``before`` has the files that it leaves alone."""
     if ended.error:
         yield ended.error[:300]
     elif ended.status not in ((1, 2) if refused else (0, 1, 2)):

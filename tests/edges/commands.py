@@ -48,12 +48,12 @@ def options() -> Iterator[tuple[str, click.Parameter]]:
 
 
 def is_path(option: click.Parameter, *, written: bool) -> bool:
-    """Whether an option names a file or a folder that is written, or else one that is read."""
+    """True if an option names a file or a folder that is written, or with ``written=False`` one that is read."""
     return isinstance(option.type, click.Path) and option.type.exists != written
 
 
 def reads_model(name: str) -> bool:
-    """Whether a command has a model, or several."""
+    """True if a command has a model, or several."""
     return any(option.name in ("model", "models", "study") for option in commands()[name].params)
 
 

@@ -52,7 +52,7 @@ def pairs() -> Iterator[tuple[str, click.Parameter, click.Parameter]]:
 def test_two_paths_are_not_one(
     name: str, one: click.Parameter, other: click.Parameter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What a command writes is neither what it reads nor what else it writes, however the two are spelled."""
+    """A command writes neither over its inputs nor over another output of its own, however the two are spelled."""
     monkeypatch.chdir(tmp_path)
     before = set_up(tmp_path / "in")
     same = "both" if is_path(one, written=True) else READ.get(one.name or "", MODEL)

@@ -1,4 +1,4 @@
-"""What no option can use: the table of bad values, by what an option takes."""
+"""A table of bad values, by the type that an option takes."""
 
 from __future__ import annotations
 

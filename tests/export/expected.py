@@ -1,4 +1,4 @@
-"""How well each peer agrees with cutjoint's recursive method, and why no better."""
+"""The agreement of each peer with cutjoint's recursive method, and the reasons for its limits."""
 
 from __future__ import annotations
 

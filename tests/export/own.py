@@ -1,4 +1,4 @@
-"""What cutjoint's recursive method says of a scene, and what a peer says of the same."""
+"""Accelerations and motions of a scene by cutjoint's recursive method, and by a peer."""
 
 from __future__ import annotations
 

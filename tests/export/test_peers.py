@@ -31,7 +31,7 @@ def of_each(what: Callable[[Expected], Iterable[Any]] = lambda _: ("",)) -> list
 
 
 def differ_by(peer: str, case: Case, folder: Path) -> float:
-    """How far accelerations at the start are apart, over the largest."""
+    """Largest difference of the accelerations at the start, over the largest acceleration."""
     found, own = both_accelerations(peer, case, folder)
     return float(np.abs(found - own).max() / np.abs(own).max())
 

@@ -1,4 +1,4 @@
-"""What is Pinocchio's own; what all peers are tried at is in `test_peers.py`."""
+"""Tests of Pinocchio alone; `test_peers.py` has the tests of all peers."""
 
 from __future__ import annotations
 

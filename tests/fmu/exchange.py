@@ -42,7 +42,7 @@ class Exchange(Slave):
         return status
 
     def complete(self) -> bool:
-        """Whether the end of an integrator's step asks for an event, which then is made; ``ended`` is whether the simulation should end."""
+        """Complete an integrator's step; True if it asked for an event, which then is made.  ``ended``: the simulation should end."""
         kind = ctypes.c_int if self.fmu.version == 2 else ctypes.c_bool
         wanted, ends = kind(), kind()
         assert self.call("CompletedIntegratorStep", ctypes.c_int(1), ctypes.byref(wanted), ctypes.byref(ends)) == OK, self.log
@@ -93,7 +93,7 @@ class Exchange(Slave):
     def ask_directional(
         self, unknowns: Sequence[int], knowns: Sequence[int], seed: Sequence[float], adjoint: bool = False
     ) -> tuple[int, Array]:
-        """The same by value references, with the status."""
+        """Directional derivatives by value references, with the status."""
         n, m, number = len(unknowns), len(knowns), ctypes.c_size_t
         given, found = (ctypes.c_double * len(seed))(*seed), (ctypes.c_double * (m if adjoint else n))()
         lists = ((ctypes.c_uint * n)(*unknowns), number(n), (ctypes.c_uint * m)(*knowns), number(m))

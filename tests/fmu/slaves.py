@@ -126,7 +126,7 @@ class Slave:
 
     @property
     def exists(self) -> bool:
-        """Whether the FMU made the instance."""
+        """True if the FMU made the instance."""
         return bool(self._c)
 
     def call(self, name: str, *arguments: Any) -> int:

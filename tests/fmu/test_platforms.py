@@ -44,7 +44,7 @@ def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
 
 
 def table(platform: str | None, place: Path, *call: str, environment: dict[str, str] | None = None) -> np.ndarray:
-    """What a host in C gets of the press on a platform, one row a step."""
+    """Outputs of the press on a platform, by a host in C, one row a step."""
     fmu, tools = fmu_of("press", 3, integrator="trapezoidal"), "" if platform is None else f"{PLATFORMS[platform].tools}-"
     program = host(place, tools, *([] if platform == WINDOWS else ["-ldl"]))
     return rows_of(hosted(fmu, fmu.build(platform=platform), [*call, str(program)], environment=environment))

@@ -41,7 +41,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def table(target: str, *call: str, flags: Sequence[str] = FLAGS) -> np.ndarray:
-    """What a host gets of the press, one row a step."""
+    """Outputs of the press by a host, one row a step."""
     fmu = fmu_of("press", 3, integrator="trapezoidal")
     return rows_of(hosted(fmu, fmu.build(flags, target=target), call))
 

@@ -63,7 +63,7 @@ def compare(model: Model, seed: int, motion: float = 1.0) -> None:
 
 
 def assert_same_step(blocks: BlockMechanism, dense: DenseMechanism, at: Instant, gap: Array, numerics: Numerics) -> None:
-    """What closes a gap, to rounding times the system's condition."""
+    """Check the step that closes a gap, to rounding times the system's condition."""
     expected, condition = dense.project(at, gap, numerics)
     assert relative_error(blocks.project(at, gap, numerics), expected, 0.01) < 1e-11 + 50 * EPS * condition
 

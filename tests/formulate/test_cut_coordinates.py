@@ -88,7 +88,7 @@ def test_forces_have_the_power_of_their_coordinates(kind: JointKind, closing: st
 @pytest.mark.parametrize("closing", CLOSINGS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_rates_are_those_of_the_positions(kind: JointKind, closing: str) -> None:
-    """Where the loop is closed; between gaping bodies a displacement's rate is that of the force's power."""
+    """The loop is closed here; between gaping bodies a displacement's rate is that of the force's power."""
     model = random_models.loop_with(kind, closing, 3)
     topology = build_topology(model)
     pair = make_pair(without_rod_forces(model), SCENE, outputs_of_cuts(topology))

@@ -94,7 +94,7 @@ def test_trees(kind: JointKind) -> None:
 
 @pytest.mark.parametrize("kind", GUIDABLE)
 def test_guided_joints(kind: JointKind) -> None:
-    """What a guide brings in, with another guide and free joints before and behind it."""
+    """Energy that a guide brings in, with another guide and free joints before and behind it."""
     w = workshop(0, f"guided {kind}")
     w.grow(w.guided(w.guided(w.grow("ground"), kind), kind))
     w.load_all()

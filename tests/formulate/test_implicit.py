@@ -257,7 +257,7 @@ def test_newton_converges_quadratically() -> None:
 
 
 def test_events_are_those_of_the_recursion() -> None:
-    """The same places in the model, and the same values in any state, though found in other blocks."""
+    """Both have equal places in the model, and equal values in any state, though found in other blocks."""
     model = read_model(MODELS / "iltis.yaml")
     scene = find_scene(model, "simul1s")
     system = make_system(model, scene)

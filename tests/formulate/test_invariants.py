@@ -1,4 +1,4 @@
-"""What mechanics promises of the accelerations: momentum, energy, d'Alembert's constraints, and that no place is special.
+"""Laws of mechanics that the accelerations keep: momentum, energy, d'Alembert's constraints, and that no place is special.
 
 Momenta, energy and their rates are the dense oracle's; the accelerations are the formulation's.
 """

@@ -1,4 +1,4 @@
-"""When inputs and guides go over to another formula."""
+"""Instants at which inputs and guides go over to another formula."""
 
 from __future__ import annotations
 

@@ -248,7 +248,7 @@ LOOPS = (("branch", 3), ("roots", 0), ("roots", 5), ("parent", 2))
     ),
 )
 def test_reaction_of_a_cut_joint(kind: JointKind) -> None:
-    """Where natural coordinates tell a reaction, and mechanics determines it, it is that of the recursive formulation."""
+    """A reaction that natural coordinates have and mechanics determines is that of the recursive formulation."""
     compared = 0
     for closing, seed in LOOPS:
         model = without_rod_forces(random_models.loop_with(kind, closing, seed))

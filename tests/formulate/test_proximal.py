@@ -84,7 +84,7 @@ def test_multipliers_balance_the_forces(name: str) -> None:
 
 @pytest.mark.parametrize("name", LIGHT)
 def test_a_heavy_penalty_loses_digits(name: str) -> None:
-    """What 1e9 keeps however often multipliers are corrected: the reason for light ones."""
+    """A penalty of 1e9 loses digits however often multipliers are corrected: the reason for light ones."""
     blocks, dense = in_scene(name, "penalty")
     assert all(x > 1e-9 for x in errors(blocks, dense, closed(dense, np.random.default_rng(0)), 1e9, 4))
 

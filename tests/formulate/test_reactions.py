@@ -154,7 +154,7 @@ def pushed(model: Model, kind: JointKind) -> Model:
 @pytest.mark.parametrize("kind", FOUND)
 @pytest.mark.parametrize("is_reversed", [False, True], ids=["normal", "reversed"])
 def test_tree_joints_in_natural_coordinates(kind: JointKind, is_reversed: bool) -> None:
-    """Where natural coordinates give the force of a joint in the tree, it is that of the recursion."""
+    """A force of a joint in the tree that natural coordinates have is that of the recursion."""
     model = pushed(with_reactions(without_rod_forces(random_models.tree_with(kind, is_reversed, 1))), kind)
     joint = next(j for j in model.joints if j.kind is kind)
     outputs = tuple(Output(element=f"all_of_{joint.name}", quantity=q, span=NOWHERE) for q in COMPONENTS[:3])

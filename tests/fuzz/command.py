@@ -46,7 +46,7 @@ def _processes(jobs: int) -> ProcessPoolExecutor:
 
 
 def try_turn(name: str, seeds: range) -> Tally:
-    """What happens to the inputs of some seeds."""
+    """Run the inputs of some seeds."""
     tally = Tally()
     for seed in seeds:
         tally.run(KINDS[name], seed)

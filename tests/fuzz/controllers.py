@@ -110,7 +110,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """What is said of an FMU; fails where nothing is, where rows are lost, or where something stays behind."""
+    """The message about an FMU; fails where there is none, where rows are lost, or where something stays behind."""
     case, good = json.loads(text), _good()
     with TemporaryDirectory() as name:
         folder = Path(name)

@@ -65,7 +65,7 @@ def _only_pictures_are_missing(done: subprocess.CompletedProcess[str], found: st
 
 
 def _require_whole(case: dict[str, list[str]], found: str) -> None:
-    """What a call that is done has written has all its rows, and numbers in each."""
+    """Require that a file of a finished call has all its rows, and numbers in each."""
     assert found != _EARLIER, "status 0, and the earlier file stands there"
     if "--batch" in case["words"]:
         assert found.count("\n") == case["rows"] + 1, f"{found.count(chr(10)) - 1} rows of {case['rows']}"

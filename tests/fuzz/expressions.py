@@ -227,7 +227,7 @@ def _power(x: float, exponent: float) -> float:
 
 
 def _python(shift: float) -> Mapping[str, Any]:
-    """What names mean in Python, but that functions are off by a share ``shift``."""
+    """Python's meanings of names, with functions that are off by a share ``shift``."""
     return {
         **{name: _moved(getattr(math, name), shift) for name in SMOOTH},
         "atan2": _moved(_angle, shift),

@@ -60,7 +60,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """What could not be compared; fails where a run is far from the limit of the smooth guides."""
+    """Reasons why a case could not be compared; fails where a run is far from the limit of the smooth guides."""
     case = json.loads(text)
     if not case["guided"]:
         return ("nothing can be guided",)
@@ -80,7 +80,7 @@ def check(text: str) -> tuple[str, ...]:
 
 
 def _compare(case: Node, limit: dict[str, Any], rows: Any) -> Iterator[str]:
-    """What failed; all runs that did not are near the limit, and agree on the work."""
+    """Failures of runs; all other runs are near the limit, and agree on the work."""
     works = {}
     for method, ways in _INTEGRATORS.items():
         for how in ways:

@@ -51,7 +51,7 @@ def _damaged_part(rng: random.Random) -> tuple[str, str]:
 
 
 def _edit(rng: random.Random) -> tuple[float, int, str]:
-    """Where in a page, as a share of it, how many characters go, and what stands there instead."""
+    """Place in a page, as a share of it, number of characters that go, and the text that stands there instead."""
     put = rng.choice(("", "x", "<", '"', "\0", "\ufffd", "-->", "<!--", "<script>", "<style>", *HOSTILE))
     return rng.random(), rng.choice((0, 1, 20, 1000, 10**9)), put
 
@@ -149,7 +149,7 @@ def _browser() -> Page:
 
 
 def _open(file: Path, *, blank: bool = False) -> tuple[str, ...]:
-    """What a page says that cannot be shown, nothing where it is shown; one that is ``blank`` may say nothing."""
+    """Message of a page that cannot be shown, nothing where it is shown; one that is ``blank`` may say nothing."""
     browser = _browser()
     ready = browser.try_to_open(file)
     assert not browser.errors, browser.errors[0]

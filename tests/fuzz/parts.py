@@ -11,7 +11,7 @@ from tests.sweeps.damaged import CUTS, DAMAGES, PARTS, Harm, begin, call, files,
 
 
 def make(rng: random.Random) -> str:
-    """What is done to the parts of an earlier call (none where there was none), and after so many parts of this one, as JSON."""
+    """Damage to the parts of an earlier call (none where there was none), and after so many parts of this one, as JSON."""
     files(CUTS)  # what it needs is compiled then
     names = list(DAMAGES)
     before = rng.choices(names, k=rng.randrange(4))

@@ -38,7 +38,7 @@ class Outcome:
 
 
 def compile_text(text: str) -> Outcome:
-    """What becomes of a model's text; fails when it is neither compiled nor refused with places, or takes too long."""
+    """Compile a model's text; fails if it is neither compiled nor refused with places, or takes too long."""
     begin = time.process_time()
     outcome = _compile(text)
     seconds = time.process_time() - begin

@@ -139,7 +139,7 @@ def require_rest(case: Node, found: MechanismState) -> None:
 
 
 def _coordinate(k: int, link: Node, found: MechanismState) -> float:
-    """How far a carriage is, or the turn of a link about y, which shows where its middle is."""
+    """The displacement of a carriage, or the turn of a link about y, from the place of its middle."""
     middle = (np.array(link["start"]) + link["end"]) / 2
     if "slides" in link:
         return float((np.array([found.values[f"link{k}.x"], found.values[f"link{k}.z"]]) - middle) @ link["slides"])

@@ -62,7 +62,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """What the simulator says of a run file that it refuses; fails where it crashes, hangs, or calls done what is not."""
+    """The simulator's message about a run file that it refuses; fails where it crashes, hangs, or calls done what is not."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "run.json").write_text(text, encoding="utf-8", errors="surrogateescape")
@@ -85,7 +85,7 @@ def check(text: str) -> tuple[str, ...]:
 
 
 def _require_message(complaint: str) -> None:
-    """What the simulator complains of is for people."""
+    """Require that the simulator's complaint is for people."""
     for word in ("terminate called", "std::", "cannot create", "\x1b", "\0"):
         assert word not in complaint, f"{word!r} in {complaint[:300]!r}"
 
@@ -102,7 +102,7 @@ def _require_table(folder: Path, file: dict[str, Any], summary: dict[str, Any]) 
 
 
 def _is_long(text: str) -> bool:
-    """Whether a run file asks for more steps or rows than can be waited for, or for motions as fast as these."""
+    """True if a run file asks for more steps or rows than can be waited for, or for motions as fast as these."""
     file = json.loads(text)
     numerics = file["numerics"]
     lengths = [x for x in (numerics.get("dt"), file.get("output_step")) if isinstance(x, int | float) and x > 0]

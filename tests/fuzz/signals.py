@@ -76,7 +76,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """How a command that was stopped ended; fails where something is lost, left or still running."""
+    """The status of a stopped command, in words; fails where something is lost, left or still running."""
     case = json.loads(text)
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -110,7 +110,7 @@ def _private(folder: Path) -> dict[str, str]:
 
 
 def _again(words: list[str], folder: Path, more: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
-    """The same once more to its end, which finds nothing in its way, or a short run; a sweep then has all rows."""
+    """Run the command once more to its end, which finds nothing in its way, or a short run; a sweep then has all rows."""
     if words[0] == "simulate":
         return run(["simulate", MODEL, "--out", "again.csv", "--end", "0.01"], folder, more)
     done = run(words, folder, more)
@@ -120,7 +120,7 @@ def _again(words: list[str], folder: Path, more: Mapping[str, str]) -> subproces
 
 
 def _temporary(folder: Path) -> list[str]:
-    """What there is of temporary folders and their locks."""
+    """Names of temporary folders and their locks."""
     return sorted(p.name for pattern in ("tmp/*", "cache/cutjoint-*") for p in folder.glob(pattern))
 
 
@@ -140,7 +140,7 @@ def _require_ended(status: int, said: str, case: Mapping[str, Any], folder: Path
 
 
 def _is_done(words: list[str], folder: Path) -> bool:
-    """Whether what a command was to write is there."""
+    """True if the command's output is there."""
     out = folder / words[words.index("--out") + 1]
     return out.exists() and (out.name != "run.csv" or out.read_text(encoding="utf-8") != _EARLIER)
 

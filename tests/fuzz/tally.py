@@ -48,7 +48,7 @@ class Kind:
 
 @dataclass(kw_only=True)
 class Tally:
-    """What has happened to inputs; ``messages`` and ``reasons`` count refusals and failures by their text without names and numbers.
+    """Outcomes of inputs, counted; ``messages`` and ``reasons`` count refusals and failures by their text without names and numbers.
 
     ``failed`` has the seeds of all failures; inputs are kept of the first with each reason.  ``seconds`` are all on the clock, ``checked``
     those of the checks.

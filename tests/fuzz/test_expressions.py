@@ -18,7 +18,7 @@ SHARE = float(os.environ.get("CUTJOINT_FUZZ", "1"))
 
 
 def generators(make: object) -> st.SearchStrategy[str]:
-    """What a function of a random number generator makes."""
+    """Results of a function of a random number generator."""
     return st.randoms(use_true_random=False).map(make)  # type: ignore[arg-type]
 
 
@@ -54,7 +54,7 @@ def test_garbage(text: str) -> None:
 
 @pytest.mark.parametrize("path", sorted(CORPUS.glob("*.txt")), ids=lambda path: path.stem)
 def test_corpus(path: Path) -> None:
-    """What failed once."""
+    """Inputs that failed once."""
     run_chain(path.read_text(encoding="utf-8").removesuffix("\n"))
 
 

@@ -41,7 +41,7 @@ def _marks(name: str) -> tuple[pytest.MarkDecorator, ...]:
     [pytest.param(KINDS[name], path, marks=_marks(name), id=path.stem) for name in SEEDS for path in KINDS[name].corpus()],
 )
 def test_corpus(kind: Kind, path: Path) -> None:
-    """What failed once."""
+    """Inputs that failed once."""
     _require_means(kind)
     kind.make(random.Random(0))  # what it needs is compiled then
     kind.try_one(path.read_bytes().decode("utf-8", "surrogateescape"))

@@ -41,7 +41,7 @@ def test_any_model(text: str) -> None:
 
 @pytest.mark.parametrize("path", sorted(CORPUS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_corpus(path: Path) -> None:
-    """What failed once."""
+    """Inputs that failed once."""
     outcome = compile_text(path.read_text(encoding="utf-8"))
     if path.stem.startswith("cpp_") and shutil.which("g++"):
         assert outcome.source is not None, outcome.problems

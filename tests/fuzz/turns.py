@@ -11,9 +11,9 @@ TURN, MANY = 3.0, 1000
 
 @dataclass
 class Account:
-    """What a kind with a share of the time has had.
+    """The account of a kind with a share of the time.
 
-    That is inputs begun and ended, seconds in all and those ``checked`` for its inputs alone, and turns under way.
+    It has inputs begun and ended, seconds in all and those ``checked`` for its inputs alone, and turns under way.
     """
 
     name: str

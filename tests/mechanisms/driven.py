@@ -67,7 +67,7 @@ def table(course: Polynomial, times: Any = (0.0, 0.4, 1.0)) -> dict[str, list[fl
 
 
 def guided(lift: tuple[Array, Array, Array], t: Array) -> dict[str, Array]:
-    """What the guide gives: the arm's angle, its rate, and the vertical acceleration of its centre of mass, by an input and its rates."""
+    """The guide's effect: the arm's angle, its rate, and the vertical acceleration of its centre of mass, by an input and its rates."""
     u, rate, acceleration = lift
     angle = u + 0.2 * t * u**2
     angle_rate = 0.2 * u**2 + (1 + 0.4 * t * u) * rate

@@ -317,7 +317,7 @@ class Workshop:
                 self.reactions.append(Reaction(name=name, joint=cut.name, body=body, direction=self.axis(), span=NOWHERE))
 
     def model(self) -> Model:
-        """What has been built."""
+        """The model that has been built."""
         gravity = self.numbers(10.0) if self.gravity else (sympy.Integer(0),) * 3
         return Model(
             name="random", gravity=gravity, parameters=(SIZE, STRENGTH, DRIVE), bodies=tuple(self.bodies),

@@ -74,7 +74,7 @@ def _text(make: Callable[[], str]) -> Subjects:
 
 
 def _reduced(read: Callable[[], Subjects], *, every: bool) -> Subjects:
-    """What is left of the first subject after each exact pass, or after all."""
+    """The remains of the first subject after each exact pass, or after all."""
     [(name, model, scene), *_] = read()
     subjects = []
     for step in (step for step in STEPS if step.motion == "exact"):
@@ -199,7 +199,7 @@ def _run(group: str, pattern: str, every: bool, folder: Path | None, lists: bool
 
 
 def _may_match(group: str, pattern: str) -> bool:
-    """Whether a case of a group may match: the part of a pattern before its first slash, if it has one, is that of the group."""
+    """True if a case of a group may match: the part of a pattern before its first slash, if it has one, is that of the group."""
     first, slash, _ = pattern.partition("/")
     return not slash or fnmatch(group, first)
 

@@ -9,7 +9,7 @@ LAW = "0.02*sin(3*t)**2"
 
 
 def law(t: float) -> float:
-    """The same for a host."""
+    """The law of the input, for a host."""
     return 0.02 * sin(3 * t) ** 2
 
 

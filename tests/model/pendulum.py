@@ -44,7 +44,7 @@ def read(old: str = "pendulum", new: str = "pendulum") -> Model:
 
 
 def problems(text: str) -> list[str]:
-    """What reading ``text`` complains of, a line a problem."""
+    """Problems of reading ``text``, a line a problem."""
     with pytest.raises(ModelError) as caught:
         read_model_text(text, "m.yaml")
     return str(caught.value).splitlines()

@@ -127,7 +127,7 @@ def test_the_table_of_forces_names_what_a_kind_needs(kind: ForceKind) -> None:
 
 
 def reported(force: Force) -> list[str]:
-    """What a force reports, as the table of outputs writes it: names, then their unit."""
+    """Quantities of a force as the table of outputs writes them: names, then their unit."""
     units = list(dict.fromkeys(force.quantities.values()))
     names = {unit: " ".join(name for name, own in force.quantities.items() if own == unit) for unit in units}
     return [f"{names[unit]} ({unit.replace('*', ' ')})" for unit in units]

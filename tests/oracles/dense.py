@@ -53,7 +53,7 @@ Poses = Mapping[str, tuple[Array, Array]]
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Where a joint's unknowns stand: ``q``, ``v`` their first elements, ``scalars`` coordinates, then a quaternion if ``ball``."""
+    """Places of a joint's unknowns: ``q``, ``v`` their first elements, ``scalars`` coordinates, then a quaternion if ``ball``."""
 
     q: int
     v: int
@@ -82,7 +82,7 @@ class Numerics:
 
 @dataclass(frozen=True, kw_only=True)
 class Instant:
-    """Where the mechanism is: coordinates, speeds, time; ``motion`` 0 stops the guides at their place, and drives."""
+    """A state of the mechanism: coordinates, speeds, time; ``motion`` 0 stops the guides at their place, and drives."""
 
     q: Array
     v: Array
@@ -129,7 +129,7 @@ class Closures:
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """What the generated functions compute, in the order of v and of the cut joints' equations.
+    """Results of the generated functions, in the order of v and of the cut joints' equations.
 
     ``condition`` is that of the system solved, scaled to a unit diagonal: what either solution may lose.
     """

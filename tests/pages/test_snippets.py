@@ -1,4 +1,4 @@
-"""What pages tell a reader to write and to run, in their order, in an empty folder; and that it prints what they say."""
+"""Files and commands of pages, written and run in their order in an empty folder; the output is what the pages say."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def squeezed(text: str) -> str:
 
 
 def run(snippet: Snippet, folder: Path) -> str:
-    """What a shell or Python prints."""
+    """The output of a shell or of Python."""
     bin_folder = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": bin_folder, "COLUMNS": "200"}
     command = ["bash", "-e", "-c", snippet.text] if snippet.language == "sh" else [sys.executable, "-c", snippet.text]

@@ -21,7 +21,7 @@ def compile_text(folder: Path, text: str, scene: str | None = None) -> Artifact:
 
 
 def with_numerics(artifact: Artifact, **changes: Any) -> Artifact:
-    """The same binary run with other numerical figures."""
+    """The binary with other settings of numerics."""
     numerics = replace(artifact.scene.numerics, **changes)
     return replace(artifact, scene=replace(artifact.scene, numerics=numerics))
 

@@ -1,4 +1,4 @@
-"""How wrong runs say that they are, against what is exact; steps that follow from the accuracy that is wanted."""
+"""Estimated errors of runs against exact ones; steps that follow from the accuracy that is wanted."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_estimates_are_near_the_true_error(method: str, settings: dict[str, floa
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
 def test_the_estimate_of_the_stricter_of_two_runs_is_what_they_differ_by(method: str) -> None:
-    """How much smaller its error is, tolerances of steps do not tell: tenfold on this mass, twofold at a dead centre."""
+    """Tolerances of steps do not tell how much smaller its error is: tenfold on this mass, twofold at a dead centre."""
     run = completed(simulate(oscillator(method)))
     assert run.error.converged
     for name, error in true_errors(run).items():

@@ -41,7 +41,7 @@ def errors_of(error: Callable[..., float], integrator: str, steps: Sequence[floa
 
 
 def check_orders(errors: Sequence[float], integrator: str) -> None:
-    """What each halving of the step shows; with rk4 it depends more on where in their steps the events lie."""
+    """Check the order of each halving of the step; with rk4 it depends more on where in their steps the events lie."""
     orders = [float(np.log2(a / b)) for a, b in pairwise(errors)]
     least, most = {"rk4": (3.5, 5.3), "sdirk4-fixed": (3.8, 4.6)}[integrator]
     assert all(least < order < most for order in orders), (orders, errors)
@@ -131,7 +131,7 @@ def test_factors_are_kept_where_no_event_is(tmp_path: Path) -> None:
 
 
 def check_order_2(errors: Sequence[float]) -> None:
-    """What each halving of the step shows."""
+    """Check that each halving of the step shows order 2."""
     orders = [float(np.log2(a / b)) for a, b in pairwise(errors)]
     assert all(1.85 < order < 2.25 for order in orders), (orders, errors)
 

@@ -33,12 +33,12 @@ def run(name: str, scene: str, *, step: float | None = None, outputs: Sequence[s
 
 
 def weight(name: str, *, without: Sequence[str] = ()) -> float:
-    """What the bodies of a model weigh, N."""
+    """The weight of a model's bodies, N."""
     return GRAVITY * sum(float(body.mass) for body in read_model(MODELS / f"{name}.yaml").bodies if body.name not in without)
 
 
 def zeros(t: Array, values: Array) -> Array:
-    """Where a column changes its sign, between rows."""
+    """Times at which a column changes its sign, between rows."""
     at = np.flatnonzero(values[:-1] * values[1:] < 0)
     return t[at] - values[at] * (t[at + 1] - t[at]) / (values[at + 1] - values[at])
 
@@ -121,7 +121,7 @@ def test_the_ground_gives_the_leg_what_it_gains_in_momentum() -> None:
 
 
 def test_the_gantrys_load_hangs_still_after_ramps_of_a_period() -> None:
-    """What is left of the largest angle is the phase that two ramps are off: gravity and acceleration together shorten the period by a
+    """The rest of the largest angle is the phase that two ramps are off: gravity and acceleration together shorten the period by a
     quarter of the square of a/g, the swing's width lengthens it by a sixteenth."""
     off = 2 * np.pi * (1 / 4 - 1 / 16) * (0.3 / GRAVITY) ** 2
     left = {}

@@ -31,7 +31,7 @@ def compiled(name: str, scene: str | None = None) -> Artifact:
 
 
 def orders(errors: Sequence[float]) -> list[float]:
-    """What each halving of the step shows."""
+    """The order of each halving of the step."""
     return [float(np.log2(a / b)) for a, b in pairwise(errors)]
 
 

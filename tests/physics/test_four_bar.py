@@ -115,7 +115,7 @@ def test_agrees_with_the_published_reference(tmp_path: Path) -> None:
 
 
 def test_the_place_does_not_matter(tmp_path: Path) -> None:
-    """The same linkage 10 km away: every branch has its pole at its own first joint."""
+    """A linkage 10 km away moves as near by: every branch has its pole at its own first joint."""
     near = completed(simulate(compile_text(tmp_path, four_bar_text(2)), dt=0.001, end=2.0))
     far = completed(simulate(compile_text(tmp_path, four_bar_text(2, offset=10000)), dt=0.001, end=2.0))
     # positions of 1e4 m are stored to 2e-12 m; the singular pose at 0.71 s and 1.23 s magnifies differences

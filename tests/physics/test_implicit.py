@@ -44,7 +44,7 @@ def with_radius(artifact: Artifact, radius: float) -> Artifact:
 
 
 def orders(errors: Sequence[float]) -> list[float]:
-    """What each halving of the step shows."""
+    """The order of each halving of the step."""
     return [float(np.log2(a / b)) for a, b in pairwise(errors)]
 
 
@@ -66,7 +66,7 @@ def test_fourth_order_on_andrews_mechanism() -> None:
 
 @pytest.mark.parametrize(("tolerance", "lowest", "highest"), [(1e-8, 2e-6, 5e-5), (1e-10, 0.0, 1e-8)])
 def test_a_loose_iteration_leads_at_small_steps(tolerance: float, lowest: float, highest: float) -> None:
-    """How far the slider-crank at 1.25e-4 s is from a run with 1e-12: 7.5e-6 m of an error of 1.2e-5 m with 1e-8, 1.5e-11 m with 1e-10."""
+    """The slider-crank at 1.25e-4 s is off a run with 1e-12 by 7.5e-6 m of an error of 1.2e-5 m with 1e-8, by 1.5e-11 m with 1e-10."""
     run, tight = (run_of("SC3D", integrator="trapezoidal", dt=1.25e-4, tolerance=x) for x in (tolerance, 1e-12))
     assert lowest <= np.abs(run["slider.x"] - tight["slider.x"]).max() < highest
 

@@ -65,7 +65,7 @@ def test_very_long_steps_on_stiff_bumpers(dt: float) -> None:
 
 
 def test_steps_in_parts() -> None:
-    """Where an iteration has too few passes for some steps, these are taken in parts: rows and motions stay what they were."""
+    """Steps for which the iteration has too few passes are taken in parts: rows and motions stay as they were."""
     artifact = compiled("iltis", "simul1")
     numerics = replace(artifact.scene.numerics, iterations=2)
     whole = finished(artifact, dt=0.005, end=4.0)

@@ -45,7 +45,7 @@ def pendulums(count: int) -> str:
 
 
 def geared(count: int) -> str:
-    """The same with hinges in place of balls, and a gear of its own ratio between the two of each pendulum."""
+    """Pendulums with hinges in place of balls, and a gear of its own ratio between the two of each."""
     hinge = "axis: [0, 0, 1], kind: revolute,"
     gears = "".join(f"  mesh_{i}: {{joints: [ball_{i}, pin_{i}], ratio: {1 + i / 10}}}\n" for i in range(count))
     return pendulums(count).replace("kind: spherical,", hinge).replace("scenes:", f"gears:\n{gears}scenes:")
@@ -173,7 +173,7 @@ def test_members_may_differ_in(differ: str) -> None:
 
 @pytest.mark.parametrize("case", ["a term twice", "a member in two families"])
 def test_each_term_of_a_sum_counts_once(case: str) -> None:
-    """What stands in lanes is taken out of a sum as often as it stands there."""
+    """A term that stands in lanes is taken out of a sum as often as it stands there."""
     b = Builder()
     p, q, r = (b.call("sin", b.symbol(f"x{k}", 1, BindingTime.ITERATION)) for k in range(3))
     terms, families = ([p, q, p, q, p], [(p, q)]) if case == "a term twice" else ([p, q, r], [(p, q), (q, r)])

@@ -141,7 +141,7 @@ def test_equal_nodes_are_one(tried: Tried) -> None:
 
 
 def test_lowering_depends_on_the_model_alone() -> None:
-    """The same model gives the same program."""
+    """Two derivations of one model give equal programs."""
     model = random_models.random_loops(1)
     programs = []
     for _ in range(2):

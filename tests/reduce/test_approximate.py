@@ -211,7 +211,7 @@ def test_a_road_with_tracks_that_differ_a_little() -> None:
 
 
 def test_the_slalom_is_never_half() -> None:
-    """What a scene prescribes is not averaged."""
+    """Guides of a scene are not averaged."""
     model = read_model(MODELS / "iltis.yaml")
     outcome = halve_nearly(model, model.scenes["simul3"])
     assert outcome.done == ()

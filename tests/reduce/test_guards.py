@@ -112,7 +112,7 @@ def test_passes_one_after_the_other_give_the_model_of_one() -> None:
 
 @pytest.mark.parametrize("method", with_heavy(METHODS, "augmented", "classical"))
 def test_a_model_whose_guards_hold_moves_as_the_full_one(method: str) -> None:
-    """What was taken out reports no force, but where its parts are."""
+    """A force that was taken out reports no force, but still the places of its parts."""
     full, reduced = completed(run(method, "swing", ())), completed(run(method, "swing"))
     for column in full.columns:
         assert reduced[column] == pytest.approx(full[column], abs=1e-10), column

@@ -1,4 +1,4 @@
-"""Where laws are zero, from their text."""
+"""Zero regions of laws, from their text."""
 
 from __future__ import annotations
 

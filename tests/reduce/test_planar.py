@@ -129,7 +129,7 @@ def tilted(share: float) -> tuple[Model, Scene]:
 
 
 def test_a_mechanism_near_a_plane_is_put_there() -> None:
-    """What it does out of the plane is in proportion to how far it is from it."""
+    """Motion out of the plane is in proportion to the mechanism's distance from it."""
     errors = []
     for share in (0.1, 0.05):
         model, scene = tilted(share)

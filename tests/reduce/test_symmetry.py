@@ -46,7 +46,7 @@ def everything(model: Model) -> Iterator[Output]:
 
 
 def refusal(old: str, new: str) -> str:
-    """What is said of a variant of the carriage that is not cut."""
+    """Reasons why a variant of the carriage is not cut."""
     model, scene = carriage(old, new)
     outcome = halve(model, scene)
     assert (outcome.model, outcome.scene, outcome.done) == (model, scene, ())
@@ -102,7 +102,7 @@ def test_any_of_the_three_planes(axis: str) -> None:
 
 
 def at_start(model: Model, scene: Scene) -> dict[str, float]:
-    """What a model without cut joints reports at the coordinates and speeds that a scene gives; others are zero."""
+    """Outputs of a model without cut joints at the coordinates and speeds that a scene gives; others are zero."""
     blocks, dense = both_ways(build_topology(model), scene, outputs=scene.outputs)
     q, v = np.zeros(dense.nq), np.zeros(dense.nv)
     for joint in (j for j in model.joints if j.name in dense.layout):
@@ -116,7 +116,7 @@ def at_start(model: Model, scene: Scene) -> dict[str, float]:
 
 
 def accuracy(method: str, column: str) -> float:
-    """What a fixed point leaves open that stops where two different sums have settled; penalties tell reactions less well."""
+    """The rest that a fixed point leaves where two different sums have settled; penalties tell reactions less well."""
     if method in ("augmented", "recursive-newton") and column in ("brace_push.force", "left.stay_pull.force", "right.stay_pull.force"):
         return 1e-3
     return {"classical": 1e-8, "augmented": 1e-8, "recursive": 1e-6, "recursive-newton": 1e-8}[method]

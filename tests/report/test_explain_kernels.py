@@ -1,4 +1,4 @@
-"""What the explanation rewrites keeps its value: numbers, laws, kernels behind a ball, the tyre in steps."""
+"""Rewritten parts of the explanation keep their value: numbers, laws, kernels behind a ball, the tyre in steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the explanation prints of natural coordinates has the value of what is compiled, in states that satisfy no equation."""
+"""Printed formulas of natural coordinates have the value of compiled code, in states that satisfy no equation."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ RESIDUALS = {
 
 
 def of_joint(equations: LagrangianEquations, joint: Joint, equation: Equation, values: dict[str, Array]) -> dict[str, Any]:
-    """What the symbols of an equation stand for at some coordinates."""
+    """Values of the symbols of an equation at some coordinates."""
     layout = equations.layout
 
     def on(form: Form) -> Array:

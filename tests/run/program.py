@@ -56,7 +56,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 
 def has_content(path: Path) -> bool:
-    """Whether there is a file with something in it."""
+    """True if there is a file with something in it."""
     return path.exists() and path.stat().st_size > 0
 
 

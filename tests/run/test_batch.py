@@ -138,7 +138,7 @@ def test_figures_that_no_run_has_are_refused(how: dict[str, Any]) -> None:
 
 
 def has_wide_vectors() -> bool:
-    """Whether this machine has the registers of AVX-512, in which eight runs fit."""
+    """True if this machine has the registers of AVX-512, in which eight runs fit."""
     described = Path("/proc/cpuinfo")
     return described.exists() and "avx512f" in described.read_text(encoding="utf-8").split()
 

@@ -1,4 +1,4 @@
-"""What docs/files.md promises of the table of a batch."""
+"""Promises of docs/files.md about the table of a batch."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_rows_of_a_batch_are_written_when_they_are_done(folder: Path) -> None:
 
 
 def test_a_batch_that_is_broken_off_has_all_rows_that_were_done(folder: Path) -> None:
-    """Those too that waited for one before them."""
+    """Rows that waited for one before them are there too."""
 
     def break_off() -> None:
         with CaseTable(Path("out.csv"), CASES, {"a.x": "m"}) as table:

@@ -1,4 +1,4 @@
-"""What is advised after a run that failed: it was tried, or is said not to be; and who takes over where nobody chose an integrator."""
+"""Advice after a run that failed: it was tried, or is said not to be; another integrator takes over where nobody chose one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether steps end at events: who says so, and what a simulator is told of it."""
+"""The choice of steps that end at events: the option, the scene's word, the default, and the setting in the run file."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ OTHERS: Mapping[str, Callable[[Path], Artifact]] = {
 
 
 def told(artifact: Artifact, **how: Any) -> bool | None:
-    """What the run file says of events; None for nothing."""
+    """The setting of events in the run file; None for nothing."""
     found: bool | None = make_simulator_run(artifact, Options(**how)).run_file["numerics"]["events"]
     return found
 
 
 @pytest.mark.parametrize("method", [m.name for m in METHODS.values() if m.events])
 def test_steps_end_at_events_as_is_usual_or_as_asked(method: str) -> None:
-    """What is asked for comes before the scene's word, and that before what is usual with the integrator."""
+    """The option comes before the scene's word, and that before the default of the integrator."""
     usual = compile_model(PENDULUM, method=method)
     for integrator in (i.name for i in INTEGRATORS.values() if method in i.methods and i.events is not None):
         assert told(usual, integrator=integrator) is (INTEGRATORS[integrator].events is Events.LOCATED)

@@ -67,7 +67,7 @@ def test_rows_at_the_multiples_of_the_output_step_need_no_word(tmp_path: Path, a
 
 
 def simulated(folder: Path, *arguments: str) -> str:
-    """What the command line says of the press, whose rows are to be 10 ms apart."""
+    """The command line's output for the press, whose rows are to be 10 ms apart."""
     out = str(folder / "press.csv")
     done = CliRunner().invoke(main, ["simulate", str(MODELS / "press.yaml"), "--out", out, "--no-error", "--end", "0.1", *arguments])
     assert done.exit_code == 0, done.output

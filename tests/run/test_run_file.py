@@ -1,4 +1,4 @@
-"""What follows from parameters: numbers, or a message that says where there is none."""
+"""Numbers that follow from parameters, or a message that names the one without a value."""
 
 from __future__ import annotations
 

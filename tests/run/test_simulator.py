@@ -1,4 +1,4 @@
-"""What becomes of a simulator that does not do as it should, and of one that nobody follows any longer."""
+"""The end of a simulator that does not do as it should, and of one that nobody follows any longer."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def simulator(*, comparison: bool = True) -> Path:
 
 @dataclass(frozen=True)
 class PointRun:
-    """What a run gave: columns by name, one row a step of measurements, and the summary."""
+    """Results of a run: columns by name, one row a step of measurements, and the summary."""
 
     t: np.ndarray
     columns: Mapping[str, np.ndarray]

@@ -154,7 +154,7 @@ def test_events_are_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("precision", ["single", "extended", "quad"])
 def test_number_types(precision: str, tmp_path: Path) -> None:
-    """The same motion to the digits of the shorter one."""
+    """Motions in two number types agree to the digits of the shorter one."""
     path = tmp_path / "bounce.yaml"
     path.write_text(bouncing_text(10.0, 0.5), encoding="utf-8")
     tolerance = {"single": 1e-4, "extended": 1e-10, "quad": 1e-10}[precision]

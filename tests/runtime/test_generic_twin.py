@@ -184,7 +184,7 @@ def run_twin(generic: Path, case: Case, states: list[dict[str, Any]], folder: Pa
 
 
 def interpret(case: Case, state: Mapping[str, Any], vdot: np.ndarray) -> dict[str, np.ndarray]:
-    """The same results by the interpreter of the block IR; the columns are those of the given accelerations."""
+    """Results of the twin's functions by the interpreter of the block IR; the columns are those of the given accelerations."""
     equations = case.equations
     inputs = block_inputs(case, state, vdot)
     residuals = {c.joint: equations.function("constraint_residual").results[f"residual:{c.joint}"] for c in equations.closures}

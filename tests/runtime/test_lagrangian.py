@@ -117,7 +117,7 @@ def test_multipliers_are_the_tension(method: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("system", [PENDULUM, DOUBLE_PENDULUM, SLIDER], ids=["pendulum", "double pendulum", "slider"])
 @pytest.mark.parametrize("method", METHODS)
 def test_all_solvers_agree(method: str, system: dict, tmp_path: Path) -> None:
-    """The same steps up to rounding: 1e-16 against accelerations, times dt^2 alpha, over a thousand steps."""
+    """Steps agree up to rounding: 1e-16 against accelerations, times dt^2 alpha, over a thousand steps."""
     emitted, *others = [completed(tmp_path, system, method, solver=solver) for solver in SOLVERS[method]]
     for other in others:
         assert np.abs(other.vectors() - emitted.vectors()).max() < 1e-10

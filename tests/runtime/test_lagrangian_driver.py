@@ -1,4 +1,4 @@
-"""What the driver of the Lagrangian methods does besides simulating."""
+"""Tasks of the driver of the Lagrangian methods besides simulating."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How runs of the Lagrangian methods fail: with the place, the reason, and what was computed before."""
+"""Failures of the Lagrangian methods: with the place, the reason, and what was computed before."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ pytestmark = needs_cpp
 
 @pytest.mark.parametrize("solver", SOLVERS[CLASSICAL])
 def test_classical_names_the_equations_that_depend_on_others(solver: str, tmp_path: Path) -> None:
-    """Whether or not its solver noticed: the pivots of a singular matrix are rounding, hardly ever zero."""
+    """The solver need not have noticed: the pivots of a singular matrix are rounding, hardly ever zero."""
     failed = simulate(tmp_path, redundant(PENDULUM), CLASSICAL, solver=solver).summary
     assert failed["message"] == "classical: the tangent is singular"
     assert failed["advice"] == (

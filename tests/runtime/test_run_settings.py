@@ -1,4 +1,4 @@
-"""What a simulator refuses to read: settings out of their ranges, and keys and words that it does not know."""
+"""Settings that a simulator refuses to read: those out of their ranges, and keys and words that it does not know."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def binary(method: str) -> Path:
 
 
 def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
-    """What the simulator says of a run file with some values changed, by their keys joined by dots."""
+    """The simulator's message about a run file with some values changed, by their keys joined by dots."""
     file = deepcopy(make_run_file(pendulum(), pendulum().scenes["rest"], {}, task="simulate", method=method, out=str(folder / "run.csv")))
     for name, value in changes.items():
         *parents, key = name.split(".")

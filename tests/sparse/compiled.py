@@ -63,7 +63,7 @@ class Factorisation:
         self._factors = _guarded(np.full(self._library.length(), np.nan))
 
     def factor(self, values: Array) -> int:
-        """What `factor` returns."""
+        """Call `factor`; returns its result."""
         tangent = _guarded(values)
         row = int(self._library.factor(_pointer(tangent), _pointer(self._factors)))
         assert _is_whole(tangent)
@@ -71,7 +71,7 @@ class Factorisation:
         return row
 
     def solve(self, right: Array) -> Array:
-        """What `solve` makes of a right-hand side."""
+        """Call `solve`; returns its solution for a right-hand side."""
         x = _guarded(right)
         self._library.solve(_pointer(self._factors), _pointer(x))
         assert _is_whole(x)

@@ -78,7 +78,7 @@ def _jacobian(random: np.random.Generator, n: int, pairs: Sequence[tuple[int, in
 
 
 def pattern_of(matrix: Array, *, symmetric: bool) -> Pattern:
-    """Where it is not zero, with its whole diagonal if it is symmetric."""
+    """The pattern of the entries that are not zero, with the whole diagonal if it is symmetric."""
     rows, columns = np.nonzero(matrix)
     diagonal = [(k, k) for k in range(len(matrix))] if symmetric else []
     return make_pattern(len(matrix), [*zip(rows.tolist(), columns.tolist(), strict=True), *diagonal], symmetric=symmetric)

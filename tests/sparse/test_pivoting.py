@@ -116,7 +116,7 @@ def test_rounding_does_not_choose_the_rows_that_depend_on_others(seed: int) -> N
 
 
 def test_rounding_is_no_pivot() -> None:
-    """What is left of a row that depends on others is rounding, and not zero."""
+    """A row that depends on others leaves rounding, and not zero."""
     random = np.random.default_rng(6)
     matrix = random.normal(size=(12, 12))
     matrix[7] = random.normal(size=11) @ np.delete(matrix, 7, axis=0)

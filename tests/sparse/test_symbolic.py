@@ -29,7 +29,7 @@ def numeric_structure(matrix: Array) -> tuple[Array, Array]:
 
 
 def structure(elimination: Elimination) -> tuple[Array, Array]:
-    """Where L and U can have entries."""
+    """Patterns of L and U."""
     size = len(elimination.rows)
     L, U = np.eye(size), np.eye(size)
     for k, (below, right) in enumerate(zip(elimination.lower, elimination.upper, strict=True)):

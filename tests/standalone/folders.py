@@ -73,12 +73,12 @@ def link(place: Path, program: str, sources: Sequence[Path | str], *, compiler: 
 
 
 def run(program: Path, *arguments: str) -> str:
-    """What a program prints."""
+    """The output of a program."""
     return subprocess.run([program, *arguments], cwd=program.parent, check=True, capture_output=True, text=True).stdout
 
 
 def foreign_symbols(made: Path, name: str) -> list[str]:
-    """What an object file calls besides mathematics, and what it defines besides what has the model's name."""
+    """Foreign symbols of an object file: calls besides mathematics, and definitions without the model's name."""
     called = [words[-1] for words in _symbols(made, "-u")]
     own = [words[-1] for words in _symbols(made, "-g", "--defined-only")]
     assert own
@@ -87,5 +87,5 @@ def foreign_symbols(made: Path, name: str) -> list[str]:
 
 
 def _symbols(made: Path, *which: str) -> list[list[str]]:
-    """What nm says of an object file."""
+    """The output of nm for an object file."""
     return [line.split() for line in subprocess.run(["nm", *which, made], capture_output=True, text=True, check=True).stdout.splitlines()]

@@ -94,13 +94,13 @@ def test_its_table_is_that_of_the_command_line_bit_by_bit(name: str, scene: str 
 @pytest.mark.heavy
 @pytest.mark.parametrize("method", ALONE)
 def test_so_it_is_where_products_and_sums_are_joined(method: str, tmp_path: Path) -> None:
-    """How a compiler does so must not depend on what it knows of sizes."""
+    """A compiler joins them without regard to what it knows of sizes."""
     flags = ("-O3", "-march=native")
     check_table(compile_model(MODELS / "andrews.yaml", method=method, out=tmp_path, flags=flags), tmp_path)
 
 
 def check_table(artifact: Artifact, folder: Path) -> None:
-    """Whether a simulator's table is that of the command line, number by number."""
+    """Check that a simulator's table is that of the command line, number by number."""
     name, scene = artifact.source.stem, artifact.scene
     fits = scene.numerics.of_method(artifact.method).step <= scene.output_step  # else rows of the command line lie where its steps end
     (folder / "same.run").write_text((folder / f"{name}.run").read_text() + ("" if fits else f"step {scene.output_step!r}\n"))

@@ -1,4 +1,4 @@
-"""The same code on another processor: ARM, run by qemu."""
+"""Folders on another processor: ARM, run by qemu."""
 
 from __future__ import annotations
 

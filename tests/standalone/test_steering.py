@@ -37,7 +37,7 @@ def load(place: Path, scene: str = "free", method: str = "recursive", integrator
 
 
 def begin(sim: Simulation, rack: float = 0.0) -> Simulation:
-    """The same at time 0, steered to a place."""
+    """The simulation at time 0, steered to a place."""
     sim.set_input("rack", rack)
     return sim.reset(dt=DT)
 

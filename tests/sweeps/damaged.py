@@ -54,7 +54,7 @@ def _kernels() -> tuple[Kernel, ...]:
 
 @cache
 def files(cuts: tuple[int, ...] = CUTS, seed: int = SEED) -> Mapping[str, bytes]:
-    """What an earlier call left whose chunks ended at these runs, by name."""
+    """Files of an earlier call whose chunks ended at these runs, by name."""
     with TemporaryDirectory() as name:
         asked = read_study(write_study(Path(name), seed))
         work = Work(kernels=_kernels(), has_scenes=False, objectives=asked.objectives, trajectories=(), every=1)
@@ -100,7 +100,7 @@ def call(folder: Path, meanwhile: Callable[[int], None] = lambda number: None) -
 
 @dataclass
 class Harm:
-    """What is done to the folder of parts, by random numbers; ``users`` has all contents that must not be lost by that."""
+    """Damage to the folder of parts, by random numbers; ``users`` has all contents that must not be lost by that."""
 
     parts: Path
     rng: random.Random
@@ -244,7 +244,7 @@ def _another_manifest(harm: Harm) -> None:
 
 
 def _unfinished(harm: Harm) -> None:
-    """What a call that was killed while it wrote left: no user's."""
+    """Leave files of a call that was killed while it wrote: no user's."""
     (harm.parts / f".{name_of(0, 10)}.0123456789ab").write_bytes(b"half")
     if not (harm.parts / "whole.partial").exists():
         (harm.parts / "whole.partial").write_bytes(b"half")

@@ -59,7 +59,7 @@ def _write(name: str, folder: Path, **numerics: Any) -> Path:
 
 @cache
 def _runs(name: str) -> tuple[Any, ...]:
-    """What `simulate` returns for both values of the parameter."""
+    """Runs of `simulate` for both values of the parameter."""
     model = read_model_text(TEXTS[name], f"{name}.yaml")
     parameter, values = CHANGED[name]
     artifact = compile_scene(model, find_scene(model, None))

@@ -86,7 +86,7 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def until(find: Callable[[], object]) -> str:
-    """What is found at last."""
+    """Wait for a result; returns it."""
     end = time.monotonic() + PATIENCE
     while not (found := find()):
         assert time.monotonic() < end, "it took too long"

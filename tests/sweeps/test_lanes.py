@@ -40,7 +40,7 @@ def _kernels(asked: Study) -> tuple[Kernel, Kernel]:
 
 
 def _check_near(one: Left, many: Left, share: float) -> None:
-    """The same rows up to a share of the largest value of each series, and the same failures."""
+    """Check that rows agree up to a share of the largest value of each series, and failures are equal."""
     assert one.failures == many.failures
     assert np.array_equal(one.reached, many.reached)
     assert np.array_equal(one.times, many.times, equal_nan=True)

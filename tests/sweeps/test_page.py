@@ -45,7 +45,7 @@ def page(done: tuple[Path, Sweep], browser: Page, tmp_path: Path) -> Page:
 
 
 def _dominated(one: int, runs: range, x: np.ndarray, y: np.ndarray) -> bool:
-    """Whether some run is better in one of x (larger) and y (smaller), and not worse in the other."""
+    """True if some run is better in one of x (larger) and y (smaller), and not worse in the other."""
     return any(x[r] >= x[one] and y[r] <= y[one] and (x[r] > x[one] or y[r] < y[one]) for r in runs)
 
 
@@ -130,7 +130,7 @@ def test_the_worst_runs_are_one_click_from_their_replays(done: tuple[Path, Sweep
 
 
 def test_runs_that_began_and_failed_have_replays(browser: Page, tmp_path: Path) -> None:
-    """Those with masses that no body has cannot begin."""
+    """Runs with masses that no body has cannot begin."""
     rows = [{"slider.mass": mass, "pin.angle_rate": rate} for mass, rate in ((2, 5), (-1, 5), (2, 1e9), (-3, 5), (2, 2e9), (2, 3e9))]
     path = study(tmp_path, open=["slider.mass"], parameters=None, rates=None, design={"list": rows}, output_step=0.01, dt=0.01)
     words = ["sweep", str(path), "--out", str(tmp_path / "out.parquet"), "--view", str(tmp_path / "page.html"), "--replays", "2"]

@@ -50,7 +50,7 @@ with ended_by_signals() if sys.argv[1] == "command" else nullcontext():
 
 @pytest.fixture
 def mark(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[str]:
-    """What stands in the environment of all that a test starts."""
+    """An entry in the environment of all that a test starts."""
     name = f"CUTJOINT_MARK={tmp_path}"
     monkeypatch.setenv("CUTJOINT_MARK", str(tmp_path))
     yield name

@@ -59,7 +59,7 @@ class Site:
 
     @property
     def log(self) -> list[str]:
-        """What was begun to be built."""
+        """Names of the builds that were begun."""
         path = self.folder / "log"
         return path.read_text(encoding="utf-8").splitlines() if path.exists() else []
 

@@ -64,7 +64,7 @@ def iltis(tmp_path_factory: pytest.TempPathFactory) -> set[Object]:
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> set[Object]:
-    """Those of its library."""
+    """Objects of its library."""
     return objects(source_of(_text("iltis"), tmp_path_factory.mktemp("library"), "simul1", library=True))
 
 

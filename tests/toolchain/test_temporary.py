@@ -66,7 +66,7 @@ def test_the_next_process_sweeps(tmp_path: Path) -> None:
 
 
 def test_a_link_is_not_followed(tmp_path: Path) -> None:
-    """Where a folder is known to be, another user may have put a link."""
+    """Another user may have put a link where a folder is known to be."""
     place, home = tmp_path / "place", tmp_path / "home"
     for folder in (place, home):
         folder.mkdir()

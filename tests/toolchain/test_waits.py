@@ -1,4 +1,4 @@
-"""What those who wait for the compiler are told."""
+"""Messages for those who wait for the compiler."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def compiled(folder: Path, b: str = "int main() { return 0; }\n") -> list[Compiling]:
-    """What is heard of a project of two files."""
+    """Reports of the build of a project of two files."""
     source = folder / "source"
     source.mkdir(parents=True)
     for name, text in (("CMakeLists.txt", PROJECT), ("a.cpp", "int a;\n"), ("b.cpp", b)):

@@ -1,4 +1,4 @@
-"""What does not depend on the model is compiled once, beside the installation, for all caches."""
+"""Code that does not depend on the model is compiled once, beside the installation, for all caches."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ class Shown:
 
 
 def call(*arguments: object, status: int = 0) -> str:
-    """What a command prints; it must end with a status."""
+    """The output of a command; it must end with a status."""
     result = CliRunner().invoke(main, [str(a) for a in arguments])
     assert result.exit_code == status, result.output
     return result.output

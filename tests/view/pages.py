@@ -1,4 +1,4 @@
-"""What tests of pages ask of them: where a place is seen, and that nothing complains."""
+"""Questions that tests ask of pages: the place at which a point is seen, and that nothing complains."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ COMMANDS = ("simulate", "equilibrium", "modes", "check", "view")
 
 
 def call(command: str, model: Path, view: Path) -> str:
-    """What a command says that refuses a view, nothing where it has written one."""
+    """The message of a command that refuses a view, nothing where it has written one."""
     option = "--out" if command == "view" else "--view"
     more = ("--no-error", "--end", "0.02", "--out", view.with_suffix(".csv")) if command == "simulate" else ()
     result = CliRunner().invoke(main, [str(a) for a in (command, model, option, view, *more)])

@@ -136,7 +136,7 @@ def test_only_what_is_drawn_of_an_earlier_page_gets_into_another(press: Shown, b
 
 @needs_cpp
 def test_pages_without_check_sums_are_read(press: Shown, tmp_path: Path) -> None:
-    """Those of the first version had none."""
+    """Pages of the first version had none."""
     text = re.sub(' data-crc="[0-9]+"', "", press.page.read_text(encoding="utf-8"))
     (tmp_path / "earlier.html").write_text(text, encoding="utf-8")
     for one, other in zip(read_page(tmp_path / "earlier.html", "").drawing.nodes, read_page(press.page, "").drawing.nodes, strict=True):

@@ -126,7 +126,7 @@ scenes: {swing: {end: 1.0, output_step: 0.02, numerics: {dt: 0.002}, rates: {hoo
 
 
 def track(gltf: Gltf, body: str, path: str, t: Array) -> Array:
-    """Where a node is at each time, also one that does not move."""
+    """Places of a node over time, also of one that does not move."""
     try:
         return gltf.track(body, path)[1]
     except KeyError:

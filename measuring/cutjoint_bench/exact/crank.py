@@ -59,7 +59,7 @@ def slider_crank_motion(t: Array) -> dict[str, Array]:
 
 
 def upright_time() -> float:
-    """When the crank is upright for the first time, s."""
+    """The first time at which the crank is upright, s."""
     return float(_time(np.array([np.pi / 2]))[0])
 
 
@@ -69,7 +69,7 @@ def _slowness(angle: Array) -> Array:
 
 
 def _time(angle: Array) -> Array:
-    """When the crank has an angle, s: whole half turns, cells of a half turn, and the way from the last of them."""
+    """The time at which the crank has an angle, s: whole half turns, cells of a half turn, and the way from the last of them."""
     cell = np.pi / _NODES
     edges: Array = np.linspace(START, START + np.pi, _NODES + 1)
     within = np.append(0.0, np.cumsum(_between(edges[:-1], edges[1:])))

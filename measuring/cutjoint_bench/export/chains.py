@@ -78,7 +78,7 @@ def _opposite(part: Part) -> Part:
 
 
 def frame(axis: Array) -> Frame:
-    """Where the axes of a right-handed frame point whose third one has a direction."""
+    """Axes of a right-handed frame whose third one has a direction."""
     z = axis / np.linalg.norm(axis)
     across = np.cross(np.eye(3)[(int(np.abs(z).argmax()) + 2) % 3], z)
     x = across / np.linalg.norm(across)
@@ -142,7 +142,7 @@ def speeds(mechanism: Mechanism, joint: PeerJoint, parts: Sequence[Part]) -> tup
 
 
 def twists(part: Part, centre: Array) -> Iterator[Array]:
-    """What the unit speeds of a part do: the velocity of a point (3,) and the angular velocity (3,), joined."""
+    """Twists of the unit speeds of a part: the velocity of a point (3,) and the angular velocity (3,), joined."""
     if part.type in ("slide", "free"):
         for axis in _GLOBAL if part.axis is None else [part.axis]:
             yield np.concatenate([axis, np.zeros(3)])

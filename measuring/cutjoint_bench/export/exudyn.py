@@ -64,7 +64,7 @@ def script_name(model: str) -> str:
 
 
 def _forces(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> dict[str, object]:
-    """What the template takes of forces and roads."""
+    """Values of the template for forces and roads."""
     roads = road_statements(mechanism, numbers, scene)
     writer = ForceWriter(mechanism, numbers, {radius: name for radius, (name, _) in roads.items()})
     statements = ((force.name, writer.statement(force)) for force in mechanism.forces)
@@ -120,7 +120,7 @@ def _joint(mechanism: Mechanism, constraint: Constraint) -> Iterator[str]:
 
 
 def _slide(joint: PeerJoint) -> str:
-    """How a guided joint slides: the way between its points along the axis, and its rate."""
+    """The slide of a guided joint: the way between its points along the axis, and its rate."""
     way = sum(a * (f - b) for a, f, b in zip(joint.base_axes[0], joint.follower_point, joint.base_point, strict=True))
     slid = joint.guide[0] - joint.coordinates[0] + way
     return function((), slid, sympy.diff(slid, TIME))

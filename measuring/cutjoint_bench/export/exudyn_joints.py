@@ -43,7 +43,7 @@ _LOCKED_BY: Mapping[Condition, tuple[int, ...]] = {
 
 
 def locked(element: JointElement) -> tuple[int, ...]:
-    """What of a joint's frame its kind locks."""
+    """Directions of a joint's frame that its kind locks, 1 for each."""
     return tuple(map(max, zip((0,) * 6, *(_LOCKED_BY[c] for c in element.conditions), strict=True)))
 
 
@@ -69,13 +69,13 @@ class Constraint:
         ]  # fmt: skip
 
     def keep(self, kept: Sequence[bool]) -> Constraint:
-        """The same with only those of its equations that are ``kept``."""
+        """The constraint with only those of its equations that are ``kept``."""
         remaining = iter(kept)
         return replace(self, locked=tuple(int(lock and next(remaining)) for lock in self.locked))
 
     @property
     def words(self) -> str:
-        """What is locked, in words."""
+        """Locked directions, in words."""
         return ", ".join(word for word, lock in zip(_WORDS, self.locked, strict=True) if lock)
 
 

@@ -88,7 +88,7 @@ def build_tree(model: Model, scene: Scene, mechanism: Mechanism) -> Tree:
 
 
 def _depth_first(tree: Tree) -> Tree:
-    """The same tree numbered so that each joint's subtree follows it, as Pinocchio's algorithms want it."""
+    """The tree numbered so that each joint's subtree follows it, as Pinocchio's algorithms want it."""
     children: dict[int, list[int]] = {}
     for i, joint in enumerate(tree.joints):
         children.setdefault(joint.parent, []).append(i)
@@ -129,7 +129,7 @@ class _Builder:
         return parent
 
     def contacts(self, cut: PeerJoint, tilts: bool) -> Iterator[Contact]:
-        """What closes a cut joint."""
+        """Contacts that close a cut joint."""
         if cut.kind not in _CONTACTS:
             yield self.weld_half(cut)
             return
@@ -145,7 +145,7 @@ class _Builder:
             )  # fmt: skip
 
     def reach(self, cut: PeerJoint) -> float:
-        """How far from a hinge's point it is held: as far as the farther one of the centres of mass."""
+        """Distance from a hinge's point at which it is held: as far as the farther one of the centres of mass."""
         centres = [np.array(body.centre) for body in self.mechanism.bodies if body.name in (cut.base, cut.follower)]
         return max(float(np.linalg.norm(np.array(cut.base_point) - centre)) for centre in centres) or 1.0
 

@@ -1,4 +1,4 @@
-"""How exports are printed: their templates, and lists of numbers in C++."""
+"""Printing of exports: their templates, and lists of numbers in C++."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TEMPLATES = Path(__file__).resolve().parent.parent / "templates" / "export"
 
 @cache
 def environment() -> jinja2.Environment:
-    """How they are rendered."""
+    """The environment in which they are rendered."""
     return make_environment(TEMPLATES)
 
 

@@ -1,4 +1,4 @@
-"""What peers that are programs in C++ share beside the forces: their columns, the bodies whose accelerations they report, headers."""
+"""Parts that peers in C++ share beside the forces: their columns, the bodies whose accelerations they report, headers."""
 
 from __future__ import annotations
 

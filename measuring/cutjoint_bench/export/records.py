@@ -38,7 +38,7 @@ class RigidBody:
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where a body of the model is at the start: part of the rigid body ``of`` ("ground" if it is welded to the ground).
+    """The place of a body of the model at the start: part of the rigid body ``of`` ("ground" if it is welded to the ground).
 
     A point p of the design position stands at ``rotation`` p + ``shift``; a direction is turned by ``rotation``.  ``centre`` is the body's
     own centre of mass at the start; ``mass`` its own mass.
@@ -51,12 +51,12 @@ class Place:
     mass: float
 
     def point(self, design: Triple) -> Triple:
-        """Where a point of the body stands at the start, m."""
+        """The place of a point of the body at the start, m."""
         x, y, z = (a + b for a, b in zip(self.direction(design), self.shift, strict=True))
         return x, y, z
 
     def direction(self, design: Triple) -> Triple:
-        """Where a direction that the body carries points at the start."""
+        """A direction that the body carries, at the start."""
         x, y, z = (sum(a * b for a, b in zip(row, design, strict=True)) for row in self.rotation)
         return x, y, z
 
@@ -90,7 +90,7 @@ class PeerJoint:
 
     @property
     def element(self) -> JointElement:
-        """What the joint's kind is."""
+        """The record of the joint's kind."""
         return JOINTS[self.kind]
 
     @property

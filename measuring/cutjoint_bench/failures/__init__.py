@@ -1,1 +1,1 @@
-"""Where methods fail: outcomes over a grid, and situations that are known to be hard."""
+"""Failures of methods: outcomes over a grid, and situations that are known to be hard."""

@@ -175,7 +175,7 @@ def _describe(
 
 
 def describe_cells(cells: Sequence[Record]) -> str:
-    """What an atlas shows, a sentence a method."""
+    """Outcomes of an atlas, a sentence a method."""
     methods = dict.fromkeys(c["method"] for c in cells)
     return " ".join(_describe_method(method, [c for c in cells if c["method"] == method]) for method in methods)
 

@@ -1,4 +1,4 @@
-"""How runs end: five outcomes, and the limits between them."""
+"""Outcomes of runs: five of them, and the limits between them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ OUTCOMES: Mapping[str, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """How a run ended: its outcome, the largest error of position (m), relative error of energy, and residual at its end (m or rad).
+    """The end of a run: its outcome, the largest error of position (m), relative error of energy, and residual at its end (m or rad).
 
     ``message`` is the failure of one that diverged, ``reached`` the time of its last state in s.
     """
@@ -58,7 +58,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """What runs are held against: the true motion ``at`` the times of a run, and its extent in m."""
+    """The standard of runs: the true motion ``at`` the times of a run, and its extent in m."""
 
     at: Callable[[Array], Reference]
     extent: float
@@ -104,7 +104,7 @@ def try_run(
 
 
 def identify(case: Case, artifact: Artifact) -> dict[str, Any]:
-    """What of a case and its simulator a run depends on, for the key of a store."""
+    """The parts of a case and its simulator that a run depends on, for the key of a store."""
     return {"case": case.name, "input": case.input_digest(artifact.method), "binary": artifact.binary.path.parent.name}
 
 

@@ -95,7 +95,7 @@ def _cross(steps: Sequence[float], landing: Sequence[float], *, lost: float = in
 
 
 def _cross_by_newton(dt: float, lands: bool, *, loses: bool) -> Trial:
-    """What is known to be wrong is expected to be, until it is mended."""
+    """A known fault is expected, until it is mended."""
     if loses:
         because = (
             "Where a step ends on the pose the motion does not tell its branch, and the check that equations are independent sees nothing: "

@@ -62,7 +62,7 @@ class Situation:
 
 
 def try_situation(situation: Situation, store: Store, say: Say = silently) -> list[dict[str, Any]]:
-    """How each trial of a situation ends, as plain data for JSON; what the store has is not run again."""
+    """The end of each trial of a situation, as plain data for JSON; what the store has is not run again."""
     case = case_of(situation)
     truth = exact_truth(situation.motion, situation.end)
     artifacts: dict[tuple[str, str], Artifact | str] = {}

@@ -37,7 +37,7 @@ def compile_program(folder: Path, options: Sequence[str]) -> Path:
 
 
 def module_folder(module: str, package: str) -> Path:
-    """Where an installed module lives.
+    """The folder of an installed module.
 
     Raises:
         ToolchainError: it is not installed.

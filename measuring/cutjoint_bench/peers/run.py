@@ -1,4 +1,4 @@
-"""What a peer needs to run, and its runs."""
+"""Requirements of a peer, and its runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cutjoint_bench.peers.build import build_exudyn, build_mujoco, build_pinocch
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
-    """How a peer's exports run: the Python ``module`` that it needs; ``build``, from an export's folder to the command to run there."""
+    """The run of a peer's exports: the Python ``module`` that it needs; ``build``, from an export's folder to the command to run there."""
 
     module: str
     build: Callable[[Path], list[str]]
@@ -36,7 +36,7 @@ ENGINES: Mapping[str, Engine] = {
 
 
 def available(peer: Peer) -> bool:
-    """Whether what a peer needs is installed."""
+    """True if a peer's module is installed."""
     return find_spec(ENGINES[peer.name].module) is not None
 
 

@@ -100,7 +100,7 @@ def _mark_own(panel: Axes, atlas: Atlas, by: str, rows: Sequence[float | None], 
 
 
 def _between(steps: Sequence[float], dt: float) -> float | None:
-    """Where a step stands on an axis of equal cells; None beyond its ends."""
+    """The place of a step on an axis of equal cells; None beyond its ends."""
     if not 0.99 * steps[0] <= dt <= 1.01 * steps[-1]:
         return None
     return float(np.interp(np.log(dt), np.log(steps), np.arange(len(steps)) + 0.5))

@@ -44,7 +44,7 @@ def svg_of(figure: Figure) -> str:
 
 
 def style(panel: Axes) -> None:
-    """What all panels have."""
+    """Draw the grid and the frame of all panels."""
     panel.grid(visible=True, which="major", linewidth=0.4, color="#dddddd")
     panel.spines[["top", "right"]].set_visible(False)
 

@@ -42,7 +42,7 @@ def _is_known(error: float | None) -> bool:
 
 
 def _facets(line: Data) -> dict[str, str]:
-    """What a line is filtered by."""
+    """Facets by which a line is filtered."""
     method, *rest = line["contender"].split("/")
     if line["group"] == "peer":
         return {"kind": KINDS["peer"], "method": method, "integrator": "the peer's"}

@@ -41,7 +41,7 @@ Draw = Callable[[Data], str]
 
 @dataclass(frozen=True, kw_only=True)
 class Charts:
-    """How a page shows drifts and atlases: functions to HTML, empty for a chart that it leaves out; ``note`` is what it says of these."""
+    """Charts of drifts and atlases on a page: functions to HTML, empty for a chart that it leaves out; ``note`` is the text about these."""
 
     drift: Draw
     atlas: Draw
@@ -126,7 +126,7 @@ def _impact(apart: float) -> str:
 
 
 def describe(case: Data) -> list[str]:
-    """What the chart of a case shows, in sentences."""
+    """Findings in the chart of a case, in sentences."""
     lines = [line for line in case["lines"] if "refused" not in line]
     orders = [(line["label"], order(line)) for line in lines if _has_steps(line)]
     known = [f"{label} {value:.2f}" for label, value in orders if not isnan(value)]
@@ -145,6 +145,6 @@ def describe(case: Data) -> list[str]:
 
 
 def _has_steps(line: Data) -> bool:
-    """Whether a line is of generated code with steps of equal length."""
+    """True if a line is of generated code with steps of equal length."""
     integrator = line["contender"].partition("/")[2]
     return line["group"] in ("generated", "integrators") and integrator not in names_of(INTEGRATORS, lambda i: i.adaptive)

@@ -1,4 +1,4 @@
-"""What longer numbers buy, in words."""
+"""Gains by longer numbers, in words."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _holds(line: Line) -> str:
 
 
 def _verdict(kinds: Mapping[str, Line]) -> str:
-    """Whether longer types hold at the step at which double does not."""
+    """A sentence on longer types at the step at which double does not hold."""
     at = breakdown(kinds["double"])
     if at is None:
         return "Double leaves nothing for more digits to cure."
@@ -48,7 +48,7 @@ def _verdict(kinds: Mapping[str, Line]) -> str:
 
 
 def _ends(line: Line) -> bool:
-    """Whether any of its runs comes to the end."""
+    """True if any of its runs comes to the end."""
     return any(True for _ in timed(line))
 
 

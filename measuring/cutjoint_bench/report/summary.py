@@ -1,4 +1,4 @@
-"""What README and docs show of the studies, small enough to be held by git: tables, and the fastest points beside the peers'."""
+"""The part of the studies for README and docs, small enough to be held by git: tables, and the fastest points beside the peers'."""
 
 from __future__ import annotations
 

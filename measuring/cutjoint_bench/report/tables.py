@@ -35,7 +35,7 @@ def size(value: float | None) -> str:
 
 
 def tabulate_studies(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable:
-    """Where each study was measured, and what of it was measured with other code than that of this version."""
+    """The machine of each study, and its parts that were measured with other code than that of this version."""
     rows = []
     for name, data in studies.items():
         outdated = data.get("outdated", [])
@@ -44,7 +44,7 @@ def tabulate_studies(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable:
 
 
 def tabulate_best(studies: Mapping[str, Mapping[str, Any]]) -> BenchTable | None:
-    """What to take for a scene and an accuracy: the fastest of ours and its time, interpolated between measured points."""
+    """Recommendations for a scene and an accuracy: the fastest of ours and its time, interpolated between measured points."""
     rows = []
     for name, data in studies.items():
         for case in data["cases"]:
@@ -140,7 +140,7 @@ def tabulate_paper(cases: Sequence[Case]) -> BenchTable | None:
 
 
 def tabulate_stiff(cases: Sequence[Case]) -> BenchTable | None:
-    """What bumpers cost each method, in time and in length of step, as Table III of the paper has it; None without its scenes."""
+    """Costs of bumpers for each method, in time and in length of step, as Table III of the paper has it; None without its scenes."""
     stiff, soft = (next((c for c in cases if c["name"] == name), None) for name in PAPER_STIFF)
     if stiff is None or soft is None:
         return None
@@ -162,7 +162,7 @@ def _line_of(case: Case, contender: str) -> Mapping[str, Any]:
 
 
 def tabulate_limits(cases: Sequence[Case]) -> BenchTable | None:
-    """Where the fixed point of the recursive method ends, predicted and observed; None where nothing is predicted."""
+    """Limits of the fixed point of the recursive method, predicted and observed; None where nothing is predicted."""
     rows = {}
     for case in cases:
         for line in (x for x in case["lines"] if x.get("predicted")):
@@ -174,7 +174,7 @@ def tabulate_limits(cases: Sequence[Case]) -> BenchTable | None:
 
 
 def tabulate_configurations(cases: Sequence[Case]) -> list[tuple[str, str]]:
-    """What each contender is, once; with the cases where it is not the same in all."""
+    """Configurations of the contenders, each once; with the cases where it differs between cases."""
     known: dict[str, dict[str, list[str]]] = {}
     for case in cases:
         for line in case["lines"]:

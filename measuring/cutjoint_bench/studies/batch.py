@@ -74,7 +74,7 @@ def compare(name: str, model: Model, scene: Scene, throughput: Table, limit: Tab
 
 
 def seek_millimetre(full: Artifact, model: Model, scene: Scene, table: Table) -> None:
-    """What steps and tolerances cost that are short enough, and some that are not."""
+    """Costs of steps and tolerances that are short enough, and of some that are not."""
     truth = simulate(full, dt=REFERENCE_STEP)
     single, batch = compile_scene(model, scene), compile_scene_batch(model, scene)
     sparse = replace(single, scene=replace(scene, output_step=SPARSE_ROWS))
@@ -108,7 +108,7 @@ def whole(artifact: Artifact) -> float:
 
 
 def steps_of_batch(artifact: BatchArtifact, **how: float) -> tuple[float, float]:
-    """The same two of one run of a batch."""
+    """Seconds of the steps and of all of one run of a batch."""
     done = [simulate_batch(artifact, CASES, threads=1, check=False, **how) for _ in range(REPETITIONS)]  # type: ignore[arg-type]
     return median(b.seconds for b in done) / RUNS, median(b.elapsed for b in done) / RUNS
 

@@ -92,7 +92,7 @@ MECHANISMS: Mapping[str, tuple[str, Callable[[Columns], np.ndarray]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a run did: ``kind`` is "stays", "stops", "leaves and says so" or "leaves"."""
+    """The outcome of a run: ``kind`` is "stays", "stops", "leaves and says so" or "leaves"."""
 
     kind: str
     largest: float = 0.0

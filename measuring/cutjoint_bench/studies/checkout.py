@@ -1,4 +1,4 @@
-"""Where a checkout of the repository has what studies read and write."""
+"""Folders of a checkout of the repository that studies read and write."""
 
 from __future__ import annotations
 

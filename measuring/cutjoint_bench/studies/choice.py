@@ -1,4 +1,4 @@
-"""What `method: auto` picks beside the best of an exhaustive search: `make choice`.
+"""Choices of `method: auto` beside the best of an exhaustive search: `make choice`.
 
 The search tries every reduced model of every method with steps that fall by 9 %.  The choice tries the last reduced model of each kind of
 motion with steps that fall by a factor of 1.4.  Both measure against the same truth and are timed in one run, in turns.  What was measured
@@ -79,11 +79,11 @@ class Comparison:
 
     @cached_property
     def truth(self) -> Truth:
-        """What errors are measured by."""
+        """The standard for errors."""
         return find_truth(self.model, self.scene, {})
 
     def row(self) -> Record:
-        """What was picked, what is best, how far both are from the truth, and their times in s."""
+        """The picked candidate and the best one, the distance of both from the truth, and their times in s."""
         picked = choose(self.model, self.scene).picked
         return self._get({"picked": asdict(picked), "rounds": ROUNDS}, partial(self._compare, picked))
 

@@ -1,4 +1,4 @@
-"""How far two runs are apart."""
+"""Distance between two runs."""
 
 from __future__ import annotations
 

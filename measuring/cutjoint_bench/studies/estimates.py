@@ -55,12 +55,12 @@ class Judgement:
 
     @property
     def near(self) -> int:
-        """How many estimates are near."""
+        """Number of estimates that are near."""
         return sum(1 / NEAR <= ratio <= NEAR for ratio in self.ratios)
 
     @property
     def cautious(self) -> int:
-        """How many estimates are larger than near."""
+        """Number of estimates that are larger than near."""
         return sum(ratio > NEAR for ratio in self.ratios)
 
     @property
@@ -70,7 +70,7 @@ class Judgement:
 
     @property
     def misleading(self) -> int:
-        """How many estimates promise too much without a word."""
+        """Number of estimates that promise too much without a word."""
         return sum(ratio < FAR for ratio in self.ratios) if self.converged else 0
 
 

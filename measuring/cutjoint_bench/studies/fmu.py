@@ -1,4 +1,4 @@
-"""What the functions of FMI 2 and 3 add to a step of the core: instructions counted by valgrind, as `instructions` has them."""
+"""Costs of the functions of FMI 2 and 3 beside a step of the core: instructions counted by valgrind, as `instructions` has them."""
 
 from __future__ import annotations
 

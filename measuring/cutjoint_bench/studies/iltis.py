@@ -79,7 +79,7 @@ def as_data(figures: Figures) -> dict[str, Any]:
 
 
 def tables(figures: Figures) -> Iterable[tuple[str, Table]]:
-    """What is printed: titles and tables."""
+    """Titles and tables that are printed."""
     yield "Iltis", provenance_table(figures)
     yield "static equilibrium of the standing car; pitch is positive nose down", equilibrium_table(figures.equilibrium)
     title = "largest differences from the IAVSD trajectories, dt 1 ms, angles and loads in the reference's terms"

@@ -1,4 +1,4 @@
-"""What is measured of the Iltis: records, and the functions that fill them.  Nothing here prints, nothing asserts."""
+"""Figures of the Iltis: records, and the functions that fill them.  Nothing here prints, nothing asserts."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Peak:
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """What the figures depend on."""
+    """Provenance of the figures."""
 
     cutjoint: str
     machine: str

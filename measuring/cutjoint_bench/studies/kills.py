@@ -1,4 +1,4 @@
-"""The same bytes whoever runs a sweep and whoever dies meanwhile.
+"""A check that a sweep has equal bytes whoever runs it and whoever dies meanwhile.
 
     python -m cutjoint_bench.studies.kills [--share 0.1] [--only press] [--out kills.json]
 
@@ -115,7 +115,7 @@ def _wait(out: Path, runs: float, client: subprocess.Popen[bytes]) -> int:
 
 
 def _count_rows(out: Path) -> int:
-    """How many runs stand in the parts of a table, by their names."""
+    """Number of runs in the parts of a table, by their names."""
     ranges = [part.stem.split("-") for part in out.with_name(f"{out.name}.parts").glob("0*.parquet")]
     return sum(int(last) - int(first) for first, last in ranges)
 

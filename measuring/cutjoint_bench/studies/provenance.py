@@ -1,4 +1,4 @@
-"""What stands above every table: where, with what and of which code it was measured."""
+"""The heading of every table: machine, compiler and version of its measurement."""
 
 from __future__ import annotations
 

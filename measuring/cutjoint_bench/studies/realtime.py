@@ -21,7 +21,7 @@ TIMED = (4, None)
 
 
 def accuracy(artifact: Artifact) -> Table:
-    """What is left out, beside what the step itself does."""
+    """Errors by a fixed number of iterations, beside those of the step itself."""
     converged, fine = simulate(artifact, dt=STEP, check=False), simulate(artifact, dt=SHORT, check=False)
     table = Table("iterations", "from the converged run, m", f"from one at {SHORT * 1e3:g} ms, m")
     for iterations in FIXED:
@@ -32,7 +32,7 @@ def accuracy(artifact: Artifact) -> Table:
 
 
 def times(artifact: Artifact) -> Table:
-    """How long steps take, in microseconds."""
+    """Times of steps, in microseconds."""
     table = Table("iterations", "p50, us", "p99", "p99.9", "largest", "missed deadlines")
     for iterations in TIMED:
         steps = run_in_real_time(artifact, dt=STEP, iterations=iterations)

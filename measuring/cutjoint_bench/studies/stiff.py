@@ -33,7 +33,7 @@ Rate = Callable[[Array], Array]
 
 @dataclass
 class Counted:
-    """What a rule took: ``steps`` that counted, ``evaluations`` of the rate, ``jacobians``, ``factorisations`` (a complex one is four)."""
+    """Work of a rule: ``steps`` that counted, ``evaluations`` of the rate, ``jacobians``, ``factorisations`` (a complex one is four)."""
 
     steps: int = 0
     evaluations: int = 0
@@ -112,7 +112,7 @@ def rosenbrock_step(rate: Rate, y: Array, h: float, solve: Array) -> tuple[Array
 
 
 def radau(rate: Rate, y: Array, times: Array, tolerance: float) -> tuple[Array, Counted]:
-    """The same by SciPy, whose steps do not end at the times; each of its factorisations is a real and a complex one."""
+    """Radau IIA of SciPy, whose steps do not end at the times; each of its factorisations is a real and a complex one."""
     found = solve_ivp(lambda _, x: rate(x), (times[0], times[-1]), y, "Radau", dense_output=True, rtol=tolerance, atol=tolerance,
                       jac=lambda _, x: jacobian(rate, x), first_step=1e-4)  # fmt: skip
     took = Counted(steps=found.t.size - 1, evaluations=found.nfev, jacobians=found.njev, factorisations=5 * found.nlu // 2)

@@ -146,7 +146,7 @@ def _seconds(call: Callable[[], object], clock: Callable[[], float] = perf_count
 
 
 def measure_overhead(console: Console, folder: Path, share: float) -> None:
-    """What a run of microseconds costs, from a thousand runs to a million."""
+    """Costs of a run of microseconds, from a thousand runs to a million."""
     perform(read(PENDULUM, 100), folder, threads=1)  # imports what it needs
     table = Table("runs", "a run of the library, us", "of a sweep in one thread, us", "the difference, us", title="A pendulum, ten steps")
     for runs in (10**3, 10**4, 10**5, 10**6):
@@ -217,7 +217,7 @@ def measure_throughput(console: Console, folder: Path, share: float) -> None:
 
 
 def _ways(cores: int) -> dict[str, Callable[[], AbstractContextManager[dict[str, Any]]]]:
-    """What starts the workers of each way, and gives the arguments of a sweep; only one cluster is there at a time."""
+    """Contexts that start the workers of each way, and give the arguments of a sweep; only one cluster is there at a time."""
     ways: dict[str, Callable[[], AbstractContextManager[dict[str, Any]]]] = {
         "one thread": lambda: nullcontext({"threads": 1}), f"{cores} threads": lambda: nullcontext({"threads": cores})
     }  # fmt: skip
@@ -240,7 +240,7 @@ def _children() -> float:
 
 
 def measure_tasks(console: Console, folder: Path) -> None:
-    """What a task of a scheduler costs, with a chunk's values and rows."""
+    """Costs of a task of a scheduler, with a chunk's values and rows."""
     distributed = dask()
     table = Table("bytes there and back", "tasks/s", title="Tasks of nothing, one scheduler")
     local = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0")

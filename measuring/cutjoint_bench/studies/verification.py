@@ -68,7 +68,7 @@ def table(rows: list[tuple[str, ...]]) -> Iterator[str]:
 
 
 def report(measurements: list[Measurement]) -> Iterator[str]:
-    """What was measured with what, how to read it, and the table."""
+    """The conditions of the measurement, how to read it, and the table."""
     binary, repetitions = measurements[0].artifact.binary, len(measurements[0].ratios)
     yield f"machine   {', '.join(machine().values())}"
     yield f"compiler  {binary.compiler}"

@@ -1,4 +1,4 @@
-"""What a user waits for, from an edit to a result, and where the time goes.  `make waits`.
+"""Waits of a user, from an edit to a result, and their parts.  `make waits`.
 
 Each command is a process of its own.  "Cold" begins with an empty cache, after what `cutjoint warm` builds once; the others with the cache
 that the unchanged model has left.  Wall time says what a user waits for; processor time hardly depends on what else the machine does.
@@ -192,7 +192,7 @@ def symbolic_phases(model: Path, scene: str, method: str, out: Path) -> dict[str
 
 
 def _compilations(out: Path) -> Iterator[tuple[str, list[str]]]:
-    """What each object file of a build is made of, and its command."""
+    """The source of each object file of a build, and its command."""
     for entry in json.loads((out / "compile_commands.json").read_text(encoding="utf-8")):
         yield Path(entry["file"]).name, ["env", "-C", entry["directory"], *shlex.split(entry["command"])]
 

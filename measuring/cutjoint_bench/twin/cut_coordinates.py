@@ -14,7 +14,7 @@ from cutjoint_bench.twin.trees import Trees
 
 
 def describe_cut_coordinate(trees: Trees, topology: Topology, cut: Joint, coordinate: str) -> dict[str, Any]:
-    """How a coordinate is measured, see runtime/include/cutjoint/generic/cut_coordinate.hpp."""
+    """The measure of a coordinate, see runtime/include/cutjoint/generic/cut_coordinate.hpp."""
     is_angle = coordinate in cut.element.angles
     axis = direction_of(cut, Direction.AXIS) if is_angle else slide_axis(cut, coordinate)
     return {

@@ -56,7 +56,7 @@ def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ..
 
 
 def heading(trees: Trees) -> Json:
-    """What the descriptions for all twins begin with."""
+    """The beginning of the descriptions for all twins."""
     model = trees.model
     return {
         "name": model.name,
@@ -211,7 +211,7 @@ def _output(trees: Trees, output: Output, topology: Topology, scene: Scene) -> J
 
 
 def _source(trees: Trees, output: Output, element: Any, topology: Topology, scene: Scene) -> Json:
-    """Where a column's value comes from."""
+    """The source of a column's value."""
     match element:
         case Body():
             return _motion(trees, element.name, element.centre_of_mass, output.quantity)

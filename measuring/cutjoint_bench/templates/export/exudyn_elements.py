@@ -74,7 +74,7 @@ def along(R: Frame, a: Vector) -> Vector:
 
 
 def carried(body: Motion, frame: Frame) -> Frame:
-    """Where the axes that a body carries point now."""
+    """Axes that a body carries, as they point now."""
     return turn(body.R, frame[0]), turn(body.R, frame[1]), turn(body.R, frame[2])
 
 

@@ -65,7 +65,7 @@ def generalised(wrench: Wrench, q: Sequence[float]) -> list[float]:
 
 
 class Mechanism:
-    """What a model is made of; ``mbs`` is the system in Exudyn."""
+    """Parts of a model; ``mbs`` is the system in Exudyn."""
 
     def __init__(self, gravity: Vector) -> None:
         self.mbs = exudyn.SystemContainer().AddSystem()
@@ -181,7 +181,7 @@ class Mechanism:
     # Runs
 
     def settings(self, dt: float, end: float, output_step: float, integrator: str) -> exudyn.SimulationSettings:
-        """How a run is done: fixed steps, sparse matrices, no files."""
+        """Settings of a run: fixed steps, sparse matrices, no files."""
         settings = exudyn.SimulationSettings()
         settings.solution.file.write = False
         settings.solution.sensors.writePeriod = max(output_step, dt)

@@ -67,5 +67,5 @@ def described_form(layout: Layout, trees: Trees, form: Form) -> list[Any]:
 
 
 def is_ground(layout: Layout, body: str) -> bool:
-    """Whether a body stands still."""
+    """True if a body stands still."""
     return layout.group_of[body] == GROUND

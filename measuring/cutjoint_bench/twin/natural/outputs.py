@@ -115,7 +115,7 @@ class Reports:
         return {**direction, "sign": free_body.sign, "rows": rows, "masses": [], "forces": [], "weight": 0}
 
     def _of_free_body(self, free_body: FreeBody) -> Json:
-        """How all equations, masses and forces share in the displacement of a node that one group moves alone."""
+        """Shares of all equations, masses and forces in the displacement of a node that one group moves alone."""
         shares = [(i, self._shares(row.forms, free_body)) for i, row in enumerate(self.rows)]
         pushes = [(i, self._shares(force.forms, free_body)) for i, force in enumerate(self.forces)]
         return {

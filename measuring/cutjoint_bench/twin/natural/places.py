@@ -1,4 +1,4 @@
-"""Where coordinates are carried, for the kinematics that finds the start of a run."""
+"""Carriers of coordinates, for the kinematics that finds the start of a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Marks:
         self._angles = {node: key for key, node in equations.layout.angles.items()}
 
     def place(self, node: Node) -> Json:
-        """Where a coordinate stands: a mark, the coordinate of the joint that carries a body, or an angle that advances, by the way."""
+        """The place of a coordinate: a mark, the coordinate of the joint that carries a body, or an angle that advances, by the way."""
         if node.kind is not NodeKind.ANGLE:
             return {"mark": self._mark(node.kind, node.body, node.place)}
         name, coordinate = self._angles[node]
