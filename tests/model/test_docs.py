@@ -4,27 +4,24 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
+import runpy
 
 import pytest
 
-from cutjoint.elements.force import REQUIRED, Constants, Force
+from cutjoint.elements.force import Force
 from cutjoint.elements.forces import FORCES
-from cutjoint.elements.joint import Ball, JointElement, Offset, Slide, Turn
-from cutjoint.elements.joints import JOINTS
-from cutjoint.elements.kinds import ForceKind
 from cutjoint.model.document import json_schema
 from cutjoint.model.names import VARIABLES
 from cutjoint.model.operations import FUNCTIONS
 from cutjoint.model.quantities import JOINT_QUANTITIES, QUANTITIES
 from cutjoint.model.read import read_model_text
 from cutjoint.model.values import MAX_COEFFICIENTS, MAX_TABLE
+from tests.conftest import ROOT
 
 from .pendulum import read, varied
 from .test_instances import WING
 
-DOCS = Path(__file__).parents[2] / "docs" / "model-format.md"
-TEXT = DOCS.read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "model-format.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
 DRAG = 'drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}'
 
@@ -76,54 +73,13 @@ def test_the_road_example_loads() -> None:
     assert len(read("fall: {end: 2}", f"fall:\n    end: 2\n    {road}").scenes["fall"].road.right) == 4
 
 
-def joint_row(joint: JointElement) -> str:
-    """The line of a kind in the table of joints."""
-    fields = [f"`{field.name}`{field.words}" for field in joint.fields] + (["`guide`"] if joint.can_be_guided else [])
-    cells = (f"`{joint.kind}`", ", ".join(fields), ", ".join(joint.coordinates), ", ".join(joint.speeds))
-    return "|" + "|".join(f" {cell} " if cell else " " for cell in cells) + "|"
-
-
-def test_the_table_of_joints_is_the_catalogue() -> None:
-    rows = [joint_row(joint) for joint in JOINTS.values()]
-    table = "\n".join(rows)
-    assert table in TEXT, f"write into docs/model-format.md:\n{table}"
-
-
-def chain_row(joint: JointElement) -> str:
-    """The line of a kind in the table of chains."""
-    words = {Slide: "slide", Ball: "ball", Offset: "offset (the rod)"}
-    parts = []
-    for motion in joint.chain:
-        word = words.get(type(motion), "turn")
-        if isinstance(motion, Turn):
-            word += " with a pitch" if motion.advances else ""
-            word = word if motion.share == 1 else f"{motion.share} {motion.coordinate}"
-        parts.append(word)
-    return f"| {joint.kind} | {', '.join(parts)} |" if parts else f"| {joint.kind} | |"
-
-
-def test_the_table_of_chains_is_the_catalogue() -> None:
-    table = "\n".join(chain_row(joint) for joint in JOINTS.values())
-    assert table in (DOCS.parent / "mechanics.md").read_text(encoding="utf-8"), f"write into docs/mechanics.md:\n{table}"
+def test_the_tables_of_joints_and_forces_are_the_catalogue() -> None:
+    for path, page in runpy.run_path(str(ROOT / "scripts" / "tables"))["pages"]().items():
+        assert page == path.read_text(encoding="utf-8"), "run scripts/tables"
 
 
 #: A force of every kind, and a load of either form.
 EVERY_FORCE = (*read_model_text(WING, "m.yaml").forces, *read(DRAG, DRAG).forces)
-
-
-def section(heading: str) -> str:
-    """The text under a heading, up to the next one of its rank."""
-    return TEXT.partition(f"\n{heading}\n")[2].partition(f"\n{heading.split()[0]} ")[0]
-
-
-@pytest.mark.parametrize("kind", FORCES)
-def test_the_table_of_forces_names_what_a_kind_needs(kind: ForceKind) -> None:
-    rows = [line for line in section("## Forces").splitlines() if line.startswith(f"| `{kind}` |")]
-    asked = [field for field in FORCES[kind].element.fields if field.default is REQUIRED]
-    assert rows
-    assert all(f"`{field.name}`" in row for field in asked for row in rows)
-    constants = [name for field in asked if isinstance(field.shape, Constants) for name in field.shape.names]
-    assert set(constants) <= set(section("## Forces").replace("`", " ").split())
 
 
 def reported(force: Force) -> list[str]:

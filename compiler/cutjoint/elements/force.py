@@ -57,11 +57,16 @@ REQUIRED: Any = object()
 
 @dataclass(frozen=True)
 class ForceField:
-    """A field of the kind in a model file beside those that all forces have; with the default None it may be left out."""
+    """A field of the kind in a model file beside those that all forces have; with the default None it may be left out.
+
+    ``words`` and ``unit`` describe it in the documentation.
+    """
 
     name: str
     shape: Shape | Choice | Constants
     default: Any = REQUIRED
+    words: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -249,7 +254,7 @@ class ForceElement:
     """A kind of force.
 
     ``text`` describes it in the schema.  ``interaction`` is how it works on its bodies.  ``laws`` names the record's fields that have
-    expressions: the force is linear in them.  ``law`` says what a force with one law is over, unless that depends on the force.
+    expressions: the force is linear in them.  ``forms`` are the variables and units of its laws, one for each form of the kind.
     ``quantities`` are what it reports, with units; those of a force with one law follow from the law.  ``problem`` is what is wrong with
     the fields of a part of the document, and what to write instead; () for nothing.
     """
@@ -259,7 +264,7 @@ class ForceElement:
     fields: tuple[ForceField, ...]
     interaction: Interaction
     laws: tuple[str, ...]
-    law: Law | None = None
+    forms: tuple[Law, ...] = ()
     quantities: Mapping[str, str] = field(default_factory=dict)
     problem: Callable[[Any], tuple[str, ...]] | None = None
 
@@ -389,8 +394,8 @@ class LawForce(Force):
     @property
     def variables(self) -> Law:
         """What the law is over."""
-        assert self.element.law is not None
-        return self.element.law
+        (form,) = self.element.forms
+        return form
 
     @property
     def quantities(self) -> Mapping[str, str]:

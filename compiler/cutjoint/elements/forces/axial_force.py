@@ -25,13 +25,14 @@ class AxialForce(LawForce):
         kind=ForceKind.AXIAL_FORCE,
         text="A force along an axis of the base.",
         fields=(
-            ForceField("bodies", Shape.BODIES), ForceField("origin", Shape.POINT), ForceField("point", Shape.POINT),
-            ForceField("axis", Shape.DIRECTION), ForceField("law", Shape.LAW),
+            ForceField("bodies", Shape.BODIES), ForceField("origin", Shape.POINT, words=" of the base"),
+            ForceField("point", Shape.POINT, words=" of the follower"), ForceField("axis", Shape.DIRECTION, words=" of the base"),
+            ForceField("law", Shape.LAW, words=" (the push on the point along the axis)"),
         ),
         interaction=Travel(
             origin=Point(Carrier.BASE, "origin"), axis=Axis(Carrier.BASE, "axis"), point=Point(Carrier.FOLLOWER, "point")
         ),
-        laws=("law",), law=_LAW,
+        laws=("law",), forms=(_LAW,),
     )  # fmt: skip
 
     base: str

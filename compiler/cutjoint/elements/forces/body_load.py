@@ -41,6 +41,7 @@ class BodyLoad(Force):
         problem=_problem,
         interaction=Wrench(point=Point(Carrier.BODY, "point")),
         laws=("components",),
+        forms=(_FORCE, _TORQUE),
         quantities=dict.fromkeys(("Fx", "Fy", "Fz"), "N"),
     )  # fmt: skip
 

@@ -39,13 +39,15 @@ class Bushing(Force):
         fields=(
             ForceField("bodies", Shape.BODIES), ForceField("at", Shape.POINT),
             *(ForceField(name, Shape.DIRECTION, None) for name in "xyz"),
-            ForceField("stiffness", Shape.SIX, None), ForceField("damping", Shape.SIX, None), ForceField("laws", Shape.LAWS, None),
+            ForceField("stiffness", Shape.SIX, None, words=" (three N/m, three N m)"),
+            ForceField("damping", Shape.SIX, None, words=" (three N s/m, three N m s)"), ForceField("laws", Shape.LAWS, None),
         ),
         problem=_problem,
         interaction=Compliance(
             base=Point(Carrier.BASE, "point"), follower=Point(Carrier.FOLLOWER, "point"), frame=Frame(Carrier.BASE, "axes")
         ),
         laws=("laws",),
+        forms=(_ALONG, _ABOUT),
         quantities={
             **dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.fromkeys(("Mx", "My", "Mz"), "N*m"),
             **dict.fromkeys(("dx", "dy", "dz"), "m"), **dict.fromkeys(("rx", "ry", "rz"), "rad"),

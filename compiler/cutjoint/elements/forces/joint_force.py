@@ -31,6 +31,7 @@ class JointForce(LawForce):
         fields=(ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None), ForceField("law", Shape.LAW)),
         interaction=OnCoordinate(),
         laws=("law",),
+        forms=(_SLIDE, _TURN),
     )
 
     joint: str

@@ -23,11 +23,11 @@ class PointSpring(LawForce):
         kind=ForceKind.POINT_SPRING,
         text="A force between two points, along the line through them.",
         fields=(
-            ForceField("bodies", Shape.BODIES), ForceField("from", Shape.POINT), ForceField("to", Shape.POINT),
-            ForceField("law", Shape.LAW),
+            ForceField("bodies", Shape.BODIES), ForceField("from", Shape.POINT, words=" of the base"),
+            ForceField("to", Shape.POINT, words=" of the follower"), ForceField("law", Shape.LAW, words=" (a tension)"),
         ),
         interaction=Stretch(start=Point(Carrier.BASE, "start"), end=Point(Carrier.FOLLOWER, "end")),
-        laws=("law",), law=_LAW,
+        laws=("law",), forms=(_LAW,),
     )  # fmt: skip
 
     base: str

@@ -37,8 +37,10 @@ class Tyre(Force):
         kind=ForceKind.TYRE,
         text="A wheel on the road.",
         fields=(
-            ForceField("body", Shape.BODY), ForceField("centre", Shape.POINT), ForceField("axis", Shape.DIRECTION),
-            ForceField("radius", Shape.NUMBER), ForceField("stiffness", Shape.NUMBER), ForceField("spin_inertia", Shape.NUMBER, 0),
+            ForceField("body", Shape.BODY), ForceField("centre", Shape.POINT),
+            ForceField("axis", Shape.DIRECTION, words=" (to the left when rolling forward)"),
+            ForceField("radius", Shape.NUMBER, unit=_UNITS["radius"]), ForceField("stiffness", Shape.NUMBER, unit=_UNITS["stiffness"]),
+            ForceField("spin_inertia", Shape.NUMBER, 0, unit=_UNITS["spin_inertia"]),
             ForceField("calspan", Constants("Calspan", "Constants of the Calspan tyre.", CALSPAN)),
         ),
         interaction=RoadContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
