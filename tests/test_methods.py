@@ -89,7 +89,7 @@ def told(scene: Scene, method: str, implementation: Implementation, options: Opt
 @pytest.mark.parametrize("closure", CLOSURES)
 @pytest.mark.parametrize("method", METHODS)
 def test_every_choice_has_a_run_file_or_a_way_out(method: str, closure: str, implementation: Implementation) -> None:
-    """Whatever is asked for: a run file has it, or a message names what there is instead."""
+    """A run file has every choice, or a message names what there is instead."""
     rest = MODEL.scenes["rest"]
     scene = replace(rest, numerics=replace(rest.numerics, closure=closure))
     alternatives = {*METHODS, *CLOSURES, *INTEGRATORS, *Events}

@@ -1,4 +1,4 @@
-"""Which components of reactions are determined where cut joints have more equations than they need."""
+"""Components of reactions that are determined where cut joints have more equations than they need."""
 
 from __future__ import annotations
 

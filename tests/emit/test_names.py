@@ -1,4 +1,4 @@
-"""Whatever a model and its elements are called, the generated code compiles."""
+"""Generated code compiles whatever a model and its elements are called."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ def stored(dense: DenseMechanism, at: Instant, stiffness: float) -> float:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_springs_and_bushings_keep_energy(seed: int) -> None:
-    """Whatever the angles: what springs lose, bodies gain.  The seeds' states have the stop met and free."""
+    """Bodies gain what springs lose, at any angles.  The seeds' states have the stop met and free."""
     w = workshop(seed, "springs", gravity=False)
     w.grow(w.grow(w.grow(GROUND, K.CYLINDRICAL), K.UNIVERSAL), K.SPHERICAL)
     stiffness, position = 40, variable("position")

@@ -36,8 +36,8 @@ FLAGS = {"CUTJOINTFLAGS": "-O0"}
 
 
 def make(rng: random.Random) -> str:
-    """Which file of a cache is damaged (a number that is taken modulo how many there are), how, and where in it, as JSON; or which part of
-    its path others can write, how they do, and whether what the message says is done about it.
+    """Damage to a cache, as JSON: the file (a number that is taken modulo how many there are), kind, and place in it; or the part of
+    its path that others can write, how they do, and whether what the message says is done about it.
 
     Libraries are built anew in minutes, so that most damage is to the rest.
     """
@@ -124,7 +124,7 @@ def _damage(file: Path, how: str, at: float) -> None:
 
 
 def _check_others(case: dict[str, Any]) -> tuple[str, ...]:
-    """Why a cache that others can write is refused; fails where it is used."""
+    """The reason why a cache that others can write is refused; fails where it is used."""
     kept, wanted = template()
     with TemporaryDirectory() as name:
         folder = Path(name)

@@ -26,7 +26,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """Why a call was refused; fails where it ends in a traceback, not at all, or with the user's files changed."""
+    """The reason why a call was refused; fails where it ends in a traceback, not at all, or with the user's files changed."""
     words = json.loads(text)
     before = os.getcwd()
     with TemporaryDirectory() as folder:

@@ -41,7 +41,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """Why a run stopped, if it did; fails where it neither does nor comes to its end."""
+    """The reason why a run stopped, if it did; fails where it neither does nor comes to its end."""
     case: dict[str, Any] = json.loads(text)
     model = read_model_text(json.dumps(case["model"]), "fuzzed.yaml")
     try:

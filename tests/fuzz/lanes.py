@@ -53,7 +53,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """Why the model was refused; fails where lanes change a result."""
+    """The reason why the model was refused; fails where lanes change a result."""
     model = read_model_text(text, "fuzzed.yaml")
     ((name, scene),) = model.scenes.items()
     equations: Equations = derive(model, scene, ())

@@ -41,7 +41,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """Which methods did not keep their goal, and said so; fails where one says that it did and is far from the most exact run."""
+    """Methods that did not keep their goal, and said so; fails where one says that it did and is far from the most exact run."""
     model = read_model_text(text, "fuzzed.yaml")
     scene = model.scenes["run"]
     try:

@@ -57,7 +57,7 @@ def _edit(rng: random.Random) -> tuple[float, int, str]:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """Why a file was refused, or what a page said of itself; fails where a script did, or the command without a message."""
+    """The reason why a file was refused, or a page's own message; fails where a script did, or the command without a message."""
     case = json.loads(text)
     with TemporaryDirectory() as folder:
         return _check_mesh(Path(folder), case) if "name" in case else _check_page(Path(folder) / "earlier.html", case)

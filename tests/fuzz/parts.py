@@ -20,7 +20,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """Why a call failed; raises where it gives another table, no reason, or less than there was."""
+    """The reason why a call failed; raises where it gives another table, no reason, or less than there was."""
     case = json.loads(text)
     with TemporaryDirectory() as name:
         folder = Path(name)

@@ -80,7 +80,7 @@ def model_text(case: Node, *, guided: bool) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """Why there is no equilibrium; fails where the pose is none, where a run starts elsewhere, or reactions are not those beside guides."""
+    """The reason for no equilibrium; fails where the pose is none, a run starts elsewhere, or reactions are not those beside guides."""
     case = json.loads(text)
     model = read_model_text(model_text(case, guided=False), "fuzzed.yaml")
     scene = model.scenes["run"]

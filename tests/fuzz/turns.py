@@ -1,4 +1,4 @@
-"""Which kind of input has its turn: each gets seconds in proportion to its share, however dear one of its inputs is."""
+"""Turns of the kinds of input: each gets seconds in proportion to its share, however dear one of its inputs is."""
 
 from __future__ import annotations
 

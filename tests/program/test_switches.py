@@ -42,7 +42,7 @@ def test_the_sign_of_a_compound_condition() -> None:
 
 
 def test_each_place_of_change_counts_once() -> None:
-    """Whatever the sign and the order in which it is asked for; constants and parameters do not change in a run."""
+    """Sign and order of the requests do not matter; constants and parameters do not change in a run."""
     b = Builder()
     x = inputs(b)
     open_parameter = b.symbol("parameters", 1, BindingTime.PARAM)

@@ -1,4 +1,4 @@
-"""Which compiler is called: what $CXX says, as `make` takes it, or an error that names it."""
+"""The compiler that is called: that of $CXX, as `make` takes it, or an error that names it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which equations of cut joints are independent: peers that solve for all multipliers want no others."""
+"""The independent equations of cut joints: peers that solve for all multipliers want no others."""
 
 from __future__ import annotations
 

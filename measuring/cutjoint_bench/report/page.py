@@ -119,7 +119,7 @@ def _reference(case: Data) -> str:
 
 
 def _impact(apart: float) -> str:
-    """Why routes are far apart."""
+    """The reason why routes are far apart."""
     if apart > _JUMP:
         return " (where a guide's speed jumps, only the first takes the impact at once)"
     return " (each meets the kinks of a road between steps of its own)" if apart > _KINK else ""

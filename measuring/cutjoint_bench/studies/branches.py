@@ -1,4 +1,4 @@
-"""Which branch runs take at singular poses: mechanisms, starting poses, methods, integrators and steps.  `make branches`.
+"""Branches that runs take at singular poses: mechanisms, starting poses, methods, integrators and steps.  `make branches`.
 
 At a singular pose two motions cross that both keep the equations of the loops.  Of each mechanism one expression over the outputs is zero
 on the branch that the motion comes from, so that no reference is needed.
@@ -107,7 +107,7 @@ def settings_of(method: str) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def judge(run: Trajectory, zero: Callable[[Columns], np.ndarray]) -> Outcome:
-    """Which branch a run took, and whether it says so."""
+    """The branch that a run took, and whether it says so."""
     largest = float(np.abs(zero(run.columns)).max()) if len(run.t) else 0.0
     if largest < LEFT:
         return Outcome(kind="stays" if run.failure is None else "stops", largest=largest)
