@@ -40,7 +40,7 @@ def read_attitude(where: Element, attitude: Attitude, keys: Path) -> Quaternion:
 
 
 def fault_of_quaternion(values: Sequence[float]) -> str:
-    """What is wrong with a quaternion's length and what to do; "" where nothing is, and of NaN."""
+    """The fault in a quaternion's length and its remedy; "" without a fault, and of NaN."""
     length = math.hypot(*values)
     if not abs(length - 1) > UNIT_BOUND:
         return ""

@@ -14,7 +14,7 @@ MAX_SHAPES = 1000
 
 
 class Solid(Part):
-    """What shapes with a volume have; a hole takes its mass away."""
+    """A shape with a volume; a hole takes its mass away."""
 
     at: Point
     density: Number | None = None
@@ -96,7 +96,7 @@ MESHES = (".glb", ".stl", ".obj")
 
 
 class Visual(Part):
-    """What is drawn of a body: a mesh in a file beside the model, ``scale`` times as large, its origin ``at`` a point; a ``colour``."""
+    """The picture of a body: a mesh in a file beside the model, ``scale`` times as large, its origin ``at`` a point; a ``colour``."""
 
     mesh: StrictStr | None = None
     colour: StrictStr | None = None

@@ -14,8 +14,8 @@ from cutjoint.model.source import Path
 
 @dataclass(frozen=True)
 class Naming:
-    """How an element names a coordinate: why it needs one, the field and what stands before a name in it, where joint and coordinate
-    stand, and whether it must be a tree joint's."""
+    """The way an element names a coordinate: the reason that it needs one, the field and the text before a name in it, the places of joint
+    and coordinate, and whether it must be a tree joint's."""
 
     need: str
     field: str

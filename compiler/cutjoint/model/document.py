@@ -56,7 +56,7 @@ class Marker(Part):
 
 
 class Elements(Part):
-    """What a model and a submodel both may hold."""
+    """The sections that a model and a submodel share."""
 
     points: dict[Name, Point] = Field(default={})
     bodies: dict[Name, Body] = Field(default={})
@@ -194,7 +194,7 @@ class Numerics(Part):
 
 
 class Scene(Part):
-    """What is done with the model."""
+    """One run of the model: its end, start, inputs, switches, road and numerics."""
 
     end: Number
     output_step: Number | None = None

@@ -24,7 +24,7 @@ from cutjoint.model.units import ANGLE, LENGTH, TIME
 
 @dataclass(frozen=True)
 class Elements:
-    """What one scope holds."""
+    """The elements of one scope."""
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]

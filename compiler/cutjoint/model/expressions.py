@@ -92,12 +92,12 @@ def symbols_of(value: int | float | str) -> frozenset[str]:
 
 
 def has_finite_numbers(expression: Scalar) -> bool:
-    """Whether all numbers in an expression fit floats."""
+    """Return whether all numbers in an expression fit floats."""
     return all(_is_finite(number) for number in expression.atoms(sympy.Number))
 
 
 def _is_finite(number: Scalar) -> bool:
-    """Whether a number fits a float; NaN stands for what was reported already."""
+    """Return whether a number fits a float; NaN, the mark of a reported number, does."""
     try:
         return number is sympy.nan or math.isfinite(float(number))
     except OverflowError:

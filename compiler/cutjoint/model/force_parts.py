@@ -14,7 +14,7 @@ from cutjoint.model.values import Direction, Law, Laws, Names, Number, Pair, Par
 
 
 class ForcePart(Part):
-    """What all forces have; those of each kind have its own fields from the catalogue."""
+    """The fields of all forces; each kind adds its own from the catalogue."""
 
     if TYPE_CHECKING:
         kind: str

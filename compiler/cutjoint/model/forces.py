@@ -89,7 +89,7 @@ class _Reader:
         return variable(name)
 
     def _at(self, path: Path, missing: Any = None) -> Any:
-        """What a path leads to, through lists and parts."""
+        """The value at a path, through lists and parts."""
         first, *rest = path
         given = self.given(str(first))
         if given is None:

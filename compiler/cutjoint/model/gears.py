@@ -30,7 +30,8 @@ def read_gear(element: Element, gear: document.Gear) -> Gear:
 
 
 def _end(element: Element, index: int, text: str) -> tuple[JointCoordinate, joint_parts.Joint | None]:
-    """What a gear names, a joint or a joint.coordinate, and what the document says of the joint; without a unit if that is wrong."""
+    """The coordinate at one end of a gear, named by a joint or a joint.coordinate, and the joint in the document; without a unit if the
+    name is wrong."""
     local, coordinate = _parted(element, text)
     keys = ("joints", index)
     name, joint = element.joint(local, keys)

@@ -122,12 +122,12 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def coincide(element: Element, a: Vector, b: Vector) -> bool:
-    """Whether two points are the same at the parameters' values; False when that cannot be decided."""
+    """Return whether two points coincide at the parameters' values; False when that cannot be decided."""
     return math.dist([element.value(c) for c in a], [element.value(c) for c in b]) < SHORTEST
 
 
 def perpendicular(element: Element, a: Vector, b: Vector) -> bool:
-    """Whether two unit vectors are perpendicular at the parameters' values; True when that cannot be decided."""
+    """Return whether two unit vectors are perpendicular at the parameters' values; True when that cannot be decided."""
     return not abs(element.value(dot(a, b))) > PERPENDICULAR
 
 

@@ -38,7 +38,7 @@ class JointLimits(Part):
 
 
 class JointPart(Part):
-    """What all joints have; those of each kind have its own fields from the catalogue."""
+    """The fields of all joints; each kind adds its own from the catalogue."""
 
     kind: str
     bodies: Pair

@@ -156,7 +156,7 @@ class _Law:
         return [self.element.number(value, dimension, (*keys, index)) for index, value in enumerate(numbers)]
 
     def is_curve(self, of: str, x: list[float], y: list[float], keys: Path) -> bool:
-        """Whether a table's lists make a curve."""
+        """Return whether a table's lists make a curve; note their faults."""
         if len(x) != len(y) or len(x) < 2:
             message = f"the table has {len(x)} of {of} and {len(y)} of value"
             self.element.fail(message, "give as many of both, two or more", keys)

@@ -46,7 +46,7 @@ def read_mass(element: Element, body: body_parts.Body) -> tuple[Scalar, Vector, 
 
 
 def mass_problems(mass: float, inertia: Sequence[float]) -> Iterator[str]:
-    """Why no body can have a mass (kg) and an inertia (xx, yy, zz, xy, xz, yz), kg m2."""
+    """The reasons that no body can have a mass (kg) and an inertia (xx, yy, zz, xy, xz, yz), kg m2."""
     if mass < 0:
         yield f"the mass is negative: {mass:g} kg"
     if any(abs(x) > LARGEST for x in (mass, *inertia)):
@@ -58,7 +58,7 @@ def mass_problems(mass: float, inertia: Sequence[float]) -> Iterator[str]:
 
 
 def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
-    """Why no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; empty when one can or when it is not finite.
+    """The reason that no body can have an inertia (xx, yy, zz, xy, xz, yz), kg m2; "" when one can or when it is not finite.
 
     Without mass it stands for parts whose mass is counted elsewhere, and one moment may be larger than the sum of the others.
     """
@@ -74,8 +74,8 @@ def moments_problem(inertia: Sequence[float], *, has_mass: bool = True) -> str:
 
 
 def can_exist(masses: Array, inertias: Array) -> NDArray[np.bool_]:
-    """Whether bodies can have masses (n,), kg, and inertias (n, 6), kg m2, by the conditions of :func:`mass_problems`; those that are not
-    finite cannot."""
+    """Return whether bodies can have masses (n,), kg, and inertias (n, 6), kg m2, by the conditions of :func:`mass_problems`: an array
+    (n,). Numbers that are not finite have no body."""
     numbers = np.column_stack([masses, inertias])
     able: NDArray[np.bool_] = (masses >= 0) & (np.abs(numbers) <= LARGEST).all(axis=1)
     moments = _principal_moments(inertias[able])
@@ -94,7 +94,7 @@ def _has_negative(moments: Array) -> NDArray[np.bool_]:
 
 
 def _has_too_large(moments: Array) -> NDArray[np.bool_]:
-    """Whether the largest is larger than the sum of the others."""
+    """Return whether the largest moment is larger than the sum of the others."""
     return np.asarray(moments[..., 2] > moments[..., 0] + moments[..., 1] + TOLERANCE * np.abs(moments).max(axis=-1))
 
 
@@ -174,7 +174,7 @@ def _axisymmetric(element: Element, inertia: values.Principal, moments: Vector) 
 
 
 def _equal(element: Element, a: Scalar, b: Scalar) -> bool:
-    """Whether two moments are equal, whatever open parameters are set to; True where one is wrong and has been noted."""
+    """Return whether two moments are equal for any values of open parameters; True where one is wrong and has been noted."""
     difference = sympy.expand((a - b).xreplace(element.scope.settled))
     if difference.has(FAILED):
         return True

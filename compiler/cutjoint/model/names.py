@@ -1,4 +1,4 @@
-"""Which names a model may give its elements.  Names reach generated code, so they are C++ identifiers."""
+"""The names that a model may give its elements.  Names reach generated code, so they are C++ identifiers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ RESERVED_IN_EXPRESSIONS = frozenset({"pi", *FUNCTIONS, *VARIABLES})
 
 
 def name_problem(name: str) -> tuple[str, str] | None:
-    """What is wrong with an element's name and what to do, or None."""
+    """The fault in an element's name and its remedy, or None."""
     if not _NAME.fullmatch(name):
         return f"'{name[:70]}' is not a name", "use letters, digits and underscores, starting with a letter"
     if len(name) > MAX_NAME_LENGTH:
@@ -52,7 +52,7 @@ def name_problem(name: str) -> tuple[str, str] | None:
 
 
 def parameter_name_problem(name: str) -> tuple[str, str] | None:
-    """The same for a parameter's name, which must not hide a function or a variable of laws."""
+    """The fault in a parameter's name and its remedy, or None; it must not hide a function or a variable of laws either."""
     if name in RESERVED_IN_EXPRESSIONS:
         return f"the name '{name}' has a meaning of its own in expressions", f"write for example '{name}_0'"
     return name_problem(name)

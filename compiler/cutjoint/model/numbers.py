@@ -1,4 +1,4 @@
-"""How numbers are written: in model files, on the command line and in tables of parameters alike."""
+"""The notation of numbers: in model files, on the command line and in tables of parameters alike."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ _WHOLE = re.compile(r"[-+]?[0-9]+", re.ASCII)
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a plain decimal number; ``inf``, ``nan``, ``1_000`` and ``0x10`` are none."""
+    """Return whether a text is a plain decimal number; ``inf``, ``nan``, ``1_000`` and ``0x10`` are none."""
     return _NUMBER.fullmatch(text) is not None
 
 
 def is_whole(text: str) -> bool:
-    """Whether a text is a whole number in plain digits."""
+    """Return whether a text is a whole number in plain digits."""
     return _WHOLE.fullmatch(text) is not None
 
 

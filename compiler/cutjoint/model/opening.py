@@ -26,7 +26,7 @@ class Opening:
     names: set[str] = field(default_factory=set)
 
     def takes(self, name: str) -> bool:
-        """Whether a number is opened."""
+        """Note a number's name and return whether a pattern opens it."""
         self.names.add(name)
         return any(fnmatchcase(name, pattern) for pattern in self.patterns)
 
@@ -59,7 +59,7 @@ class Opening:
 
 
 def number_name(element: str, keys: Path, *, in_triple: bool) -> str:
-    """What a number of an element is called, such as ``arm.mass`` or ``hub.at.x``."""
+    """The name of a number of an element, such as ``arm.mass`` or ``hub.at.x``."""
     *fields, last = keys or ("",)
     component = _AXES[last] if in_triple and isinstance(last, int) and last < len(_AXES) else str(last)
     return ".".join(filter(None, (element, *map(str, fields), component)))

@@ -173,7 +173,7 @@ def require_real(value: Scalar) -> None:
 
 
 def _is_complex(value: Scalar) -> bool:
-    """Whether a number is not real; where its assumptions do not say, as of roots of a tangent, by its digits."""
+    """Return whether a number is not real; decided by its digits where its assumptions do not say, as of roots of a tangent."""
     if value.is_extended_real is not None:
         return not value.is_extended_real
     real, imaginary = (abs(part) for part in value.evalf().as_real_imag())

@@ -11,7 +11,7 @@ def escaped(text: str) -> str:
 
 
 def escaped_lines(text: str) -> str:
-    """The same of a text that may have several lines."""
+    """Make each line of a text safe to print; line breaks stay."""
     return "\n".join(map(escaped, text.split("\n")))
 
 

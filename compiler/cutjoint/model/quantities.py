@@ -1,4 +1,4 @@
-"""What of each element can be asked for as an output, with units."""
+"""The quantities of each element that can be outputs, with units."""
 
 from __future__ import annotations
 
@@ -75,7 +75,8 @@ def quantities(element: Element) -> Mapping[str, str]:
 
 
 def reaction_component(reaction: Reaction, quantity: str) -> tuple[bool, Vector]:
-    """Whether a quantity of a reaction is one of its moment, and the direction, fixed in the reaction's body, that it counts along."""
+    """Return whether a quantity of a reaction is one of its moment, and the direction, fixed in the reaction's body, that it counts
+    along."""
     if reaction.direction is not None:
         return quantity == "moment", reaction.direction
     return quantity.startswith("M"), GLOBAL_AXES["xyz".index(quantity[-1])]

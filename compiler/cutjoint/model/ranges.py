@@ -35,7 +35,7 @@ WHOLE = frozenset({"iterations", "multiplier_updates", "threads"})
 
 
 def fault_of(value: float, *, above: float = -inf, least: float = -inf, most: float = inf) -> str:
-    """What is wrong with a number and what to write in its place; "" where nothing is."""
+    """The fault in a number and a number to write instead; "" without a fault."""
     if not -inf < value < inf:
         return f"{value:g} is not a finite number; write a plain number in SI units"
     if not value > above:
@@ -46,7 +46,7 @@ def fault_of(value: float, *, above: float = -inf, least: float = -inf, most: fl
 
 
 def fault_of_setting(name: str, value: float) -> str:
-    """What is wrong with the value of a setting; "" where nothing is."""
+    """The fault in the value of a setting; "" without one."""
     fault = fault_of(value, **RANGES[name])
     if not fault and name in WHOLE and value != int(value):
         return f"{value:g} is not a whole number; write one"
@@ -68,7 +68,7 @@ LARGEST_COORDINATE = 1e12
 
 
 def fault_of_state(value: float, *, is_angle: bool) -> str:
-    """What is wrong with an initial coordinate or speed (SI units); "" where nothing is, and of NaN, which has been noted before."""
+    """The fault in an initial coordinate or speed (SI units); "" without one, and of NaN, which has been noted before."""
     if is_angle and abs(value) > LARGEST_ANGLE:
         return f"an angle of {value:g} rad has no exact sine and cosine; take whole turns away, so that it is at most {LARGEST_ANGLE:g} rad"
     if abs(value) > LARGEST_COORDINATE:

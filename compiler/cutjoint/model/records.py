@@ -31,7 +31,7 @@ GROUND = "ground"
 
 
 class Binding(StrEnum):
-    """When a parameter gets its value."""
+    """The time at which a parameter gets its value."""
 
     CONST = "const"  #: folded into the generated code
     PARAM = "param"  #: read when the binary loads its parameters
@@ -65,7 +65,7 @@ class DerivedParameter:
 
 
 class ShapeKind(StrEnum):
-    """What a shape of a body is, by its key in the file."""
+    """The kind of a body's shape, by its key in the file."""
 
     BOX = "box"  #: its three lengths along its axes
     CYLINDER = "cylinder"  #: radius and length, around its one axis
@@ -90,7 +90,7 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Visual:
-    """What is drawn of a body: a ``mesh``, the file as the model file at ``span`` names it, "" for none, and a ``colour``, "" for any.
+    """The picture of a body: a ``mesh``, the file as the model file at ``span`` names it, "" for none, and a ``colour``, "" for any.
 
     A point p of the mesh is at ``at`` + ``scale`` (p1 axes[0] + p2 axes[1] + p3 axes[2]) in the design position; m.
     """
@@ -123,7 +123,7 @@ class Body:
 
     @property
     def is_massless(self) -> bool:
-        """Whether it has neither mass nor inertia, whatever parameters are."""
+        """Return whether the body has neither mass nor inertia at any values of the parameters."""
         return self.mass == 0 and all(entry == 0 for entry in self.inertia)
 
 
@@ -160,7 +160,7 @@ class Joint:
 
     @property
     def element(self) -> JointElement:
-        """What the joint's kind is."""
+        """The element of the joint's kind in the catalogue."""
         return JOINTS[self.kind]
 
 
@@ -357,7 +357,7 @@ class Numerics:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What is done with the model.
+    """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
     ``pose`` is "design" or "equilibrium".  ``positions`` and ``rates`` give initial joint coordinates and
     speeds by ``joint.coordinate``, an attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to
@@ -421,7 +421,7 @@ class Model:
 
     @property
     def constraint_spans(self) -> Mapping[str, Span]:
-        """Where all that may have equations stands: bodies, joints and gears by their names."""
+        """The places of all elements that may have equations: bodies, joints and gears by their names."""
         bodies, joints = {b.name: b.span for b in self.bodies}, {j.name: j.span for j in self.joints}
         return {**bodies, **joints, **{g.name: g.span for g in self.gears}}
 

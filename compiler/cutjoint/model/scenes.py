@@ -45,7 +45,7 @@ _STEP = variable("dt")
 
 @dataclass(frozen=True)
 class _Stage:
-    """What scenes refer to."""
+    """The elements and quantities that scenes refer to."""
 
     expansion: Expansion
     known: Mapping[str, Quantified]

@@ -1,4 +1,4 @@
-"""What names mean while elements are read, in the model or in one instance of a submodel."""
+"""The meaning of names while elements are read, in the model or in one instance of a submodel."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class Directory:
     broken: frozenset[str]
 
     def misses(self, name: str) -> bool:
-        """Whether ``name`` is, or belongs to, something that could not be read."""
+        """Return whether ``name`` is, or belongs to, an element that could not be read."""
         return name in self.broken or name.split(".")[0] in self.broken
 
 
 @dataclass(frozen=True)
 class Scope:
-    """Where elements are read: the model itself (empty ``prefix``) or one instance of a submodel.
+    """The surroundings in which elements are read: the model itself (empty ``prefix``) or one instance of a submodel.
 
     ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
     the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
@@ -90,7 +90,7 @@ class Element:
 
     @property
     def span(self) -> Span:
-        """Where the element's name stands."""
+        """The place of the element's name."""
         return self.scope.source.key_span(self.path)
 
     def fail(self, message: str, hint: str = "", keys: Path = (), *, at_key: bool = False) -> None:
@@ -159,7 +159,7 @@ class Element:
         return self.scope.opening.opened(name, term, expected, self.scope.source.value_span(path), self.scope.values)
 
     def _is_closed(self, expression: Scalar) -> bool:
-        """Whether an expression has a value once the parameters have theirs."""
+        """Return whether an expression has a value once the parameters have theirs."""
         return not expression.has(FAILED) and expression.free_symbols <= self.scope.values.keys()
 
     def settle(self, vector: Vector) -> Vector:
@@ -231,5 +231,5 @@ def element(scope: Scope, kind: str, section: str, name: str) -> Element:
 
 
 def with_points(scope: Scope, points: Mapping[str, Vector]) -> Scope:
-    """The same scope, knowing ``points``."""
+    """Copy the scope with other named ``points``."""
     return replace(scope, points=points)

@@ -92,7 +92,7 @@ class _Flaw:
         return self.detail["type"]
 
     def is_inside(self, other: _Flaw) -> bool:
-        """Whether this flaw explains the other: items that fail make their list look too short."""
+        """Return whether this flaw explains the other: items that fail make their list look too short."""
         return len(self.path) > len(other.path) and self.path[: len(other.path)] == other.path
 
 
@@ -136,7 +136,7 @@ def element_of(path: Path) -> tuple[str, int]:
 
 
 def _words(flaw: _Flaw) -> tuple[str, str]:
-    """What is wrong, and a hint."""
+    """The message of a flaw, and a hint."""
     detail, path = flaw.detail, flaw.path
     context = detail.get("ctx", {})
     match flaw.kind:
@@ -216,7 +216,7 @@ def _descend(part: Any, step: str | int) -> Any:
 
 
 def _chosen_by(member: Any, step: str | int) -> bool:
-    """Whether ``step`` is the tag of a union's member."""
+    """Return whether ``step`` is the tag of a union's member."""
     if get_origin(member) is Annotated:
         return any(isinstance(mark, Tag) and mark.tag == step for mark in get_args(member))
     kind = member.model_fields.get("kind") if _is_model(member) else None
@@ -244,7 +244,7 @@ def _without_broken(source: Source, found: list[_Flaw]) -> Shaped | None:
 
 
 def _left_out(flaw: _Flaw) -> Iterator[Path]:
-    """What is left out for a flaw; () if too much would be."""
+    """The paths to leave out of the document for a flaw; none if that would be too much."""
     path, start = flaw.path, element_of(flaw.path)[1]
     if flaw.kind == "extra_forbidden":
         yield path

@@ -47,13 +47,13 @@ class Source:
     keys: dict[Path, Span] = field(default_factory=dict)
 
     def value_span(self, path: Path) -> Span:
-        """Where the value at ``path`` stands, or the nearest value around it."""
+        """The place of the value at ``path``, or of the nearest value around it."""
         while path and path not in self.values:
             path = path[:-1]
         return self.values.get(path, Span(file=self.file, line=1, column=1))
 
     def key_span(self, path: Path) -> Span:
-        """Where the key of the value at ``path`` stands; the value itself for an item of a sequence."""
+        """The place of the key of the value at ``path``; of the value itself for an item of a sequence."""
         return self.keys.get(path) or self.value_span(path)
 
 

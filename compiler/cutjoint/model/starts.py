@@ -43,7 +43,7 @@ def read_states(where: Element, values: Mapping[str, Any], section: str, joints:
 
 
 def _has_state(where: Element, joint: Joint, component: str, section: str) -> bool:
-    """Whether a joint's initial state has a component that the scene may give."""
+    """Return whether a joint's initial state has a component that the scene may give; note its faults."""
     keys = (section, f"{joint.name}.{component}")
     kind = "cut" if joint.cut else joint.kind
     allowed = () if joint.cut else _COMPONENTS[section][joint.kind]
@@ -58,7 +58,7 @@ def _has_state(where: Element, joint: Joint, component: str, section: str) -> bo
 
 
 def _has_form(where: Element, value: Any, component: str, keys: Path) -> bool:
-    """Whether an attitude is written as one, and a coordinate or a speed as a number."""
+    """Return whether an attitude is written as one, and a coordinate or a speed as a number."""
     if isinstance(value, Attitude) == (component == "attitude"):
         return True
     hint = "write {rotation_vector: ...}, {euler: ..., order: ...} or {quaternion: ...}" if component == "attitude" else "write a number"

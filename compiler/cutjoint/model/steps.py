@@ -1,4 +1,4 @@
-"""How many steps a run has, and how many of them a row of its table."""
+"""The number of steps in a run, and in a row of its table."""
 
 from __future__ import annotations
 

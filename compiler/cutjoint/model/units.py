@@ -131,7 +131,7 @@ class Quantity(float):
 
 
 def fault_of_dimension(value: float, unit: str) -> str:
-    """What is wrong where a number that was written with a unit stands for one of ``unit``, "" for any; "" where nothing is."""
+    """The fault in a number written with a unit in the place of one of ``unit``, "" for any; "" without a fault."""
     if not isinstance(value, Quantity) or not unit or value.dimension == (own := measure(1.0, unit).dimension):
         return ""
     return f"needs {described(own)}, got {described(value.dimension)}: {value.text}"

@@ -103,7 +103,7 @@ def check_elements(expansion: Expansion, problems: Problems) -> None:
 
 
 def is_connected(expansion: Expansion) -> bool:
-    """Whether every joint could be read, and joints connect every body to the ground."""
+    """Return whether every joint could be read, and joints connect every body to the ground."""
     joints = expansion.elements.joints
     has_places = not any(x.has(FAILED) for joint in joints for vector in (joint.at, *joint.axes) for x in vector)
     return has_places and _joints_are_known(expansion) and not any(_unreached(expansion))
@@ -140,7 +140,7 @@ def _way(held: dict[str, list[tuple[str, Joint]]], start: str, end: str) -> list
 
 
 def _joints_are_known(expansion: Expansion) -> bool:
-    """Whether every joint could be read and joins two known bodies; if not, reachability cannot be judged."""
+    """Return whether every joint could be read and joins two known bodies; if not, reachability cannot be judged."""
     directory = expansion.scope.directory
     known = directory.bodies | {GROUND}
     ends = [(joint.base, joint.follower) for joint in expansion.elements.joints]

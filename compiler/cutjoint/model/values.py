@@ -347,7 +347,7 @@ class SpringDamper(Part):
 
 
 class OneSided(Part):
-    """Where a stop is met, on which side of it, and how stiff it is."""
+    """A stop: the coordinate at which it is met, its side, its stiffness and damping."""
 
     at: Number
     side: Literal["below", "above"]
